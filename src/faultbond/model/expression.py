@@ -1,0 +1,101 @@
+"""Expressions of laws and sensors: a small immutable tree, parsed by our own whitelist.
+
+The parser uses Python's `ast` for tokens and precedence only; nothing of the user's text is ever executed.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A literal number as written, without unit."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A name: parameter, constant or input (`K1`), or a signal (`pipe.f`)."""
+
+    text: str
+
+    @property
+    def is_signal(self) -> bool:
+        """Whether the name is `part.signal`."""
+        return "." in self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Negative:
+    """Minus an operand."""
+
+    operand: "Expression"
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """`left operator right`; operator one of `+ - * / **` or a comparison `< <= > >=`."""
+
+    operator: str
+    left: "Expression"
+    right: "Expression"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of the table `FUNCTIONS` applied to its arguments."""
+
+    function: str
+    arguments: tuple["Expression", ...]
+
+
+Expression = Number | Name | Negative | Binary | Call
+
+FUNCTIONS: dict[str, int] = {  # name -> number of arguments; -1: two or more
+    "abs": 1,
+    "sign": 1,
+    "sqrt": 1,
+    "exp": 1,
+    "log": 1,
+    "sin": 1,
+    "cos": 1,
+    "tan": 1,
+    "tanh": 1,
+    "min": -1,
+    "max": -1,
+    "where": 3,
+}
+
+
+def walk(expression: Expression) -> Iterator[Expression]:
+    """Give the expression and all its parts, outermost first."""
+    yield expression
+    match expression:
+        case Negative(operand):
+            yield from walk(operand)
+        case Binary(_, left, right):
+            yield from walk(left)
+            yield from walk(right)
+        case Call(_, arguments):
+            for argument in arguments:
+                yield from walk(argument)
+
+
+def names(expression: Expression) -> tuple[str, ...]:
+    """Give the names used, each once, in order of appearance."""
+    return tuple(dict.fromkeys(part.text for part in walk(expression) if isinstance(part, Name)))
+
+
+def rename(expression: Expression, change: Callable[[str], str]) -> Expression:
+    """Give the expression with every name `n` replaced by `change(n)`."""
+    match expression:
+        case Name(text):
+            return Name(change(text))
+        case Negative(operand):
+            return Negative(rename(operand, change))
+        case Binary(operator, left, right):
+            return Binary(operator, rename(left, change), rename(right, change))
+        case Call(function, arguments):
+            return Call(function, tuple(rename(argument, change) for argument in arguments))
+    return expression

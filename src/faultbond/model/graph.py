@@ -1,0 +1,202 @@
+"""The bond graph as the user states it: names, laws, units, lines. All numbers are SI; percent stays percent.
+
+Every field is resolved: laws carry full signal names (`pipe.f`, not `f`), defaults are filled in and listed in
+`BondGraph.defaults`, units are checked. Made by `faultbond.model.text` or `faultbond.model.builder` only.
+Source: thesis 3.2 (bond graphs); architecture page, "Model file".
+"""
+
+from dataclasses import dataclass
+
+from faultbond.model.expression import Expression
+from faultbond.types import ElementType, JunctionType, TimeGrid
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit of the model file: SI value = factor * value + offset."""
+
+    text: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def to_si(self, value: float) -> float:
+        """Convert a value in this unit to SI."""
+        return self.factor * value + self.offset
+
+    def from_si(self, value: float) -> float:
+        """Convert an SI value to this unit."""
+        return (value - self.offset) / self.factor
+
+    def difference_from_si(self, value: float) -> float:
+        """Convert an SI difference (a standard deviation, say) to this unit."""
+        return value / self.factor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A suspect: one number of a component that a fault may change. All values SI, spreads absolute."""
+
+    name: str
+    owner: str
+    nominal: float
+    unit: Unit
+    accuracy: float  # standard deviation while healthy
+    change: float  # standard deviation of a faulty value about the nominal
+    lower: float  # range, may be -inf
+    upper: float  # range, may be inf
+    suspect: bool = True
+    line: int = 0
+
+    @property
+    def scale(self) -> float:
+        """SI size of one engine unit: the nominal, or `change` where the nominal is 0."""
+        return self.nominal if self.nominal != 0.0 else self.change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant:
+    """A trusted number, never a suspect. SI."""
+
+    name: str
+    value: float
+    unit: Unit
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Input:
+    """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds."""
+
+    name: str
+    column: str
+    unit: Unit
+    noise: float = 0.0
+    settling: float = 0.0
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relation:
+    """A constitutive relation `left = right`; signals by full name. Units of the sides agree, or are undetermined."""
+
+    left: Expression
+    right: Expression
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Known start of a store: SI mean and standard deviation of `q` or `p`."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """An element with its laws. Port signals: `name.e name.f`, or `name.e1 name.f1 name.e2 name.f2`; stores add
+    `name.q` (C) or `name.p` (I)."""
+
+    name: str
+    type: ElementType
+    laws: tuple[Relation, ...]
+    parameters: tuple[str, ...] = ()
+    start: Start | None = None
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Junction:
+    """A 0- or 1-junction; its common signal is `name.e` or `name.f`."""
+
+    name: str
+    type: JunctionType
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bond:
+    """A power bond `tail -> head`: power counts positive from tail to head. For a TF or GY at the head this is port 1,
+    at the tail port 2."""
+
+    tail: str
+    head: str
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """A measured output: `reads` gives its SI value, `noise` the SI standard deviation."""
+
+    name: str
+    column: str
+    unit: Unit
+    reads: Expression
+    noise: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowError:
+    """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or of a sensor (its name).
+
+    `sd` is relative (0.02) when `relative`, else SI. After a change of an input in `after` by D (SI) the sd is larger
+    by `each` * D for a while. `memory` in seconds.
+    """
+
+    target: str
+    sd: float
+    relative: bool
+    memory: float
+    after: tuple[str, ...] = ()
+    each: float = 0.0
+    line: int = 0
+
+    @property
+    def is_sensor(self) -> bool:
+        """Whether a sensor, not a signal of the plant, is in error."""
+        return "." not in self.target
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeColumn:
+    """Where time stands in a recording; `column` None: row number times sample time."""
+
+    column: str | None = "time"
+    unit: Unit = Unit("s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BondGraph:
+    """A plant. `sample_time` is None where `grid` is VARIABLE. `defaults` lists (thing, value) for every default in
+    force, for `check`. Lookups by name are cheap functions below, not stored twice."""
+
+    name: str
+    grid: TimeGrid
+    sample_time: float | None
+    max_faults: int
+    warm_up: float  # seconds without alarms after the start
+    time: TimeColumn
+    parameters: tuple[Parameter, ...]
+    constants: tuple[Constant, ...]
+    inputs: tuple[Input, ...]
+    components: tuple[Component, ...]
+    junctions: tuple[Junction, ...]
+    bonds: tuple[Bond, ...]
+    sensors: tuple[Sensor, ...]
+    slow_errors: tuple[SlowError, ...]
+    defaults: tuple[tuple[str, str], ...] = ()
+    file: str = "model"
+    text: str = ""  # canonical model text, the source of `sha256`
+
+    def parameter(self, name: str) -> Parameter:
+        """Give the parameter of that name; KeyError if there is none."""
+        return {item.name: item for item in self.parameters}[name]
+
+    def input(self, name: str) -> Input:
+        """Give the input of that name; KeyError if there is none."""
+        return {item.name: item for item in self.inputs}[name]
+
+    def component(self, name: str) -> Component:
+        """Give the component of that name; KeyError if there is none."""
+        return {item.name: item for item in self.components}[name]

@@ -1,0 +1,219 @@
+"""The contract between the off-line and the on-line part: `EngineSpec` (what) and `Engine` (how, arrays only).
+
+A *lane* is one filter: the healthy one, or one start of one hypothesis. All lanes run the same code on different
+numbers (thesis 4.5; hypotheses are data). The joint vector of a lane is
+
+    z = [plant states | slow errors | parameters in units of their scale | input noise]
+
+and its numbers are one column of an array of shape (n_numbers, n_lanes): z, the packed upper triangle of its
+covariance P (row by row), the last solutions of implicit relations, and the log-likelihood.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from faultbond.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowErrorSpec:
+    """An Ornstein-Uhlenbeck error, in engine units (relative errors: 1 = 100 %)."""
+
+    name: str
+    sd: float
+    memory: float  # seconds
+    alarms: bool  # a relative error of a plant signal alarms when it leaves its declared size
+    after: tuple[tuple[int, float], ...] = ()  # (input, sd per SI of change)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterSpec:
+    """A parameter as the engine sees it: value = scale * factor; factor is 1 (or 0) at nominal."""
+
+    name: str
+    component: str
+    nominal: float
+    scale: float
+    accuracy: float  # in factors
+    change: float  # in factors
+    lower: float  # in factors
+    upper: float  # in factors
+    suspect: bool
+    unit: str
+    unit_factor: float
+
+    @property
+    def healthy(self) -> float:
+        """Factor at nominal: 1, or 0 where the nominal is 0."""
+        return 0.0 if self.nominal == 0.0 else 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputSpec:
+    """An input; the engine gets it in SI."""
+
+    name: str
+    noise: float
+    settling: float  # seconds
+    step: float  # a larger change from row to row is a step; relative to the largest value seen where `step_relative`
+    step_relative: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputSpec:
+    """A sensor; the engine gives and takes SI."""
+
+    name: str
+    noise: float
+    direct_inputs: tuple[int, ...]  # inputs that reach this output without passing a state
+    unit: str
+    unit_factor: float
+    unit_offset: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thresholds:
+    """Settings of detection and ranking; `check` prints them. Source: design evidence, bank items 2-7."""
+
+    cusum_drift: float = 0.3
+    cusum_limit: float = 25.0
+    cusum_clip: float = 3.0
+    slow_error_limit: float = 1.6
+    cost_per_suspect: float = 5.0
+    group_nats: float = 3.0
+    blank_factor: float = 1e4
+    warm_up_samples: int = 20
+    history_samples: int = 300
+    lead_samples: int = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSpec:
+    """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples."""
+
+    name: str
+    start_mean: float
+    start_sd: float | None
+    noise: float  # process noise sd per sample
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineSpec:
+    """Everything the run time needs to know of a model; names, order, hypotheses, thresholds, hash."""
+
+    model: str
+    model_sha256: str
+    version: str
+    sample_time: float | None  # None: variable
+    states: tuple[StateSpec, ...]
+    slow_errors: tuple[SlowErrorSpec, ...]
+    parameters: tuple[ParameterSpec, ...]
+    inputs: tuple[InputSpec, ...]
+    outputs: tuple[OutputSpec, ...]
+    loops: tuple[float, ...]  # first guesses of implicitly solved signals
+    hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
+    thresholds: Thresholds
+
+    @property
+    def n_joint(self) -> int:
+        """Length of the joint vector z."""
+        return len(self.states) + len(self.slow_errors) + len(self.parameters) + len(self.noisy_inputs)
+
+    @property
+    def noisy_inputs(self) -> tuple[int, ...]:
+        """Indices of inputs with declared noise."""
+        return tuple(k for k, item in enumerate(self.inputs) if item.noise > 0.0)
+
+    @property
+    def n_packed(self) -> int:
+        """Length of the packed covariance triangle."""
+        return self.n_joint * (self.n_joint + 1) // 2
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers per lane."""
+        return self.n_joint + self.n_packed + len(self.loops) + 1
+
+    @property
+    def slow_slice(self) -> slice:
+        """Where the slow errors stand in z."""
+        return slice(len(self.states), len(self.states) + len(self.slow_errors))
+
+    @property
+    def parameter_slice(self) -> slice:
+        """Where the parameters stand in z."""
+        first = len(self.states) + len(self.slow_errors)
+        return slice(first, first + len(self.parameters))
+
+    @property
+    def noise_slice(self) -> slice:
+        """Where the input noise stands in z."""
+        return slice(self.n_joint - len(self.noisy_inputs), self.n_joint)
+
+    @property
+    def covariance_slice(self) -> slice:
+        """Where the packed covariance stands in a lane."""
+        return slice(self.n_joint, self.n_joint + self.n_packed)
+
+    @property
+    def sample_fields(self) -> dict[str, slice]:
+        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick."""
+        sizes = {
+            "dt": 1,  # s since the previous sample
+            "u_before": len(self.inputs),  # held since the previous sample
+            "u": len(self.inputs),
+            "y": len(self.outputs),
+            "use": len(self.outputs),  # 1: use this value, 0: it is missing
+            "scale": len(self.outputs),  # factor on the measurement variance
+            "kick": len(self.slow_errors),  # variance added to a slow error
+        }
+        fields, first = {}, 0
+        for name, size in sizes.items():
+            fields[name] = slice(first, first + size)
+            first += size
+        return fields
+
+    @property
+    def n_sample(self) -> int:
+        """Length of one packed sample."""
+        return 1 + 2 * len(self.inputs) + 3 * len(self.outputs) + len(self.slow_errors)
+
+
+class Engine(Protocol):
+    """Runs lanes over samples. Pure: the arguments are not changed."""
+
+    @property
+    def title(self) -> str:
+        """What it is, in words, for the user."""
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Filter all lanes over a block of samples.
+
+        Parameters
+        ----------
+        lanes : float array, shape (n_numbers, n_lanes)
+        samples : float array, shape (n_samples, n_sample); layout `EngineSpec.sample_fields`, SI
+
+        Returns
+        -------
+        lanes : float array, shape (n_numbers, n_lanes)
+        innovations : float array, shape (n_samples, 2 * n_outputs, n_lanes)
+            Per sample: measured minus predicted output for each output, then the variance of each of these
+            differences given the outputs before it in the list; SI.
+        """
+
+
+def unpack(spec: EngineSpec, packed: FloatArray) -> FloatArray:
+    """Give the full symmetric covariance, shape (n_joint, n_joint), of one packed triangle."""
+    rows, columns = np.triu_indices(spec.n_joint)
+    full = np.zeros((spec.n_joint, spec.n_joint))
+    full[rows, columns] = packed
+    full[columns, rows] = packed
+    return full
+
+
+def pack(full: FloatArray) -> FloatArray:
+    """Give the upper triangle of a symmetric matrix, row by row."""
+    return full[np.triu_indices(full.shape[0])]

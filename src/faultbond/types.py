@@ -1,0 +1,57 @@
+"""Enumerations and array aliases shared by every layer."""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class ElementType(Enum):
+    """Bond graph element of a component. Source: thesis 3.2.2."""
+
+    R = "R"
+    C = "C"
+    I = "I"  # noqa: E741 - the field's letter for an inertia
+    TF = "TF"
+    GY = "GY"
+    SE = "Se"
+    SF = "Sf"
+
+    @property
+    def is_store(self) -> bool:
+        """Whether the element integrates a signal."""
+        return self in (ElementType.C, ElementType.I)
+
+    @property
+    def is_source(self) -> bool:
+        """Whether the element sets a signal whatever its partner does."""
+        return self in (ElementType.SE, ElementType.SF)
+
+    @property
+    def n_ports(self) -> int:
+        """Number of bonds that the element needs."""
+        return 2 if self in (ElementType.TF, ElementType.GY) else 1
+
+
+class JunctionType(Enum):
+    """0: common effort, flows sum to zero. 1: common flow, efforts sum to zero. Source: thesis 3.2.3."""
+
+    ZERO = "0"
+    ONE = "1"
+
+
+class TimeGrid(Enum):
+    """How the engine steps through time."""
+
+    FIXED = "fixed"
+    VARIABLE = "variable"
+
+
+class Method(Enum):
+    """Detection and diagnosis method."""
+
+    BANK = "bank"
+    CLASSIC = "classic"
