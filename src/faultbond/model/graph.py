@@ -94,8 +94,10 @@ class Start:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """An element with its laws. Port signals: `name.e name.f`, or `name.e1 name.f1 name.e2 name.f2`; stores add
-    `name.q` (C) or `name.p` (I)."""
+    """An element with its laws.
+
+    Port signals: `name.e name.f`, or `name.e1 name.f1 name.e2 name.f2` (TF, GY); stores add `name.q` (C), `name.p` (I).
+    """
 
     name: str
     type: ElementType
@@ -116,8 +118,10 @@ class Junction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bond:
-    """A power bond `tail -> head`: power counts positive from tail to head. For a TF or GY at the head this is port 1,
-    at the tail port 2."""
+    """A power bond `tail -> head`: power counts positive from tail to head.
+
+    For a TF or GY at the head this is port 1, at the tail port 2.
+    """
 
     tail: str
     head: str
@@ -168,8 +172,10 @@ class TimeColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BondGraph:
-    """A plant. `sample_time` is None where `grid` is VARIABLE. `defaults` lists (thing, value) for every default in
-    force, for `check`. Lookups by name are cheap functions below, not stored twice."""
+    """A plant, complete and checked.
+
+    `sample_time` is None where `grid` is VARIABLE. `defaults` lists (thing, value) for every default in force.
+    """
 
     name: str
     grid: TimeGrid

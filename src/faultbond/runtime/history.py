@@ -57,10 +57,11 @@ class Diagnosis:
 class History:
     """Traces of one run for plotting, SI, one row per grid point.
 
-    time (T,); measured, expected, expected_sd (T, n_outputs), nan where missing; inputs (T, n_inputs);
-    cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`; slow (T, n_slow): slow errors in
-    units of their declared sd, limit `slow_limit` (only those named alarm). After the detection `expected` goes on as the
-    healthy model sees the plant. diagnoses: all Diagnosis records in order.
+    time (T,); measured, expected, expected_sd (T, n_outputs), nan where missing; inputs (T, n_inputs).
+    cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`.
+    slow (T, n_slow): those slow errors that can alarm, in units of their declared sd, limit `slow_limit`.
+    After the detection `expected` goes on as the healthy model sees the plant.
+    diagnoses: all Diagnosis records in order.
     """
 
     time: FloatArray
