@@ -1,0 +1,64 @@
+# faultbond: every target works in a fresh clone; the first one sets up .venv.
+SHELL := /bin/bash
+PYTHON ?= python3
+BIN := .venv/bin
+RUNTIME := .venv/.runtime-installed
+DEV := .venv/.dev-installed
+WORKERS ?= 2
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo install test lint golden docs bench
+
+help:
+	@echo "make demo     find a fault in the built-in water tank and write report.html"
+	@echo "make install  put faultbond into .venv; then: $(BIN)/faultbond --help"
+	@echo "make test     run all tests"
+	@echo "make lint     check style, format and types"
+	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
+	@echo "make docs     check the documentation against the program"
+	@echo "make bench    run the benchmarks"
+
+demo: $(RUNTIME)
+	@$(BIN)/faultbond demo
+
+install: $(RUNTIME)
+	@echo "faultbond: installed. Try: $(BIN)/faultbond --help"
+
+test: $(DEV)
+	@echo "faultbond: tests"
+	@$(BIN)/python -m pytest -n $(WORKERS)
+
+lint: $(DEV)
+	@echo "faultbond: ruff check, ruff format, mypy"
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+
+golden: $(DEV)
+	@echo "faultbond: rewriting tests/golden"
+	@FAULTBOND_GOLDEN=rewrite $(BIN)/python -m pytest -q tests/golden
+	@git --no-pager diff --stat -- tests/golden
+
+docs: $(DEV)
+	@echo "faultbond: documentation"
+	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
+
+bench: $(DEV)
+	@echo "faultbond: benchmarks"
+	@set -e; for script in $(sort $(wildcard benchmarks/*.py)); do echo "-- $$script"; $(BIN)/python "$$script"; done
+
+$(RUNTIME): pyproject.toml
+	@echo "faultbond: setting up .venv (once) ..."
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "faultbond: Python 3.11 or newer is needed; try: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -m venv .venv \
+	  || { echo "faultbond: no virtual environment; on Debian or Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(DEV): pyproject.toml $(RUNTIME)
+	@echo "faultbond: adding the development tools (once) ..."
+	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	@$(BIN)/python -m pip install --quiet --group dev
+	@touch $@

@@ -1,0 +1,166 @@
+"""The shape of the package: who may import whom, where, and how long things may be."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "faultbond"
+MODULES = sorted(SOURCE.rglob("*.py"))
+
+# A unit is a top-level module or package of faultbond. Imports go to a lower level, or stay inside the unit.
+LEVELS = {
+    "errors": 0,
+    "types": 0,
+    "sets": 0,
+    "spec": 1,
+    "model": 2,
+    "runtime": 2,
+    "io": 3,
+    "structure": 3,
+    "dynamics": 4,
+    "analysis": 5,
+    "synthesis": 5,
+    "simulate": 5,
+    "report": 6,
+    "service": 6,
+    "fleet": 6,
+    "app": 7,
+    "cli": 8,
+    "__main__": 9,
+    "__init__": 9,
+}
+SYMBOLIC = {"casadi", "sympy"}
+SYMBOLIC_UNITS = {"structure", "dynamics", "analysis", "synthesis"}
+RUNTIME_NEEDS = {"numpy"}
+# Imports that may stand inside a function: what is slow to load or need not be installed.
+LATE_IMPORTS = (("model", "pint"), ("io", "pyarrow"), ("app", "faultbond.synthesis"), ("synthesis", "casadi"))
+MAX_MODULE_LINES = 400
+MAX_FUNCTION_LINES = 60
+FORBIDDEN_CALLS = {"print", "eval", "exec"}
+
+
+def name_of(path: Path) -> str:
+    """Give the path below src/faultbond, the name of a test case."""
+    return path.relative_to(SOURCE).as_posix()
+
+
+def unit_of(path: Path) -> str:
+    """Give the top-level module or package that a file belongs to."""
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def tree_of(path: Path) -> ast.Module:
+    """Parse one module."""
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Give (line, dotted name) of every import; relative ones start with a dot."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = "." * node.level + (node.module or "")
+            if module == "faultbond":
+                yield from ((node.lineno, f"faultbond.{alias.name}") for alias in node.names)
+            else:
+                yield node.lineno, module
+
+
+def unit_breaches(tree: ast.AST, unit: str) -> list[str]:
+    """Give the lines of a module that import what its level may not."""
+    found = []
+    for line, module in imports(tree):
+        first, _, rest = module.partition(".")
+        target = rest.partition(".")[0]
+        if first == "":
+            found.append(f"{line}: {module} is relative")
+        elif first == "faultbond" and not target:
+            found.append(f"{line}: imports the whole package")
+        elif first == "faultbond" and target != unit and LEVELS.get(target, 99) >= LEVELS[unit]:
+            found.append(f"{line}: {unit} (level {LEVELS[unit]}) may not import {target}")
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_imports_go_down(path: Path) -> None:
+    """A module imports lower levels only, by absolute names."""
+    assert unit_of(path) in LEVELS, f"{name_of(path)} has no level: add it to LEVELS and to docs/decisions"
+    assert unit_breaches(tree_of(path), unit_of(path)) == []
+
+
+def test_a_breach_is_found() -> None:
+    """The check above sees upward, sideways, relative and whole-package imports."""
+    text = "import faultbond\nfrom . import spec\nfrom faultbond import app\nfrom faultbond.model.graph import Bond\n"
+    breaches = unit_breaches(ast.parse(text), "runtime")
+    assert [breach.split(":")[0] for breach in breaches] == ["1", "2", "3", "4"]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_imports_in_functions_are_listed(path: Path) -> None:
+    """An import inside a function is one of the few that may come late."""
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            for line, module in imports(node):
+                allowed = [late for unit, late in LATE_IMPORTS if unit == unit_of(path)]
+                assert any(f"{module}.".startswith(f"{late}.") for late in allowed), f"line {line}: {module}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_symbolic_packages_stay_where_laws_become_numbers(path: Path) -> None:
+    """Only four packages import casadi or sympy."""
+    used = {module.partition(".")[0] for _, module in imports(tree_of(path))} & SYMBOLIC
+    assert not used or unit_of(path) in SYMBOLIC_UNITS
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if unit_of(path) == "runtime"], ids=name_of)
+def test_runtime_needs_numpy_only(path: Path) -> None:
+    """What runs beside the plant needs numpy, the standard library, and levels 0 and 1."""
+    outside = {module.partition(".")[0] for _, module in imports(tree_of(path))} - sys.stdlib_module_names
+    assert outside <= RUNTIME_NEEDS | {"faultbond"}
+
+
+def test_runtime_loads_no_design_time_package() -> None:
+    """Importing the run time loads no design-time library by a detour."""
+    heavy = sorted(SYMBOLIC | {"pint", "yaml", "jinja2", "rich"})
+    code = f"import sys, faultbond.runtime, faultbond.spec; sys.exit([n for n in {heavy} if n in sys.modules] or 0)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
+
+
+@pytest.mark.parametrize("package", sorted({path.parent for path in MODULES} - {SOURCE}), ids=name_of)
+def test_no_package_is_empty(package: Path) -> None:
+    """A package has its `__init__.py` and at least one module."""
+    files = {path.name for path in package.glob("*.py")}
+    assert "__init__.py" in files
+    assert len(files) > 1 or any(child.is_dir() for child in package.glob("[a-z]*"))
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.name == "__init__.py"], ids=name_of)
+def test_init_files_hold_no_code(path: Path) -> None:
+    """An `__init__.py` holds a docstring, absolute imports and `__all__`, nothing else."""
+    for node in tree_of(path).body:
+        docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        listing = isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["__all__"]
+        assert docstring or listing or isinstance(node, ast.ImportFrom), f"line {node.lineno}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_sizes(path: Path) -> None:
+    """A module has at most 400 lines, a function at most 60."""
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_MODULE_LINES
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            assert (node.end_lineno or 0) - node.lineno + 1 <= MAX_FUNCTION_LINES, node.name
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_no_forbidden_calls(path: Path) -> None:
+    """The package prints nothing and executes no text."""
+    calls = [node.func for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+    called = {function.id for function in calls if isinstance(function, ast.Name)}
+    assert called & FORBIDDEN_CALLS == set()
