@@ -57,8 +57,8 @@ class InputSpec:
     name: str
     noise: float
     settling: float  # seconds
-    step: float  # a larger change from row to row is a step; relative to the largest value seen where `step_relative`
-    step_relative: bool
+    step: float  # a larger change from row to row is a step, if it is also
+    step_part: float  # larger than this part of the largest value seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +201,7 @@ class Engine(Protocol):
         lanes : float array, shape (n_numbers, n_lanes)
         innovations : float array, shape (n_samples, 2 * n_outputs, n_lanes)
             Per sample: measured minus predicted output for each output, then the variance of each of these
-            differences given the outputs before it in the list; SI.
+            differences; SI.
         """
 
 

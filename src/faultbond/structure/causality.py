@@ -8,7 +8,7 @@ transformers pass on what follows from it.
 from dataclasses import dataclass
 
 from faultbond.errors import CausalityError
-from faultbond.model.graph import Bond, BondGraph
+from faultbond.model.graph import Bond, BondGraph, Component, Junction
 from faultbond.types import ElementType, JunctionType
 
 Strokes = dict[int, str]  # bond -> the node that receives effort (where the stroke stands)
@@ -28,17 +28,18 @@ class Causality:
     free: tuple[str, ...]
 
 
-class _Conflict(Exception):
+class _ConflictError(Exception):
     """Two causes for one signal; the message says which."""
 
 
 class _Assigner:
-    """Strokes under construction. `assign` passes consequences on and raises `_Conflict` where two causes meet."""
+    """Strokes under construction. `assign` passes consequences on and raises `_ConflictError` where two causes meet."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
         self.strokes: Strokes = {}
-        self.bonds_at: dict[str, list[int]] = {item.name: [] for item in (*graph.components, *graph.junctions)}
+        parts: tuple[Component | Junction, ...] = (*graph.components, *graph.junctions)
+        self.bonds_at: dict[str, list[int]] = {item.name: [] for item in parts}
         for index, bond in enumerate(graph.bonds):
             self.bonds_at[bond.tail].append(index)
             self.bonds_at[bond.head].append(index)
@@ -57,7 +58,7 @@ class _Assigner:
             bond, node = pending.pop()
             if bond in self.strokes:
                 if self.strokes[bond] != node:
-                    raise _Conflict(f"bond {_title(self.graph.bonds[bond])} would need a stroke at both ends")
+                    raise _ConflictError(f"bond {_title(self.graph.bonds[bond])} would need a stroke at both ends")
                 continue
             self.strokes[bond] = node
             tail, head = self.graph.bonds[bond].tail, self.graph.bonds[bond].head
@@ -68,7 +69,7 @@ class _Assigner:
         saved = dict(self.strokes)
         try:
             self.assign(index, receiver)
-        except _Conflict as conflict:
+        except _ConflictError as conflict:
             self.strokes = saved
             return str(conflict)
         return None
@@ -89,7 +90,7 @@ class _Assigner:
         if len(setters) > 1:
             signal = "effort" if zero else "flow"
             titles = " and by ".join(self.other(k, node) for k in setters[:2])
-            raise _Conflict(
+            raise _ConflictError(
                 f"{self.junctions[node].type.value}-junction {node} has its {signal} set by {titles}; "
                 f"only one bond may set it"
             )
@@ -99,7 +100,7 @@ class _Assigner:
             return [(unset[0], node if zero else self.other(unset[0], node))]
         if not unset:
             signal = "effort" if zero else "flow"
-            raise _Conflict(f"nothing sets the {signal} of {self.junctions[node].type.value}-junction {node}")
+            raise _ConflictError(f"nothing sets the {signal} of {self.junctions[node].type.value}-junction {node}")
         return []
 
     def _follow_two_port(self, node: str) -> list[tuple[int, str]]:

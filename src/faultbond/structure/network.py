@@ -36,8 +36,9 @@ class Store:
 class ConstraintNetwork:
     """Signals and constraints in canonical names.
 
-    signals: unknown at an instant, given states, inputs and parameters. states: independent stores. dependent: stores in
-    derivative causality, whose quantity is a signal too. readings: one expression per sensor.
+    signals: unknown at an instant, given states, inputs and parameters.
+    states: independent stores. dependent: stores in derivative causality; their quantity is one of the signals.
+    readings: one expression per sensor.
     """
 
     signals: tuple[str, ...]
@@ -168,7 +169,8 @@ def _junction_sums(graph: BondGraph, table: _Names) -> Iterable[Constraint]:
 
 
 def _component_stores(graph: BondGraph, causality: Causality, table: _Names) -> tuple[list[Store], list[Store]]:
-    stores, dependent = [], []
+    stores: list[Store] = []
+    dependent: list[Store] = []
     for item in graph.components:
         if item.type.is_store:
             quantity, rate = ("q", "f") if item.type is ElementType.C else ("p", "e")

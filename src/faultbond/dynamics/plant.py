@@ -1,0 +1,179 @@
+"""The plant in continuous time: rates of the states and readings of the sensors as SX graphs.
+
+    dx/dt = rates(x, u, theta, b),  y = readings(x, u, theta, b)
+
+x: stored quantities; u: inputs; theta: parameters; b: slow errors; all SI (relative slow errors as fractions).
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from faultbond.dynamics.evaluate import evaluate
+from faultbond.model.graph import BondGraph
+from faultbond.structure.causality import Causality, assign_causality
+from faultbond.structure.network import ConstraintNetwork, build_network
+from faultbond.structure.sequence import Assignment, Loop, Step, sequence, slope_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plant:
+    """Symbols and graphs of a plant.
+
+    x, u, theta, b: column symbols. z: symbols of implicitly solved signals, with `gap(x, u, theta, b, z) = 0`; signals
+    that have a closed form are not among them. rates, readings: columns, functions of all symbols.
+    """
+
+    graph: BondGraph
+    causality: Causality
+    network: ConstraintNetwork
+    steps: tuple[Step, ...]
+    x: ca.SX
+    u: ca.SX
+    theta: ca.SX
+    b: ca.SX
+    z: ca.SX
+    rates: ca.SX
+    readings: ca.SX
+    gap: ca.SX
+    implicit: tuple[str, ...]
+
+
+def build_plant(graph: BondGraph) -> Plant:
+    """Give the continuous-time equations of a bond graph.
+
+    Raises
+    ------
+    CausalityError, StructureError
+        Where causes conflict, or equations and signals do not balance.
+    """
+    causality = assign_causality(graph)
+    network = build_network(graph, causality)
+    steps = sequence(network, graph.file)
+    x = _column("x", len(network.states))
+    u = _column("u", len(graph.inputs))
+    theta = _column("theta", len(graph.parameters))
+    b = _column("b", len(graph.slow_errors))
+    values: dict[str, ca.SX] = {item.name: ca.SX(item.value) for item in graph.constants}
+    values |= {item.name: u[k] for k, item in enumerate(graph.inputs)}
+    values |= {item.name: theta[k] for k, item in enumerate(graph.parameters)}
+    values |= {state.name: x[k] for k, state in enumerate(network.states)}
+    solver = _Solver(network, values, x, b)
+    for step in steps:
+        solver.take(step)
+    return Plant(
+        graph=graph,
+        causality=causality,
+        network=network,
+        steps=steps,
+        x=x,
+        u=u,
+        theta=theta,
+        b=b,
+        z=ca.vertcat(*solver.unknowns) if solver.unknowns else ca.SX(0, 1),
+        rates=ca.vertcat(*(values[state.rate] for state in network.states)) if network.states else ca.SX(0, 1),
+        readings=_readings(graph, network, values, b),
+        gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
+        implicit=tuple(solver.implicit),
+    )
+
+
+def _column(name: str, size: int) -> ca.SX:
+    return ca.SX.sym(name, size) if size else ca.SX(0, 1)
+
+
+def _readings(graph: BondGraph, network: ConstraintNetwork, values: dict[str, ca.SX], b: ca.SX) -> ca.SX:
+    """Sensors with their own slow errors."""
+    readings = []
+    for sensor, expression in zip(graph.sensors, network.readings, strict=True):
+        value = evaluate(expression, values)
+        for k, error in enumerate(network.slow_errors):
+            if error.target == sensor.name:
+                value = value * (1 + b[k]) if error.relative else value + b[k]
+        readings.append(value)
+    return ca.vertcat(*readings)
+
+
+class _Solver:
+    """Takes the steps in order and fills in the graph of each signal.
+
+    A slow error acts on a signal after the signal is solved: what reads it from then on sees it in error, the relations
+    that gave it do not (else a loop would absorb the error).
+    """
+
+    def __init__(self, network: ConstraintNetwork, values: dict[str, ca.SX], x: ca.SX, b: ca.SX) -> None:
+        self.network = network
+        self.values = values
+        self.x = x
+        self.b = b
+        self.unknowns: list[ca.SX] = []
+        self.gaps: list[ca.SX] = []
+        self.implicit: list[str] = []
+        self.dependent = {store.name: store for store in network.dependent}
+
+    def take(self, step: Step) -> None:
+        """Add the signals of one step."""
+        if isinstance(step, Assignment):
+            self._set(step.signal, evaluate(step.expression, self.values))
+        else:
+            for tear, value in zip(step.tears, self._solve(step), strict=True):
+                self._set(tear, value)
+            for part in step.inner:
+                self._set(part.signal, evaluate(part.expression, self.values))
+
+    def _set(self, signal: str, value: ca.SX) -> None:
+        for k, error in enumerate(self.network.slow_errors):
+            if error.target == signal:
+                value = value * (1 + self.b[k]) if error.relative else value + self.b[k]
+        self.values[signal] = value
+        if signal in self.dependent:
+            slopes = ca.jacobian(value, self.x)
+            for k, state in enumerate(self.network.states):
+                self.values[slope_name(signal, state.name)] = slopes[0, k]
+
+    def _solve(self, loop: Loop) -> list[ca.SX]:
+        if loop.closed is not None:
+            return [evaluate(loop.closed, self.values)]
+        guesses = [ca.SX.sym(f"z_{tear}") for tear in loop.tears]
+        trial = {**self.values, **dict(zip(loop.tears, guesses, strict=True))}
+        for part in loop.inner:
+            trial[part.signal] = evaluate(part.expression, trial)
+        gap = ca.vertcat(*(evaluate(residual, trial) for residual in loop.residuals))
+        column = ca.vertcat(*guesses)
+        slope = ca.jacobian(gap, column)
+        if not ca.depends_on(slope, column):
+            return ca.vertsplit(eliminate(slope, -ca.substitute(gap, column, ca.SX.zeros(column.shape))))
+        self.unknowns += guesses
+        self.gaps += ca.vertsplit(gap)
+        self.implicit += loop.tears
+        return guesses
+
+
+def eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """Solve matrix @ solution = right by Gaussian elimination that skips structural zeros.
+
+    The pivot is the first entry of a column that is not structurally zero; the matrices met here (I - h J, slopes of
+    passive loops) need no more. Shapes (n, n), (n, m) -> (n, m).
+    """
+    n, m = matrix.shape[0], right.shape[1]
+    rows = [[matrix[i, j] for j in range(n)] + [right[i, j] for j in range(m)] for i in range(n)]
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if not _zero(rows[i][k])), k)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        for i in range(k + 1, n):
+            if not _zero(rows[i][k]):
+                factor = rows[i][k] / rows[k][k]
+                rows[i] = [a if _zero(p) else a - factor * p for a, p in zip(rows[i], rows[k], strict=True)]
+    solution = [[ca.SX(0)] * m for _ in range(n)]
+    for k in reversed(range(n)):
+        for c in range(m):
+            total = rows[k][n + c]
+            for j in range(k + 1, n):
+                if not _zero(rows[k][j]) and not _zero(solution[j][c]):
+                    total = total - rows[k][j] * solution[j][c]
+            solution[k][c] = total if _zero(total) else total / rows[k][k]
+    return ca.vertcat(*(ca.horzcat(*row) for row in solution)) if n else ca.SX(0, m)
+
+
+def _zero(entry: ca.SX) -> bool:
+    return bool(entry.nnz() == 0 or entry.is_zero())

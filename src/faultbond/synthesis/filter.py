@@ -1,0 +1,147 @@
+"""One sample of the joint filter as a CasADi SX graph: the single source of every engine.
+
+Extended Kalman filter over [states, slow errors, parameter factors, input noise]. Covariance as a packed triangle (it
+cannot become asymmetric), measurements one at a time (no matrix inverse), a second measurement iteration where the
+readings are not linear. The log-likelihood is that of the first iteration. Thesis 6.2 estimates parameters by least
+squares on propagated signals; the joint filter replaces it, since that estimate is biased by noise in the regressors.
+"""
+
+import casadi as ca
+import numpy as np
+
+from faultbond.dynamics.step import StepModel
+from faultbond.spec import EngineSpec
+
+LOG_2_PI = float(np.log(2.0 * np.pi))
+
+
+def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
+    """Give the function (lane, sample) -> (lane, innovations) of one sample of one lane."""
+    lane = ca.SX.sym("lane", spec.n_numbers)
+    sample = ca.SX.sym("sample", spec.n_sample)
+    fields = {name: sample[place] for name, place in spec.sample_fields.items()}
+    mean = lane[: spec.n_joint]
+    covariance = _unpack(lane[spec.covariance_slice], spec.n_joint)
+    first_loop = spec.n_joint + spec.n_packed
+    implicit, likelihood = lane[first_loop:-1], lane[-1]
+
+    mean, covariance, implicit = _time_update(spec, model, mean, covariance, implicit, fields)
+    mean, covariance, implicit, gain, innovations = _measurement_update(spec, model, mean, covariance, implicit, fields)
+    packed = [covariance[i, j] for i in range(spec.n_joint) for j in range(i, spec.n_joint)]
+    result = ca.vertcat(mean, *packed, implicit, likelihood + gain)
+    return ca.Function(
+        "filter_step",
+        [lane, sample],
+        [ca.densify(result), ca.densify(innovations)],
+        ["lane", "sample"],
+        ["lane_next", "innovations"],
+        {"cse": True},
+    )
+
+
+def _unpack(packed: ca.SX, n: int) -> ca.SX:
+    full = ca.SX(n, n)
+    k = 0
+    for i in range(n):
+        for j in range(i, n):
+            full[i, j] = packed[k]
+            full[j, i] = packed[k]
+            k += 1
+    return full
+
+
+def _time_update(
+    spec: EngineSpec, model: StepModel, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """From the previous sample to this one; the input was held at `u_before`."""
+    n_x, n_b = len(spec.states), len(spec.slow_errors)
+    dt = fields["dt"]
+    x_next, slope, implicit = model.predict(mean, fields["u_before"], implicit, dt)
+    n = spec.n_joint
+    transition = ca.SX(n, n)  # sparse on purpose: structural zeros cost nothing
+    transition[:n_x, :] = slope
+    noise = ca.SX(n, n)
+    moves = dt > 0  # the first sample has no step before it
+    for k, state in enumerate(spec.states):
+        if state.noise > 0:
+            noise[k, k] = state.noise**2 * moves
+    for k, error in enumerate(spec.slow_errors):
+        decay = ca.exp(-dt / error.memory)
+        transition[n_x + k, n_x + k] = decay
+        noise[n_x + k, n_x + k] = error.sd**2 * (1 - decay * decay) + fields["kick"][k]
+    for k in range(spec.parameter_slice.start, spec.parameter_slice.stop):
+        transition[k, k] = 1
+    for k, index in zip(range(spec.noise_slice.start, n), spec.noisy_inputs, strict=True):
+        noise[k, k] = spec.inputs[index].noise ** 2
+    moved = ca.vertcat(
+        x_next,
+        *(mean[n_x + k] * transition[n_x + k, n_x + k] for k in range(n_b)),
+        mean[spec.parameter_slice],
+        ca.SX.zeros(len(spec.noisy_inputs)),
+    )
+    spread = (transition @ covariance) @ transition.T + noise
+    return moved, ca.triu2symm(ca.triu(spread)), implicit
+
+
+def _measurement_update(
+    spec: EngineSpec, model: StepModel, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Iterated update with all sensors, one after the other; missing ones have use = 0."""
+    likelihood, innovations = ca.SX(0), ca.SX(0, 1)
+    guess, spread = mean, covariance
+    for iteration in range(1 if model.measure_is_linear else 2):
+        reading, slope, implicit = model.measure(guess, fields["u"], implicit)
+        expected = reading + slope @ (mean - guess)
+        if iteration == 0:
+            innovations = _marginal_innovations(spec, fields, expected, slope, covariance)
+        guess, spread, gain = _sequential(spec, fields, mean, covariance, expected, slope)
+        if iteration == 0:
+            likelihood = gain
+        guess = _clip(spec, guess)
+    return guess, spread, implicit, likelihood, innovations
+
+
+def _marginal_innovations(
+    spec: EngineSpec, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
+) -> ca.SX:
+    """Differences and variances of each sensor by itself, as CUSUM and plots want them."""
+    variances = []
+    for j, output in enumerate(spec.outputs):
+        row = slope[j, :]
+        variances.append(row @ covariance @ row.T + output.noise**2 * fields["scale"][j])
+    return ca.vertcat(fields["y"] - expected, *variances)
+
+
+def _sequential(
+    spec: EngineSpec, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Scalar updates; gives mean, covariance and the gain in log-likelihood."""
+    shift = ca.SX.zeros(spec.n_joint)
+    likelihood = ca.SX(0)
+    for j, output in enumerate(spec.outputs):
+        row = slope[j, :]
+        cross = covariance @ row.T
+        variance = row @ cross + output.noise**2 * fields["scale"][j]
+        innovation = fields["y"][j] - expected[j] - row @ shift
+        use = fields["use"][j]
+        weight = cross * (use / variance)
+        shift = shift + weight * innovation
+        covariance = ca.triu2symm(ca.triu(covariance - weight @ cross.T))
+        # In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit.
+        relative = variance / output.noise**2
+        likelihood = likelihood - 0.5 * use * (innovation**2 / variance + ca.log(relative) + LOG_2_PI)
+    return mean + shift, covariance, likelihood
+
+
+def _clip(spec: EngineSpec, mean: ca.SX) -> ca.SX:
+    """Keep parameters in their range."""
+    first = spec.parameter_slice.start
+    entries = ca.vertsplit(mean)
+    for k, parameter in enumerate(spec.parameters):
+        entry = entries[first + k]
+        if np.isfinite(parameter.lower):
+            entry = ca.fmax(entry, parameter.lower)
+        if np.isfinite(parameter.upper):
+            entry = ca.fmin(entry, parameter.upper)
+        entries[first + k] = entry
+    return ca.vertcat(*entries)

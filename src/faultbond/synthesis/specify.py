@@ -1,0 +1,119 @@
+"""The `EngineSpec` of a model: what the on-line part must know, in array order."""
+
+from hashlib import sha256
+from itertools import combinations
+from math import ceil
+
+import numpy as np
+
+from faultbond.dynamics.step import StepModel
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
+from faultbond.spec import (
+    EngineSpec,
+    InputSpec,
+    OutputSpec,
+    ParameterSpec,
+    SlowErrorSpec,
+    StateSpec,
+    Thresholds,
+)
+
+VERSION = "0.1.0"
+_STEP_PART = 0.01  # of an input's range; a larger change from row to row is a step
+_STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
+_FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
+_WARM_UP_SAMPLES = 20
+
+
+def build_spec(model: StepModel) -> EngineSpec:
+    """Give the engine's contract for a discrete-time model."""
+    plant = model.plant
+    graph = plant.graph
+    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
+    sets = tuple(chosen for size in range(1, graph.max_faults + 1) for chosen in combinations(suspects, size))
+    starts = {item.name: item.start for item in graph.components if item.start is not None}
+    states = tuple(
+        StateSpec(
+            name=state.name,
+            start_mean=starts[state.component].mean if state.component in starts else 0.0,
+            start_sd=starts[state.component].sd if state.component in starts else None,
+            noise=0.0,
+        )
+        for state in plant.network.states
+    )
+    positions = {item.name: k for k, item in enumerate(graph.inputs)}
+    slow = tuple(
+        SlowErrorSpec(
+            name=error.target,
+            sd=error.sd,
+            memory=error.memory,
+            alarms=error.relative and not error.is_sensor,
+            after=tuple((positions[name], error.each) for name in error.after),
+        )
+        for error in graph.slow_errors
+    )
+    grid = graph.sample_time if graph.sample_time is not None else 1.0
+    return EngineSpec(
+        model=graph.name,
+        model_sha256=model_hash(graph),
+        version=VERSION,
+        sample_time=graph.sample_time,
+        states=states,
+        slow_errors=slow,
+        parameters=tuple(_parameter(item) for item in graph.parameters),
+        inputs=tuple(_input(item) for item in graph.inputs),
+        outputs=tuple(_output(item, model.direct[k]) for k, item in enumerate(graph.sensors)),
+        loops=tuple(float(value) for value in model.reference_implicit),
+        hypotheses=sets,
+        thresholds=Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9))),
+    )
+
+
+def model_hash(graph: BondGraph) -> str:
+    """Give the hash that names a model: that of its canonical text."""
+    return sha256(graph.text.encode()).hexdigest()
+
+
+def _parameter(item: Parameter) -> ParameterSpec:
+    size = abs(item.scale)
+    ends = sorted((item.lower / item.scale, item.upper / item.scale))
+    lower, upper = ends
+    if item.nominal != 0.0:  # keep a division by the parameter away from zero
+        lower = _FACTOR_LOW if lower == 0.0 else lower
+        upper = min(upper, _FACTOR_HIGH) if np.isinf(upper) and lower >= 0 else upper
+    return ParameterSpec(
+        name=item.name,
+        component=item.owner,
+        nominal=item.nominal,
+        scale=item.scale,
+        accuracy=item.accuracy / size,
+        change=item.change / size,
+        lower=lower,
+        upper=upper,
+        suspect=item.suspect,
+        unit=item.unit.text,
+        unit_factor=item.unit.factor,
+    )
+
+
+def _input(item: Input) -> InputSpec:
+    percent = item.unit.text == "percent"
+    noise = _STEP_NOISE * item.noise
+    return InputSpec(
+        name=item.name,
+        noise=item.noise,
+        settling=item.settling,
+        step=max(100.0 * _STEP_PART if percent else 0.0, noise),
+        step_part=0.0 if percent else _STEP_PART,
+    )
+
+
+def _output(item: Sensor, direct: tuple[int, ...]) -> OutputSpec:
+    return OutputSpec(
+        name=item.name,
+        noise=item.noise,
+        direct_inputs=direct,
+        unit=item.unit.text,
+        unit_factor=item.unit.factor,
+        unit_offset=item.unit.offset,
+    )
