@@ -1,0 +1,24 @@
+"""Data in and out: recordings, the grid of samples, faults to simulate, output of the verbs, built-in examples."""
+
+from faultbond.io.examples import example
+from faultbond.io.faults import FaultRequest, parse_fault
+from faultbond.io.grid import Counts, Grid, GridPoint, Row, on_grid
+from faultbond.io.out import Out
+from faultbond.io.recording import Column, Columns, columns_of, read_rows, write_recording
+
+__all__ = [
+    "Column",
+    "Columns",
+    "Counts",
+    "FaultRequest",
+    "Grid",
+    "GridPoint",
+    "Out",
+    "Row",
+    "columns_of",
+    "example",
+    "on_grid",
+    "parse_fault",
+    "read_rows",
+    "write_recording",
+]

@@ -1,0 +1,311 @@
+"""Recordings: rows of CSV or Parquet, or of standard input, in SI units.
+
+Only the columns that the model names are read. A value that is empty, unreadable or not finite is nan in its row; a
+file that is no recording is one `RecordingError`. Source: architecture page, "Recordings".
+"""
+
+import csv
+import difflib
+import io
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TextIO
+
+import numpy as np
+
+from faultbond.errors import RecordingError
+from faultbond.io.grid import Row
+from faultbond.model.graph import BondGraph, TimeColumn, Unit
+from faultbond.types import FloatArray
+
+MAX_LINE = 200_000  # characters
+MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
+SHOWN_COLUMNS = 20
+STANDARD_INPUT = "-"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column that the model needs: its header, its unit, and what it is, for messages (`sensor flow`)."""
+
+    header: str
+    unit: Unit
+    role: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """All that a model needs of a recording; `sample_time` gives rows their time where there is no time column."""
+
+    time: TimeColumn
+    inputs: tuple[Column, ...]
+    outputs: tuple[Column, ...]
+    sample_time: float | None
+
+    @property
+    def needed(self) -> tuple[Column, ...]:
+        """Every column to look for: time, where there is one, then inputs, then outputs."""
+        clock = () if self.time.column is None else (Column(header=self.time.column, unit=self.time.unit, role="time"),)
+        return (*clock, *self.inputs, *self.outputs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where the values stand in a row; time None: the row's number tells its time."""
+
+    time: int | None
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
+
+
+def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
+    """Give the columns that a model needs; without `sensors` only those that drive a simulation."""
+    return Columns(
+        time=graph.time,
+        inputs=tuple(Column(header=item.column, unit=item.unit, role=f"input {item.name}") for item in graph.inputs),
+        outputs=tuple(Column(header=item.column, unit=item.unit, role=f"sensor {item.name}") for item in graph.sensors)
+        if sensors
+        else (),
+        sample_time=graph.sample_time,
+    )
+
+
+def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
+    """Give the rows of a recording in SI as they stand, one by one.
+
+    Parameters
+    ----------
+    source : path of a CSV or Parquet file; `-` is CSV on standard input
+    columns : what to read and in which units
+
+    Raises
+    ------
+    RecordingError
+        When the file cannot be read, is no table, or lacks a column.
+    """
+    if str(source) != STANDARD_INPUT and _is_parquet(Path(source)):
+        records, title = _parquet_records(Path(source), columns), str(source)
+    else:
+        title = "standard input" if str(source) == STANDARD_INPUT else str(source)
+        records = _csv_records(source, title)
+    return _rows(records, columns, title)
+
+
+def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
+    """Write columns of equal length as CSV, the header first; nan becomes an empty field.
+
+    Parameters
+    ----------
+    path : file to write, replaced if it exists
+    columns : values by header, each of shape (n_rows,), in the units in which they are to be read
+    """
+    if Path(path).suffix.lower() in (".parquet", ".pq"):
+        raise RecordingError(f"{path}: only CSV is written. Choose a name that ends in .csv.")
+    with Path(path).open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        for values in zip(*columns.values(), strict=True):
+            writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
+
+
+def parse_time(text: str) -> float:
+    """Give Unix seconds of an ISO 8601 time, UTC where no zone is given; ValueError if it is none."""
+    moment = datetime.fromisoformat(text.strip())
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str) -> Iterator[Row]:
+    """Turn records into rows; the first record is the header."""
+    header = [str(name).strip() for name in next(records, (0, ()))[1]]
+    if not any(header):
+        raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
+    place = _locate(columns, header, title)
+    clock = _clock(columns)
+    number = 0
+    for number, (line, values) in enumerate(records, start=1):
+        moment = clock(number - 1, None if place.time is None else _field(values, place.time))
+        yield Row(
+            time=moment,
+            u=_numbers(values, place.inputs, columns.inputs),
+            y=_numbers(values, place.outputs, columns.outputs),
+            line=line,
+        )
+    if number == 0:
+        raise RecordingError(f"{title}: there is no row below the header.")
+
+
+def _numbers(values: Sequence[object], places: tuple[int, ...], columns: tuple[Column, ...]) -> FloatArray:
+    """Give the SI values at some places of a record."""
+    pairs = zip(places, columns, strict=True)
+    return np.array([column.unit.to_si(_number(_field(values, place))) for place, column in pairs], dtype=np.float64)
+
+
+def _field(values: Sequence[object], place: int) -> object:
+    """Give one field of a record; a short record has empty fields at its end."""
+    return values[place] if place < len(values) else None
+
+
+def _number(value: object) -> float:
+    """Read a number; nan where there is none."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+    return number if math.isfinite(number) and not (isinstance(value, str) and "_" in value) else math.nan
+
+
+def _clock(columns: Columns) -> Callable[[int, object], float]:
+    """Give the function that tells the time of a row, in seconds, from its number and its time field."""
+    if columns.time.column is None:
+        step = columns.sample_time or 1.0
+        return lambda number, _: number * step
+    unit = columns.time.unit
+
+    def read(_: int, value: object) -> float:
+        if isinstance(value, datetime):
+            return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
+        number = _number(value)
+        if math.isnan(number) and isinstance(value, str):
+            with suppress(ValueError, OverflowError):
+                return parse_time(value)
+        return unit.to_si(number)
+
+    return read
+
+
+def _locate(columns: Columns, header: list[str], title: str) -> _Place:
+    """Find the needed columns in the header."""
+    for column in columns.needed:
+        if header.count(column.header) != 1:
+            raise RecordingError(_no_column(column, header, title))
+    return _Place(
+        time=None if columns.time.column is None else header.index(columns.time.column),
+        inputs=tuple(header.index(column.header) for column in columns.inputs),
+        outputs=tuple(header.index(column.header) for column in columns.outputs),
+    )
+
+
+def _no_column(column: Column, header: list[str], title: str) -> str:
+    """Say that a column is not there, or is there twice, and what is there."""
+    if column.header in header:
+        return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
+    if all(not math.isnan(_number(name)) for name in header):
+        return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
+    found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
+    more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
+    by_lower = {name[:100].lower(): name[:100] for name in header[:1000]}
+    close = difflib.get_close_matches(column.header.lower(), by_lower, n=1)
+    advice = f"Did you mean {by_lower[close[0]]!r}?" if close else "Name it in the model file with `column`."
+    return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
+
+
+@contextmanager
+def _reading(title: str) -> Iterator[None]:
+    """Turn what can go wrong with a file into one message."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{title}: cannot be read: {error.strerror or error}.") from error
+
+
+@contextmanager
+def _text(source: str | Path) -> Iterator[TextIO]:
+    """Open a text file, or standard input without closing it at the end."""
+    if str(source) != STANDARD_INPUT:
+        with Path(source).open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+            yield stream
+        return
+    stream = io.TextIOWrapper(sys.stdin.buffer, encoding="utf-8-sig", errors="replace", newline="")
+    try:
+        yield stream
+    finally:
+        stream.detach()
+
+
+def _lines(stream: TextIO, title: str) -> Iterator[str]:
+    """Give the lines of a stream as they come, none of them beyond all measure."""
+    number = 0
+    while line := stream.readline(MAX_LINE):
+        number += 1
+        if len(line) >= MAX_LINE:
+            raise RecordingError(
+                f"{title}:{number}: a line of more than {MAX_LINE:,} characters is no row of a recording."
+            )
+        if "\0" in line:
+            raise RecordingError(f"{title}:{number}: this is not text. Recordings are CSV or Parquet files.")
+        yield line
+
+
+def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence[object]]]:
+    """Give (line, fields) of a CSV text, header first; empty lines are passed over."""
+    with _reading(title), _text(source) as stream:
+        lines = _lines(stream, title)
+        first = next(lines, "")
+        delimiter = max(",;\t", key=first.count)
+        if first.count("\ufffd") > len(first) // 10:
+            raise RecordingError(f"{title}:1: this is not text. Recordings are CSV or Parquet files.")
+        reader = csv.reader(_with_first(first, lines), delimiter=delimiter)
+        try:
+            before = 0
+            for fields in reader:
+                if reader.line_num - before > MAX_RECORD_LINES:
+                    raise RecordingError(f"{title}:{before + 1}: a quotation mark is opened here and never closed.")
+                before = reader.line_num
+                if fields:
+                    yield before, fields
+        except csv.Error as error:
+            raise RecordingError(f"{title}:{reader.line_num}: this is not a row of a CSV file ({error}).") from error
+
+
+def _with_first(first: str, lines: Iterator[str]) -> Iterator[str]:
+    """Give a line that was read already, then the others."""
+    yield first
+    yield from lines
+
+
+def _is_parquet(path: Path) -> bool:
+    """Whether a file says that it is Parquet, by its name or its first bytes."""
+    if path.suffix.lower() in (".parquet", ".pq"):
+        return True
+    with _reading(str(path)), path.open("rb") as stream:
+        return stream.read(4) == b"PAR1"
+
+
+def _parquet_records(path: Path, columns: Columns) -> Iterator[tuple[int, Sequence[object]]]:
+    """Give (row, fields) of a Parquet file, header first; only needed columns are loaded."""
+    try:
+        import pyarrow  # noqa: PLC0415 - optional
+        import pyarrow.parquet  # noqa: PLC0415 - optional
+    except ImportError as error:
+        raise RecordingError(
+            f"{path}: reading Parquet needs pyarrow. Install it with: pip install 'faultbond[parquet]'"
+        ) from error
+    with _reading(str(path)):
+        try:
+            file = pyarrow.parquet.ParquetFile(path)
+            found = file.schema_arrow.names
+            yield 0, found
+            wanted = [column.header for column in columns.needed]
+            number = 0
+            for batch in file.iter_batches(columns=wanted):
+                by_name = {name: _python_values(batch.column(name), pyarrow) for name in wanted}
+                nothing = [None] * batch.num_rows
+                for fields in zip(*(by_name.get(name, nothing) for name in found), strict=True):
+                    number += 1
+                    yield number, fields
+        except pyarrow.ArrowException as error:
+            reason = str(error).partition("\n")[0]
+            raise RecordingError(f"{path}: this is not a Parquet file that can be read ({reason}).") from error
+
+
+def _python_values(column: Any, pyarrow: ModuleType) -> list[object]:
+    """Give a Parquet column as Python objects; times are cut to microseconds, which `datetime` can hold."""
+    if pyarrow.types.is_timestamp(column.type):
+        column = column.cast(pyarrow.timestamp("us", tz=column.type.tz), safe=False)
+    return list(column.to_pylist())

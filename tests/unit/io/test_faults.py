@@ -1,0 +1,46 @@
+"""Faults as they are written on the command line."""
+
+import pytest
+
+from faultbond.errors import FaultbondError
+from faultbond.io.faults import FaultRequest, parse_fault
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "factor", "start", "end"),
+    [
+        ("K1=4.45e11@2460", 4.45e11, None, 2460.0, 2460.0),
+        ("K1=x1.85@2460..3660", None, 1.85, 2460.0, 3660.0),
+        ("K1=-3@0.5", -3.0, None, 0.5, 0.5),
+        ("K1=x0@-5..-2.5", None, 0.0, -5.0, -2.5),
+        (" K_1 = x 2 @ 10 .. 20 ", None, 2.0, 10.0, 20.0),
+        ("K1=2@1970-01-01T00:01:00Z..1970-01-01T00:02:00", 2.0, None, 60.0, 120.0),
+    ],
+)
+def test_forms(text: str, value: float | None, factor: float | None, start: float, end: float) -> None:
+    """A value or a factor, at a time or along a ramp, in seconds or ISO 8601."""
+    name = "K_1" if "_" in text else "K1"
+    assert parse_fault(text) == FaultRequest(parameter=name, value=value, factor=factor, start=start, end=end)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected PARAMETER=VALUE@TIME"),
+        ("K1", "expected PARAMETER=VALUE@TIME"),
+        ("K1=5", "expected PARAMETER=VALUE@TIME"),
+        ("1K=5@3", "expected PARAMETER=VALUE@TIME"),
+        ("K1=5@", "expected PARAMETER=VALUE@TIME"),
+        ("K1=five@3", "'five' is not a number"),
+        ("K1=nan@3", "'nan' is not a number"),
+        ("K1=xx2@3", "'x2' is not a number"),
+        ("K1=5@noon", "'noon' is not a time"),
+        ("K1=5@3..inf", "'inf' is not a time"),
+        ("K1=5@30..20", "ends before it starts"),
+    ],
+)
+def test_mistakes(text: str, message: str) -> None:
+    """What is no fault is quoted, with what was expected."""
+    with pytest.raises(FaultbondError, match=message) as caught:
+        parse_fault(text)
+    assert repr(text) in str(caught.value)
