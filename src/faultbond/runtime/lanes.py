@@ -1,0 +1,80 @@
+"""How the hypotheses of the bank are laid out in lanes: one lane per start value of each suspect.
+
+Source: design evidence, bank items 5 and 7: a faulty parameter keeps a linear factor; single starts fail for parameters
+that act by their inverse, so each suspect starts from several sizes, and the likelihoods of the starts are averaged.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultbond.spec import EngineSpec, ParameterSpec
+from faultbond.types import FloatArray
+
+FIRST_START = 0.45  # the lowest start, in healthy values; each next one is twice as large
+START_SPREAD = 0.35  # sd of a start, in starts
+REACH = 1.3  # starts lie within this many `change` of nominal
+COARSE_FROM = 3  # sets of this size and more use only the two inner starts of each suspect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """One start of a suspect: `value` times the healthy factor (or plus it, where nominal is 0), and its sd."""
+
+    value: float
+    sd: float
+    additive: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LanePlan:
+    """Lanes of a bank: `hypothesis` (n_lanes,) of each lane; `starts` per lane: (parameter, start) pairs."""
+
+    hypothesis: NDArray[np.intp]
+    starts: tuple[tuple[tuple[int, Start], ...], ...]
+    first: NDArray[np.intp]  # first lane of each hypothesis
+    sizes: FloatArray  # suspects in each hypothesis
+
+    @property
+    def n_lanes(self) -> int:
+        """Number of lanes."""
+        return len(self.starts)
+
+
+def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
+    """Give the starts of a suspect in a set of `size` suspects."""
+    change = parameter.change
+    if parameter.healthy == 0.0:
+        third = change / 3.0
+        values = [0.0, *(v for v in (third, -third) if parameter.lower <= v <= parameter.upper)]
+        return tuple(Start(value=value, sd=change, additive=True) for value in values)
+    values, value = [], FIRST_START
+    while abs(value - 1.0) <= max(REACH * change, 0.56):
+        values.append(value)
+        value *= 2.0
+    if size >= COARSE_FROM:
+        values = values[1:3]
+    return tuple(Start(value=value, sd=min(START_SPREAD * value, max(change, 0.05))) for value in values)
+
+
+@lru_cache(maxsize=8)
+def plan_lanes(spec: EngineSpec) -> LanePlan:
+    """Give the lane plan of a specification."""
+    hypothesis: list[int] = []
+    starts: list[tuple[tuple[int, Start], ...]] = []
+    first: list[int] = []
+    for k, chosen in enumerate(spec.hypotheses):
+        first.append(len(starts))
+        options = [[(index, start) for start in starts_of(spec.parameters[index], len(chosen))] for index in chosen]
+        for combination in product(*options):
+            hypothesis.append(k)
+            starts.append(tuple(combination))
+    return LanePlan(
+        hypothesis=np.array(hypothesis, dtype=np.intp),
+        starts=tuple(starts),
+        first=np.array(first, dtype=np.intp),
+        sizes=np.array([len(chosen) for chosen in spec.hypotheses], dtype=float),
+    )

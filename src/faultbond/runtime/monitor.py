@@ -1,0 +1,306 @@
+"""The on-line part: `init` and `step`, pure functions on a state of numbers. No clock, file or socket.
+
+Each sample passes the healthy filter; a CUSUM per sensor (Page 1954) and the slow errors decide on an alarm; from the
+alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal algorithms.
+"""
+
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+
+import numpy as np
+
+from faultbond.runtime.bank import Trail, begin_bank
+from faultbond.runtime.history import Detection, Diagnosis
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.ranking import rank
+from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.spec import Engine, EngineSpec
+from faultbond.types import BoolArray, FloatArray
+
+START_SAMPLES = 20  # gathered before an unknown start is solved
+DIAGNOSIS_EVERY = 20  # samples between diagnoses
+CHANGE_MEMORY = 8.0  # seconds over which changes of an input add up for a sensor's slow error
+
+
+class Status(Enum):
+    """What the monitor is doing; the value is the message."""
+
+    WAITING = "waiting for a first value of every input"
+    STARTING = "gathering samples to solve the start"
+    WARMING = "learning the parameters; alarms are off"
+    WATCHING = "watching"
+    DIAGNOSING = "a fault was detected; the bank is running"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sample:
+    """One grid point: `time` (s), `dt` since the one before (s), `u` (n_inputs,), `y` (n_outputs,), SI, nan: missing."""
+
+    time: float
+    dt: float
+    u: FloatArray
+    y: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Report:
+    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd."""
+
+    status: Status
+    expected: FloatArray
+    variance: FloatArray
+    cusum: FloatArray
+    slow: FloatArray
+    detection: Detection | None = None
+    diagnosis: Diagnosis | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Numbers only, of fixed size. `index`: samples seen; `filtered`: since when the filter runs; -1: not yet."""
+
+    index: int
+    filtered: int
+    alarm: int
+    time: float
+    held: FloatArray  # last input values
+    peak: FloatArray  # largest size of each input
+    since_step: FloatArray  # s since the last step of each input
+    change: FloatArray  # recent change of each input
+    lane: FloatArray  # healthy filter
+    cusum: FloatArray  # (2, n_outputs): up, down
+    cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
+    trail_samples: FloatArray
+    trail_lanes: FloatArray
+    trail_times: FloatArray
+    bank: FloatArray
+
+    def save(self) -> dict[str, FloatArray]:
+        """Give all numbers by name, for `numpy.savez`."""
+        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+
+    @staticmethod
+    def restore(saved: dict[str, FloatArray]) -> "State":
+        """Give the state that `save` wrote."""
+        whole = {name: int(saved[name]) for name in ("index", "filtered", "alarm")}
+        arrays = {name: np.asarray(saved[name]) for name in saved if name not in (*whole, "time")}
+        return State(**whole, time=float(saved["time"]), **arrays)
+
+
+def init(spec: EngineSpec, t0: float = 0.0) -> State:
+    """Give the state before the first sample, at time `t0` (s)."""
+    n_u, n_y, depth = len(spec.inputs), len(spec.outputs), _depth(spec)
+    return State(
+        index=0,
+        filtered=-1,
+        alarm=-1,
+        time=t0,
+        held=np.full(n_u, np.nan),
+        peak=np.zeros(n_u),
+        since_step=np.full(n_u, np.inf),
+        change=np.zeros(n_u),
+        lane=np.zeros((spec.n_numbers, 1)),
+        cusum=np.zeros((2, n_y)),
+        cusum_start=np.zeros((2, n_y)),
+        trail_samples=np.zeros((depth, spec.n_sample)),
+        trail_lanes=np.zeros((depth, spec.n_numbers)),
+        trail_times=np.zeros(depth),
+        bank=np.zeros((spec.n_numbers, plan_lanes(spec).n_lanes)),
+    )
+
+
+def _depth(spec: EngineSpec) -> int:
+    return spec.thresholds.history_samples + spec.thresholds.lead_samples + 2
+
+
+def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, Report]:
+    """Take one sample.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    state : State
+        Before the sample; not changed.
+    sample : Sample
+        Missing values are nan.
+
+    Returns
+    -------
+    state, report : State, Report
+        Nothing raises on data; what was missing shows in the report's status and nan values.
+    """
+    u = np.where(np.isfinite(sample.u), sample.u, state.held)
+    if not np.all(np.isfinite(u)):
+        return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
+    packed, state = _pack_sample(spec, state, sample, u)
+    slot = state.index % len(state.trail_times)
+    samples, times = state.trail_samples.copy(), state.trail_times.copy()
+    samples[slot], times[slot] = packed, sample.time
+    state = replace(state, trail_samples=samples, trail_times=times, time=sample.time)
+    if state.filtered < 0:
+        return _gather(spec, engine, state)
+    lane, innovations = engine.advance(state.lane, packed[None, :])
+    return _judge(spec, engine, _remember(state, lane), packed, innovations[0, :, 0])
+
+
+def _silent(spec: EngineSpec, status: Status) -> Report:
+    nothing = np.full(len(spec.outputs), np.nan)
+    return Report(
+        status=status, expected=nothing, variance=nothing, cusum=nothing, slow=np.full(len(spec.slow_errors), np.nan)
+    )
+
+
+def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, State]:
+    """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values."""
+    first = not np.all(np.isfinite(state.held))
+    before = u if first else state.held
+    dt = 0.0 if first else sample.dt
+    moved = np.abs(u - before)
+    peak = np.maximum(state.peak, np.abs(u))
+    limits = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
+    stepped = (moved > limits) & ~first
+    since = np.where(stepped, 0.0, state.since_step + dt)
+    change = state.change * np.exp(-dt / CHANGE_MEMORY)
+    added = change + moved
+    present = np.isfinite(sample.y)
+    packed = np.zeros(spec.n_sample)
+    place = spec.sample_fields
+    packed[place["dt"]] = dt
+    packed[place["u_before"]] = before
+    packed[place["u"]] = u
+    packed[place["y"]] = np.where(present, sample.y, 0.0)
+    packed[place["use"]] = present
+    packed[place["scale"]] = np.where(_blanked(spec, since), spec.thresholds.blank_factor, 1.0)
+    packed[place["kick"]] = [
+        sum(each**2 * (added[k] ** 2 - change[k] ** 2) for k, each in error.after) for error in spec.slow_errors
+    ]
+    return packed, replace(state, held=u, peak=peak, since_step=since, change=added)
+
+
+def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
+    """Whether a step of an input that reaches a sensor directly is still settling, per output."""
+    settling = np.array([item.settling for item in spec.inputs])
+    moving = since_step < settling
+    return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)
+
+
+def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
+    """Collect the first samples, then solve the start and filter what was collected."""
+    count = _waiting(state)
+    needed = START_SAMPLES if any(item.start_sd is None for item in spec.states) else 1
+    state = replace(state, index=state.index + 1)
+    if count < needed:
+        return state, _silent(spec, Status.STARTING)
+    chosen = np.arange(state.index - count, state.index) % len(state.trail_times)
+    samples = state.trail_samples[chosen]
+    mean, covariance = solve_start(spec, engine, samples)
+    lane = healthy_lane(spec, mean, covariance)
+    lanes = state.trail_lanes.copy()
+    innovations = np.zeros((1, 2 * len(spec.outputs), 1))
+    for slot, sample in zip(chosen, samples, strict=True):
+        lane, innovations = engine.advance(lane, sample[None, :])
+        lanes[slot] = lane[:, 0]
+    state = replace(state, lane=lane, trail_lanes=lanes, filtered=state.index - count)
+    return state, _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
+
+
+def _waiting(state: State) -> int:
+    """Number of samples gathered, this one included; dt = 0 marks the first."""
+    depth = len(state.trail_times)
+    for back in range(depth):
+        slot = (state.index - back) % depth
+        if state.trail_samples[slot, 0] == 0.0:
+            return back + 1
+    return depth
+
+
+def _remember(state: State, lane: FloatArray) -> State:
+    lanes = state.trail_lanes.copy()
+    lanes[state.index % len(lanes)] = lane[:, 0]
+    return replace(state, lane=lane, trail_lanes=lanes)
+
+
+def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, innovations: FloatArray) -> Report:
+    n_y = len(spec.outputs)
+    present = packed[spec.sample_fields["use"]] > 0
+    measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
+    return Report(
+        status=status,
+        expected=measured - innovations[:n_y],
+        variance=innovations[n_y:],
+        cusum=state.cusum.max(axis=0),
+        slow=_slow_ratios(spec, state),
+    )
+
+
+def _slow_ratios(spec: EngineSpec, state: State) -> FloatArray:
+    declared = np.array([error.sd for error in spec.slow_errors])
+    return state.lane[spec.slow_slice, 0] / declared
+
+
+def _judge(
+    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, innovations: FloatArray
+) -> tuple[State, Report]:
+    """Update the statistics, raise the alarm, run the bank."""
+    warm = state.index - state.filtered >= spec.thresholds.warm_up_samples
+    if warm:
+        state = _accumulate(spec, state, packed, innovations)
+    detection = None
+    if state.alarm >= 0:
+        bank, _ = engine.advance(state.bank, packed[None, :])
+        state = replace(state, bank=bank)
+    elif warm:
+        detection, change = _detect(spec, state)
+        if detection is not None:
+            state = replace(state, alarm=state.index, bank=begin_bank(spec, engine, *_cut_trail(state, change)))
+    status = Status.DIAGNOSING if state.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
+    report = _report(spec, state, status, packed, innovations)
+    due = state.alarm >= 0 and (state.index - state.alarm) % DIAGNOSIS_EVERY == 0
+    report = replace(report, detection=detection, diagnosis=rank(spec, state.time, state.bank) if due else None)
+    return replace(state, index=state.index + 1), report
+
+
+def _accumulate(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> State:
+    """Two-sided CUSUM of the normalised innovations; missing and blanked values leave it as it is."""
+    settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
+    score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
+    use = (packed[place["use"]] > 0) & (packed[place["scale"]] == 1.0)
+    grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
+    cusum = np.where(use, grown, state.cusum)
+    start = np.where(cusum <= 0.0, float(state.index), state.cusum_start)
+    return replace(state, cusum=cusum, cusum_start=start)
+
+
+def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
+    """Give the detection, if a statistic crossed, and the sample of the estimated onset."""
+    settings = spec.thresholds
+    peak = state.cusum.max(axis=0)
+    crossed = peak > settings.cusum_limit
+    ratios = np.abs(_slow_ratios(spec, state))
+    slow = any(error.alarms and ratios[k] > settings.slow_error_limit for k, error in enumerate(spec.slow_errors))
+    if not crossed.any() and not slow:
+        return None, 0
+    leading = int(np.argmax(peak))
+    side = int(np.argmax(state.cusum[:, leading]))
+    oldest = max(state.filtered, state.index - settings.history_samples)
+    change = int(np.clip(state.cusum_start[side, leading], oldest, state.index))
+    signals = [output.name for k, output in enumerate(spec.outputs) if crossed[k]] or [spec.outputs[leading].name]
+    return Detection(
+        time=state.time,
+        sample=state.index,
+        change_time=float(state.trail_times[change % len(state.trail_times)]),
+        signals=tuple(signals),
+    ), change
+
+
+def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
+    """Give the trail up to now, oldest first, and the place of the onset in it."""
+    depth = len(state.trail_times)
+    oldest = max(state.filtered, state.index - depth + 1)
+    chosen = np.arange(oldest, state.index + 1) % depth
+    return Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen]), change - oldest
+
+
+def finish(spec: EngineSpec, state: State) -> Diagnosis | None:
+    """Give the last diagnosis, if a fault was detected."""
+    return rank(spec, state.time, state.bank) if state.alarm >= 0 else None

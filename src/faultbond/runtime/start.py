@@ -1,0 +1,150 @@
+"""The start of the plant, solved from the first samples where the model does not give it.
+
+Least squares over the first samples with nominal parameters; the engine itself predicts (with every measurement
+switched off), so no other form of the model is needed.
+"""
+
+import numpy as np
+
+from faultbond.spec import Engine, EngineSpec, pack
+from faultbond.types import FloatArray
+
+_ITERATIONS = 12
+_WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
+_REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
+
+
+def healthy_lane(spec: EngineSpec, mean: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Give the lane, shape (n_numbers, 1), of a healthy plant with states `mean`, `covariance`."""
+    n = spec.n_joint
+    joint = np.zeros(n)
+    full = np.zeros((n, n))
+    n_x = len(spec.states)
+    joint[:n_x] = mean
+    full[:n_x, :n_x] = covariance
+    for k, error in enumerate(spec.slow_errors):
+        full[n_x + k, n_x + k] = error.sd**2
+    for k, parameter in enumerate(spec.parameters, spec.parameter_slice.start):
+        joint[k] = parameter.healthy
+        full[k, k] = parameter.accuracy**2
+    for k, index in enumerate(spec.noisy_inputs, spec.noise_slice.start):
+        full[k, k] = spec.inputs[index].noise ** 2
+    return np.concatenate([joint, pack(full), spec.loops, [0.0]])[:, None]
+
+
+def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give mean (n_states,) and covariance (n_states, n_states), SI, of the states before the first sample.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    samples : float array, shape (n_samples, n_sample)
+        The first packed samples.
+    """
+    known = np.array([state.start_sd is not None for state in spec.states])
+    mean = np.array([state.start_mean for state in spec.states])
+    sd = np.array([state.start_sd or 0.0 for state in spec.states])
+    free = np.flatnonzero(~known)
+    if not len(free):
+        return mean, np.diag(sd**2)
+    size, _ = _sizes(spec, engine, samples, mean, free)
+    best = min(
+        (_fit(spec, engine, samples, guess, free, size) for guess in _guesses(mean, free, size)),
+        key=lambda found: found[2],
+    )
+    covariance = np.diag(sd**2)
+    covariance[np.ix_(free, free)] = _WIDER**2 * best[1]
+    return best[0], covariance
+
+
+def _guesses(mean: FloatArray, free: np.ndarray[tuple[int], np.dtype[np.intp]], size: FloatArray) -> list[FloatArray]:
+    guesses = []
+    for part in (0.0, 0.3, 1.0):
+        guess = mean.copy()
+        guess[free] += part * size / _REACH
+        guesses.append(guess)
+    return guesses
+
+
+def _misfits(spec: EngineSpec, engine: Engine, samples: FloatArray, states: FloatArray) -> FloatArray:
+    """Give measured minus predicted in noise units, shape (n_samples * n_outputs, n_guesses); 0 where missing."""
+    fields = spec.sample_fields
+    off = samples.copy()
+    off[:, fields["use"]] = 0.0
+    n = spec.n_joint
+    lanes = np.concatenate([healthy_lane(spec, state, np.zeros((len(state),) * 2)) for state in states.T], axis=1)
+    lanes[n : n + spec.n_packed] = 0.0
+    _, found = engine.advance(lanes, off)
+    noise = np.array([output.noise for output in spec.outputs])
+    weight = samples[:, fields["use"]] / np.sqrt(samples[:, fields["scale"]]) / noise
+    misfit = found[:, : len(spec.outputs), :] * weight[:, :, None]
+    return np.nan_to_num(misfit.reshape(-1, states.shape[1]), nan=1e6, posinf=1e6, neginf=-1e6)
+
+
+def _slopes(
+    spec: EngineSpec,
+    engine: Engine,
+    samples: FloatArray,
+    state: FloatArray,
+    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+    move: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Give the misfit at a state and its slopes by the free states, by differences of size `move`."""
+    guesses = np.repeat(state[:, None], len(free) + 1, axis=1)
+    guesses[free, np.arange(1, len(free) + 1)] += move
+    misfit = _misfits(spec, engine, samples, guesses)
+    return misfit[:, 0], (misfit[:, 1:] - misfit[:, :1]) / move
+
+
+def _sizes(
+    spec: EngineSpec,
+    engine: Engine,
+    samples: FloatArray,
+    state: FloatArray,
+    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+) -> tuple[FloatArray, FloatArray]:
+    """Give the size of each free state at which it would explain outputs as large as the measured ones."""
+    fields = spec.sample_fields
+    noise = np.array([output.noise for output in spec.outputs])
+    measured = samples[:, fields["y"]] * samples[:, fields["use"]] / noise
+    total = float(np.linalg.norm(measured)) + np.sqrt(measured.size)
+    move = np.full(len(free), 1e-3)
+    for _ in range(4):  # find differences that show, without leaving the neighbourhood
+        _, slope = _slopes(spec, engine, samples, state, free, move)
+        effect = np.linalg.norm(slope, axis=0)
+        move = np.where(effect > 0.0, 0.1 / np.maximum(effect, 1e-300), move * 1e3)
+    size = np.where(effect > 0.0, _REACH * total / np.maximum(effect, 1e-300), 1.0)
+    return size, move
+
+
+def _fit(
+    spec: EngineSpec,
+    engine: Engine,
+    samples: FloatArray,
+    guess: FloatArray,
+    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+    size: FloatArray,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Levenberg-Marquardt from one guess: state, covariance of its free part, cost."""
+    state, damping = guess.copy(), 1e-3
+    prior = np.diag(1.0 / size**2)
+
+    def cost_of(trial: FloatArray) -> float:
+        misfit = _misfits(spec, engine, samples, trial[:, None])[:, 0]
+        return float(misfit @ misfit + trial[free] @ prior @ trial[free])
+
+    cost = cost_of(state)
+    for _ in range(_ITERATIONS):
+        move = np.maximum(1e-6 * np.abs(state[free]), 1e-6 * size)
+        misfit, slope = _slopes(spec, engine, samples, state, free, move)
+        normal = slope.T @ slope + prior
+        gradient = slope.T @ misfit + prior @ state[free]
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -gradient)
+        trial = state.copy()
+        trial[free] += step
+        trial_cost = cost_of(trial)
+        if trial_cost < cost:
+            state, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-9)
+        else:
+            damping = min(damping * 10.0, 1e9)
+    return state, np.linalg.inv(normal), cost
