@@ -1,0 +1,253 @@
+"""Arguments, streams and exit codes of the command line."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from faultbond.cli import main
+from faultbond.errors import ModelError
+from faultbond.io.faults import FaultRequest
+from faultbond.io.out import Out
+from faultbond.types import Method
+
+PROGRAM = [sys.executable, "-m", "faultbond"]
+
+
+class Spy:
+    """Verbs that note how they were called, then do what a test wants."""
+
+    def __init__(self, do: Callable[[Out], bool | None] = lambda out: None) -> None:
+        self.do = do
+        self.seen: dict[str, object] = {}
+
+    def check(self, model: Path, *, out: Out) -> None:
+        """Note a call of `check`."""
+        self.seen = {"model": model}
+        self.do(out)
+
+    def simulate(
+        self,
+        model: Path,
+        *,
+        inputs: str,
+        faults: tuple[FaultRequest, ...],
+        seed: int | None,
+        output: Path,
+        out: Out,
+    ) -> None:
+        """Note a call of `simulate`."""
+        self.seen = {"model": model, "inputs": inputs, "faults": faults, "seed": seed, "output": output}
+        self.do(out)
+
+    def run(self, model: Path, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
+        """Note a call of `run`."""
+        self.seen = {"model": model, "recording": recording, "method": method, "report": report}
+        return bool(self.do(out))
+
+    def demo(self, *, report: Path, out: Out) -> None:
+        """Note a call of `demo`."""
+        self.seen = {"report": report}
+        self.do(out)
+
+
+def failing(error: BaseException) -> Callable[[Out], bool | None]:
+    """Give an action that raises."""
+
+    def do(_: Out) -> bool | None:
+        raise error
+
+    return do
+
+
+def speak(out: Out) -> bool:
+    """Write a line for people and a record, and report a fault."""
+    out.say("for people")
+    out.record({"record": "end"})
+    return True
+
+
+@pytest.mark.parametrize(
+    ("arguments", "seen"),
+    [
+        (["check", "m.yaml"], {"model": Path("m.yaml")}),
+        (
+            ["run", "m.yaml", "r.csv"],
+            {"model": Path("m.yaml"), "recording": "r.csv", "method": Method.BANK, "report": None},
+        ),
+        (
+            ["run", "m.yaml", "-", "--method", "classic", "--report", "x.html"],
+            {"model": Path("m.yaml"), "recording": "-", "method": Method.CLASSIC, "report": Path("x.html")},
+        ),
+        (["demo"], {"report": Path("report.html")}),
+    ],
+)
+def test_arguments_reach_the_verb(arguments: list[str], seen: dict[str, object]) -> None:
+    """Each verb gets its arguments, typed, with the defaults that the help names."""
+    spy = Spy()
+    assert main(arguments, spy) == 0
+    assert spy.seen == seen
+
+
+def test_faults_reach_simulate() -> None:
+    """Faults are repeatable and arrive parsed."""
+    spy = Spy()
+    faults = ["--fault", "K1=x2@10", "--fault", "K6=3e-5@20..30"]
+    assert main(["simulate", "m.yaml", "--inputs", "i.csv", "--seed", "7", "-o", "o.csv", *faults], spy) == 0
+    assert spy.seen == {
+        "model": Path("m.yaml"),
+        "inputs": "i.csv",
+        "faults": (
+            FaultRequest(parameter="K1", value=None, factor=2.0, start=10.0, end=10.0),
+            FaultRequest(parameter="K6", value=3e-5, factor=None, start=20.0, end=30.0),
+        ),
+        "seed": 7,
+        "output": Path("o.csv"),
+    }
+
+
+def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:
+    """`run` gives 1 for a fault; `demo`, which finds one too, gives 0."""
+    assert main(["run", "m.yaml", "r.csv"], Spy(speak)) == 1
+    assert main(["run", "m.yaml", "r.csv"], Spy(lambda out: False)) == 0
+    assert main(["demo"], Spy(speak)) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "shown"),
+    [
+        (["run", "m", "r.csv"], "for people\n"),
+        (["run", "m", "r.csv", "--json", "-"], '{"record": "end"}\n'),
+        (["run", "m", "-"], '{"record": "end"}\n'),
+        (["check", "m", "--json", "-"], '{"record": "end"}\n'),
+    ],
+)
+def test_what_stands_on_standard_output(arguments: list[str], shown: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Text or records, never both; a run on standard input gives records unless told otherwise."""
+    main(arguments, Spy(speak))
+    assert capsys.readouterr() == (shown, "")
+
+
+def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--json FILE` people keep their text, also on standard input."""
+    target = tmp_path / "out.json"
+    main(["run", "m", "-", "--json", str(target)], Spy(speak))
+    assert json.loads(target.read_text(encoding="utf-8")) == {"record": "end"}
+    assert capsys.readouterr().out == "for people\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fly"], "invalid choice: 'fly'"),
+        (["run", "m.yaml"], "required: REC. See: faultbond run --help"),
+        (["run", "m", "r", "--method", "magic"], "invalid choice: 'magic'"),
+        (["check", "m", "--jso", "x"], "unrecognized arguments: --jso x"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--seed", "x"], "invalid int value: 'x'"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "--fault 'K1': expected PARAMETER=VALUE@TIME"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A wrong command line says what is wrong, on one line of standard error."""
+    assert main(arguments, Spy()) == 2
+    shown = capsys.readouterr()
+    assert message in shown.err
+    assert (shown.out, shown.err.count("\n")) == ("", 1)
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (ModelError("m.yaml:3: two\nlines"), "m.yaml:3: two lines\n"),
+        (FileNotFoundError(2, "No such file or directory", "m.yaml"), "m.yaml: No such file or directory.\n"),
+        (OSError("no space"), "no space.\n"),
+    ],
+)
+def test_mistakes_of_the_user(error: Exception, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Our own errors and those of the operating system are exit code 2 and one line."""
+    assert main(["check", "m"], Spy(failing(error))) == 2
+    assert capsys.readouterr() == ("", message)
+
+
+def test_a_json_file_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder that is not there is named."""
+    assert main(["check", "m", "--json", str(tmp_path / "no" / "x.json")], Spy()) == 2
+    assert capsys.readouterr().err == f"{tmp_path / 'no' / 'x.json'}: No such file or directory.\n"
+
+
+def test_an_internal_error(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A defect is exit code 3 and one line with the way to the traceback, which the variable shows."""
+    monkeypatch.delenv("FAULTBOND_TRACEBACK", raising=False)
+    assert main(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
+    shown = capsys.readouterr().err
+    assert shown.startswith("faultbond: internal error: ZeroDivisionError: oh. ")
+    assert "FAULTBOND_TRACEBACK=1" in shown
+    assert shown.count("\n") == 1
+    monkeypatch.setenv("FAULTBOND_TRACEBACK", "1")
+    assert main(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+def test_control_c() -> None:
+    """An interrupt from the keyboard is exit code 130."""
+    assert main(["check", "m"], Spy(failing(KeyboardInterrupt()))) == 130
+
+
+def test_a_closed_pipe_is_quiet() -> None:
+    """When the reader of the output goes away, the program ends without a word."""
+    code = """
+import sys
+from faultbond.cli import main
+class Verbs:
+    def check(self, model, *, out):
+        for _ in range(100000): out.record({"x": 1})
+sys.exit(main(["check", "m", "--json", "-"], Verbs()))
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
+@pytest.mark.parametrize("arguments", [["--help"], []])
+def test_help(arguments: list[str]) -> None:
+    """Help, which also answers an empty command line, names all verbs."""
+    done = subprocess.run([*PROGRAM, *arguments], capture_output=True, text=True, check=True)
+    assert all(f"\n    {verb} " in done.stdout for verb in ("check", "simulate", "run", "demo"))
+
+
+def test_version() -> None:
+    """`--version` gives the name and a version."""
+    done = subprocess.run([*PROGRAM, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("faultbond 0.")
+
+
+def test_umlauts_without_a_locale() -> None:
+    """Text is UTF-8 on a machine whose locale is ASCII."""
+    code = """
+import sys
+from faultbond.cli import main
+class Verbs:
+    def check(self, model, *, out): out.say("Behälter")
+sys.exit(main(["check", "m"], Verbs()))
+"""
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment, check=True)
+    assert done.stdout.decode("utf-8").strip() == "Behälter"
+
+
+def test_the_command_line_starts_fast() -> None:
+    """Importing the command line loads none of the large libraries."""
+    heavy = ["casadi", "sympy", "pint", "rich", "jinja2", "pyarrow"]
+    code = f"import sys, faultbond.cli; sys.exit([name for name in {heavy} if name in sys.modules] or 0)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
