@@ -1,0 +1,211 @@
+"""Check of dimensions when a model is loaded: units of bonds are inferred, contradictions refused.
+
+Every region of bonds joined by junctions has one dimension of effort and one of flow. These, and the dimensions of
+numbers written without a unit, are unknowns; each law gives linear equations between powers of base units.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from faultbond.errors import ModelError
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.parser import constant_value, to_text
+from faultbond.model.source import Source, shown
+from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
+from faultbond.model.values import Values
+from faultbond.model.wiring import Wiring
+
+ONE = Fraction(1)
+_SAME = {"abs", "min", "max", "where"}
+_PURE = {"exp", "log", "sin", "cos", "tan", "tanh"}
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A dimension times unknown dimensions to rational powers."""
+
+    known: Dimension = DIMENSIONLESS
+    unknown: tuple[tuple[str, Fraction], ...] = ()
+
+    def __mul__(self, other: "Form") -> "Form":
+        powers = dict(self.unknown)
+        for name, power in other.unknown:
+            powers[name] = powers.get(name, Fraction(0)) + power
+        return Form(self.known * other.known, tuple((name, power) for name, power in powers.items() if power))
+
+    def __truediv__(self, other: "Form") -> "Form":
+        return self * other ** Fraction(-1)
+
+    def __pow__(self, exponent: Fraction) -> "Form":
+        powers = ((name, power * exponent) for name, power in self.unknown)
+        return Form(self.known**exponent, tuple((name, power) for name, power in powers if power))
+
+
+class Solver:
+    """Solves for unknown dimensions, one equation after the other."""
+
+    def __init__(self) -> None:
+        self._solved: dict[str, Form] = {}
+
+    def reduced(self, form: Form) -> Form:
+        """Give the form in terms of what is still unknown."""
+        while any(name in self._solved for name, _ in form.unknown):
+            result = Form(form.known)
+            for name, power in form.unknown:
+                inner = self._solved.get(name)
+                result *= Form(unknown=((name, power),)) if inner is None else inner**power
+            form = result
+        return form
+
+    def equate(self, left: Form, right: Form) -> bool:
+        """Demand that two forms agree; False if they cannot."""
+        ratio = self.reduced(left / right)
+        if not ratio.unknown:
+            return ratio.known == DIMENSIONLESS
+        name, power = max(ratio.unknown, key=lambda item: ":" not in item[0])  # a number's before a region's
+        rest = tuple(item for item in ratio.unknown if item[0] != name)
+        self._solved[name] = Form(ratio.known, rest) ** (-1 / power)
+        return True
+
+
+class Checker:
+    """Infers dimensions of expressions and refuses contradictions."""
+
+    def __init__(self, source: Source, plant: Wiring, values: Values) -> None:
+        self.source, self.plant, self.values, self.solver = source, plant, values, Solver()
+        self.regions = regions(plant)
+
+    def _name(self, name: str) -> Form:
+        if "." not in name:
+            measure = self.values.measures[name]
+            return Form(measure.dimension) if measure else Form(unknown=((name, ONE),))
+        part, _, signal = name.partition(".")
+        port = f"{part}.{signal[1:]}" if signal[1:] else part
+        effort = Form(unknown=((f"e:{self.regions[port]}", ONE),))
+        flow = Form(unknown=((f"f:{self.regions[port]}", ONE),))
+        match signal[0]:
+            case "e":
+                return effort
+            case "f":
+                return flow
+            case "q":
+                return flow * Form(SECOND)
+        return effort * Form(SECOND)
+
+    def infer(self, expression: Expression, where: str) -> tuple[Form | None, bool]:
+        """Give the form of an expression (None: cannot be followed), and whether it is a bare number of any unit."""
+        match expression:
+            case Number():
+                return Form(), True
+            case Name(text):
+                return self._name(text), False
+            case Negative(operand):
+                return self.infer(operand, where)
+            case Binary("*" | "/" as operator, left, right):
+                (a, a_free), (b, b_free) = self.infer(left, where), self.infer(right, where)
+                if a is None or b is None:
+                    return None, False
+                return (a * b if operator == "*" else a / b), a_free and b_free
+            case Binary("**", left, right):
+                return self._power(left, right, where)
+            case Binary(operator, left, right):
+                return self.common((left, right), f"the two sides of `{operator}`", expression, where)
+            case Call(function, arguments):
+                return self._call(function, arguments, expression, where)
+
+    def _power(self, base: Expression, exponent: Expression, where: str) -> tuple[Form | None, bool]:
+        form, free = self.infer(base, where)
+        value = constant_value(exponent)
+        if value is None:
+            self._pure(exponent, "an exponent", where)
+            return None, False
+        return (None if form is None else form ** Fraction(value).limit_denominator(1000)), free
+
+    def _call(
+        self, function: str, arguments: tuple[Expression, ...], whole: Expression, where: str
+    ) -> tuple[Form | None, bool]:
+        if function == "where":
+            self.infer(arguments[0], where)
+            return self.common(arguments[1:], "the two results of where()", whole, where)
+        if function in _SAME:
+            return self.common(arguments, f"the arguments of {function}()", whole, where)
+        if function in _PURE:
+            self._pure(arguments[0], f"the argument of {function}()", where)
+            return Form(), False
+        form, free = self.infer(arguments[0], where)
+        if function == "sqrt":
+            return (None if form is None else form ** Fraction(1, 2)), free
+        return Form(), False
+
+    def _pure(self, expression: Expression, what: str, where: str) -> None:
+        form, free = self.infer(expression, where)
+        if form is not None and not free and not self.solver.equate(form, Form()):
+            dimension = self._words(form)
+            problem = f"{what}, `{shown(to_text(expression))}`, must be dimensionless but is in {dimension}"
+            raise ModelError(f"{where}{problem}; divide it by a constant in {dimension}")
+
+    def common(self, parts: Iterable[Expression], what: str, whole: Expression, where: str) -> tuple[Form | None, bool]:
+        """Demand that all parts of a sum agree; a bare number takes the unit of the others."""
+        first: tuple[Expression, Form] | None = None
+        free = True
+        for part in parts:
+            form, part_free = self.infer(part, where)
+            if part_free:
+                continue
+            free = False
+            if form is None:
+                continue
+            if first is None:
+                first = (part, form)
+            elif not self.solver.equate(first[1], form):
+                problem = f"{what} in `{shown(to_text(whole))}` disagree"
+                raise ModelError(f"{where}{problem}: {self._versus(first, (part, form))}")
+        if free:
+            return Form(), True
+        return (first[1] if first else None), False
+
+    def _versus(self, left: tuple[Expression, Form], right: tuple[Expression, Form]) -> str:
+        """Give the words for two expressions whose dimensions differ, and what to do."""
+        a, b = (shown(to_text(expression)) for expression, _ in (left, right))
+        forms = [self.solver.reduced(form) for _, form in (left, right)]
+        if any(form.unknown for form in forms):
+            ratio = self.solver.reduced(left[1] / right[1]).known
+            return f"`{a}` is in the unit of `{b}` times {ratio}; mend the law or the unit of a parameter"
+        return f"`{a}` is in {forms[0].known}, `{b}` in {forms[1].known}; mend the law or the unit of a parameter"
+
+    def _words(self, form: Form) -> str:
+        return str(self.solver.reduced(form).known)
+
+    def law(self, left: Expression, right: Expression, where: str) -> None:
+        """Demand that the two sides of a law agree."""
+        sides = [(side, *self.infer(side, where)) for side in (left, right)]
+        known = [(side, form) for side, form, free in sides if form is not None and not free]
+        if len(known) == 2 and not self.solver.equate(known[0][1], known[1][1]):
+            raise ModelError(f"{where}the two sides disagree: {self._versus(known[0], known[1])}")
+
+    def expect(self, expression: Expression, dimension: Dimension, what: str, where: str) -> None:
+        """Demand a dimension of an expression: a sensor's unit, say."""
+        form, free = self.infer(expression, where)
+        if form is None or free or self.solver.equate(form, Form(dimension)):
+            return
+        found = self._words(form)
+        problem = f"`{shown(to_text(expression))}` is in {found}, but {what} in {dimension}"
+        raise ModelError(f"{where}{problem}; use a unit of {found}, or mend the expression")
+
+
+def regions(plant: Wiring) -> dict[str, str]:
+    """Give for every port (`pipe`, `K.1`, `K.2`) and junction the region of bonds that it belongs to."""
+    parent: dict[str, str] = {}
+
+    def find(port: str) -> str:
+        while parent.setdefault(port, port) != port:
+            parent[port] = port = parent.setdefault(parent[port], parent[port])
+        return port
+
+    def port(name: str, number: int) -> str:
+        return f"{name}.{number}" if name in plant.parts and plant.parts[name].type.n_ports == 2 else name
+
+    for bond in plant.bonds:
+        parent[find(port(bond.tail, 2))] = find(port(bond.head, 1))
+    return {name: find(name) for name in list(parent)}

@@ -1,0 +1,218 @@
+"""The canonical text of a bond graph: fixed order and form, defaults in force left out."""
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+
+from faultbond.errors import ModelError
+from faultbond.model.defaults import in_force
+from faultbond.model.elements import OWN_SIGNALS
+from faultbond.model.expression import rename
+from faultbond.model.graph import BondGraph, Component, Input, Parameter, Sensor, SlowError, Unit
+from faultbond.model.parser import number_text, to_text
+from faultbond.model.units import measure
+
+_PLAIN = re.compile(r"-?[A-Za-z0-9_.](?:[A-Za-z0-9_ .+\-*/^()=<>%]*[A-Za-z0-9_.+*/^()=<>%])?")
+
+
+def dump_model(graph: BondGraph) -> str:
+    """Give the canonical text of a bond graph; it reads back as the same graph but for lines and file.
+
+    Example
+    -------
+    >>> text_of(100.0, lambda number: number * 1e-3)
+    '100000'
+    """
+    return "\n".join(_Writer(graph).lines()) + "\n"
+
+
+def text_of(target: float, convert: Callable[[float], float]) -> str | None:
+    """Give the shortest decimal number that `convert` (about linear) turns into exactly the target; None if none."""
+    slope = convert(1.0) - convert(0.0)
+    guess = (target - convert(0.0)) / slope if slope else 0.0
+    if not math.isfinite(guess):
+        return None
+    near = [guess, *(math.nextafter(guess, end) for end in (-math.inf, math.inf))]
+    near += [math.nextafter(item, end) for item, end in zip(near[1:], (-math.inf, math.inf), strict=True)]
+    rounded = (float(f"{guess:.{digits}g}") for digits in range(1, 17))
+    return next((number_text(item) for item in (*rounded, *near) if convert(item) == target), None)
+
+
+class _Writer:
+    """Writes one graph."""
+
+    def __init__(self, graph: BondGraph) -> None:
+        self.graph, self.defaults = graph, in_force(graph.defaults)
+        self.accuracies = {item.name: self.spread_text(item, item.accuracy) for item in graph.parameters}
+        relative = [
+            text for name, text in self.accuracies.items() if text.endswith("%") and self.stated("accuracy", name)
+        ]
+        common = Counter(relative).most_common(1)
+        uses_default = any(not self.stated("accuracy", item.name) for item in graph.parameters)
+        self.accuracy = common[0][0] if common and not uses_default else ""
+
+    def stated(self, what: str, who: str = "") -> bool:
+        """Whether a thing was stated, so that it must be written."""
+        return (what, who) not in self.defaults
+
+    def lines(self) -> Iterator[str]:
+        graph = self.graph
+        yield from self.head()
+        yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.constants))
+        yield from _section("inputs", ((item.name, self.input(item)) for item in graph.inputs))
+        yield from _section("components", ((item.name, self.component(item)) for item in graph.components))
+        yield from _section("junctions", ((item.name, item.type.value) for item in graph.junctions))
+        yield "bonds:"
+        yield from (f"  - {bond.tail} -> {bond.head}" for bond in graph.bonds)
+        yield from _section("sensors", ((item.name, self.sensor(item)) for item in graph.sensors))
+        yield from _section("slow_error", ((item.target, self.slow_error(item)) for item in graph.slow_errors))
+
+    def head(self) -> Iterator[str]:
+        graph = self.graph
+        if self.stated("name"):
+            yield f"name: {_scalar(graph.name)}"
+        yield f"sample_time: {'variable' if graph.sample_time is None else _seconds(graph.sample_time)}"
+        if self.stated("max_faults"):
+            yield f"max_faults: {graph.max_faults}"
+        if self.accuracy:
+            yield f"accuracy: {self.accuracy}"
+        if self.stated("warm_up"):
+            yield f"warm_up: {_seconds(graph.warm_up)}"
+        if graph.time.column is None:
+            yield "time: none"
+        elif self.stated("time"):
+            column = _scalar(graph.time.column) if self.stated("time column") else ""
+            unit = graph.time.unit.text if self.stated("time unit") else ""
+            yield f"time: {_flow((('column', column), ('unit', unit)))}"
+
+    def input(self, item: Input) -> str:
+        return _flow(
+            (
+                ("unit", item.unit.text),
+                ("column", _scalar(item.column) if self.stated("column", item.name) else ""),
+                ("noise", _difference(item.noise, item.unit) if self.stated("noise", item.name) else ""),
+                ("settling", _seconds(item.settling) if self.stated("settling", item.name) else ""),
+            )
+        )
+
+    def component(self, item: Component) -> str:
+        own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS[item.type]}
+        sides = [
+            [rename(side, lambda name: own.get(name, name)) for side in (law.left, law.right)] for law in item.laws
+        ]
+        laws = [_scalar(f"{to_text(left)} = {to_text(right)}") for left, right in sides]
+        law = f"[{', '.join(laws)}]" if len(laws) > 1 else laws[0]
+        owned = ((name, self.parameter(self.graph.parameter(name))) for name in item.parameters)
+        start = ""
+        if item.start is not None:
+            key = "q" if item.type.value == "C" else "p"
+            start = f"{{{key}: {number_text(item.start.mean)}, sd: {number_text(item.start.sd)}}}"
+        return _flow(
+            (
+                ("type", item.type.value),
+                ("law", law if self.stated("law", item.name) else ""),
+                ("parameters", _flow(owned) if item.parameters else ""),
+                ("start", start),
+            )
+        )
+
+    def parameter(self, item: Parameter) -> str:
+        accuracy = self.accuracies[item.name] if self.stated("accuracy", item.name) else ""
+        entries = (
+            ("accuracy", "" if accuracy == self.accuracy else accuracy),
+            ("change", self.spread_text(item, item.change) if self.stated("change", item.name) else ""),
+            ("range", self.range(item) if self.stated("range", item.name) else ""),
+            ("suspect", "" if item.suspect else "no"),
+        )
+        nominal = _value(item.nominal, item.unit)
+        return _flow((("nominal", nominal), *entries)) if any(text for _, text in entries) else nominal
+
+    def spread_text(self, item: Parameter, value: float) -> str:
+        """Give a parameter's spread, relative where that is exact."""
+        if item.nominal != 0:
+            percent = text_of(value, lambda number: number / 100 * abs(item.nominal))
+            if percent is not None and len(percent) <= 8:
+                return f"{percent} %"
+        return _difference(value, item.unit)
+
+    def range(self, item: Parameter) -> str:
+        if math.isinf(item.lower) and math.isinf(item.upper):
+            return "any"
+        ends = (number_text(end) if math.isinf(end) else _value(end, item.unit) for end in (item.lower, item.upper))
+        return f"[{', '.join(ends)}]"
+
+    def sensor(self, item: Sensor) -> str:
+        return _flow(
+            (
+                ("reads", _scalar(to_text(item.reads))),
+                ("unit", item.unit.text),
+                ("noise", _difference(item.noise, item.unit)),
+                ("column", _scalar(item.column) if self.stated("column", item.name) else ""),
+            )
+        )
+
+    def slow_error(self, item: SlowError) -> str:
+        unit = next((sensor.unit for sensor in self.graph.sensors if sensor.name == item.target), Unit(""))
+        if item.relative:
+            sd = f"{text_of(item.sd, lambda number: number / 100) or number_text(item.sd * 100)} %"
+        else:
+            sd = _difference(item.sd, unit)
+        size = f"{sd} over {_seconds(item.memory)}"
+        if not item.after:
+            return size
+        return _flow((("size", size), ("after", f"[{', '.join(item.after)}]"), ("each", self.each(item, unit))))
+
+    def each(self, item: SlowError, size: Unit) -> str:
+        per = shared_factor(self.graph.input(name).unit for name in item.after)
+        own = self.graph.input(item.after[0]).unit
+        try:
+            if size.text and own.text:
+                return _difference(item.each, measure(f"{size.text}/({own.text})").unit)
+        except ModelError:
+            pass  # the unit is too long; a bare number is in the sensor's unit per unit of the inputs
+        return text_of(item.each, lambda value: value * size.factor / per) or number_text(item.each * per / size.factor)
+
+
+def shared_factor(units: Iterable[Unit]) -> float:
+    """Give the SI factor of the unit that all inputs share; 1 (SI) if they differ."""
+    factors = {item.factor for item in units}
+    return factors.pop() if len(factors) == 1 else 1.0
+
+
+def _seconds(value: float) -> str:
+    return f"{number_text(value)} s"
+
+
+def _value(value: float, unit: Unit) -> str:
+    """Give a quantity in its unit; in SI base units if no decimal number gives exactly this value."""
+    number = text_of(value, unit.to_si)
+    return _joined(number, unit) if number else _joined(number_text(unit.from_si(value)), unit)
+
+
+def _difference(value: float, unit: Unit) -> str:
+    """Give a difference in its unit; in SI base units if no decimal number gives exactly this value."""
+    number = text_of(value, lambda item: unit.factor * item)
+    return (
+        _joined(number, unit) if number else f"{number_text(value)} {measure(unit.text).dimension.base_text() or 'rad'}"
+    )
+
+
+def _joined(number: str, unit: Unit) -> str:
+    return f"{number} {unit.text}".rstrip()
+
+
+def _section(title: str, entries: Iterable[tuple[str, str]]) -> Iterator[str]:
+    rows = [f"  {key}: {text}" for key, text in entries]
+    return iter([f"{title}:", *rows] if rows else [])
+
+
+def _flow(entries: Iterable[tuple[str, str]]) -> str:
+    """Give a table on one line, without its empty entries."""
+    return "{" + ", ".join(f"{key}: {text}" for key, text in entries if text) + "}"
+
+
+def _scalar(text: str) -> str:
+    """Give a text as YAML, in quotes where it needs them."""
+    return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,152 @@
+"""Sensors and slow errors: what is measured, and known imperfections."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from faultbond.errors import ModelError
+from faultbond.model.defaults import Defaults
+from faultbond.model.dump import shared_factor
+from faultbond.model.expression import Name, names
+from faultbond.model.graph import Input, Sensor, SlowError
+from faultbond.model.laws import LawReader
+from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread_over
+from faultbond.model.source import Entry, Source, Text, closest, shown
+from faultbond.model.units import Measure
+from faultbond.model.values import needs_size, read_column, read_spread, read_unit, same_unit
+
+SENSOR_KEYS = ("reads", "unit", "noise", "column")
+SLOW_ERROR_KEYS = ("size", "after", "each")
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Sensors with their measures, and slow errors with those of absolute sizes."""
+
+    sensors: tuple[Sensor, ...]
+    slow_errors: tuple[SlowError, ...]
+    sensor_measures: Mapping[str, Measure | None]
+    size_measures: Mapping[str, Measure]
+
+
+class MeasuredReader:
+    """Reads `sensors` and `slow_error`."""
+
+    def __init__(self, source: Source, laws: LawReader, defaults: Defaults) -> None:
+        self.source, self.laws, self.defaults = source, laws, defaults
+        self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
+        self.sensor_measures: dict[str, Measure | None] = {}
+        self.size_measures: dict[str, Measure] = {}
+
+    def read(self, fields: Mapping[str, Entry]) -> Measured:
+        """Read both, in the order of the file."""
+        entries = self.source.table(fields["sensors"].value, "sensors").entries if "sensors" in fields else ()
+        if not entries:
+            problem = "no sensors, so nothing can be compared with the model; state at least one under `sensors`"
+            raise self.source.error(fields.get("sensors", 0), problem)
+        sensors = tuple(self._sensor(entry) for entry in entries)
+        slow = self.source.table(fields["slow_error"].value, "slow_error").entries if "slow_error" in fields else ()
+        return Measured(
+            sensors, tuple(self._slow_error(entry) for entry in slow), self.sensor_measures, self.size_measures
+        )
+
+    def _sensor(self, entry: Entry) -> Sensor:
+        name = self.source.name(entry, "sensors")
+        what = f"sensor {name}"
+        if name in self.inputs:
+            raise self.source.error(entry, f"{what}: an input has this name too; rename one and state its `column`")
+        fields = self.source.fields(entry.value, what, SENSOR_KEYS)
+        for key, example in (("reads", "reads: vessel.e"), ("noise", "noise: 180 Pa")):
+            if key not in fields:
+                meaning = "its standard deviation" if key == "noise" else "a law of signals"
+                raise self.source.error(entry, f"{what}: `{key}` is missing; state {meaning}, such as `{example}`")
+        measure = read_unit(self.source, fields, what)
+        self.sensor_measures[name] = measure
+        if measure is None:
+            self.defaults.add("unit", "SI", name)
+        text = self.source.text(fields["reads"].value, f"{what}: reads")
+        reads = self.laws.expression(text, fields["reads"].line, f"{what}: reads")
+        if not any(Name(item).is_signal for item in names(reads)):
+            raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `vessel.e`")
+        noise = read_spread(self.source, fields["noise"], f"{what}: noise", measure)
+        needs_size(self.source, fields["noise"], f"{what}: noise", noise)
+        if noise.difference() <= 0:
+            raise self.source.error(fields["noise"], f"{what}: noise must be above 0; state its standard deviation")
+        return Sensor(
+            name=name,
+            column=read_column(self.source, fields, what, name, self.defaults),
+            unit=measure.unit if measure else NO_UNIT,
+            reads=reads,
+            noise=noise.difference(),
+            line=entry.line,
+        )
+
+    def _slow_error(self, entry: Entry) -> SlowError:
+        target, what = entry.key, f"slow_error {shown(entry.key)}"
+        default = self._target_measure(entry, what)
+        if isinstance(entry.value, Text):
+            fields = {"size": Entry("size", entry.value, entry.line)}
+        else:
+            fields = self.source.fields(entry.value, what, SLOW_ERROR_KEYS)
+        if "size" not in fields:
+            raise self.source.error(entry, f"{what}: `size` is missing; write it as `size: 0.2 cm over 40 s`")
+        where = f"{self.source.at(fields['size'])}{what}: "
+        sd, memory = spread_over(self.source.text(fields["size"].value, what), where, default)
+        if sd.quantity is not None and sd.quantity.measure is not None:
+            if target in self.sensor_measures:
+                same_unit(self.source, fields["size"], f"{what}: size", sd.quantity, default)
+            self.size_measures[target] = sd.quantity.measure
+        if ("after" in fields) != ("each" in fields):
+            problem = "`after` and `each` belong together; write `after: [inflow], each: 0.005 cm/(cm^3/s)`"
+            raise self.source.error(entry, f"{what}: {problem}")
+        after = self._after(fields["after"], what) if "after" in fields else ()
+        return SlowError(
+            target=target,
+            sd=sd.ratio if sd.is_relative else sd.difference(),
+            relative=sd.is_relative,
+            memory=memory,
+            after=after,
+            each=self._each(fields["each"], what, after, sd, default) if "each" in fields else 0.0,
+            line=entry.line,
+        )
+
+    def _target_measure(self, entry: Entry, what: str) -> Measure | None:
+        """Check the target, a signal or a sensor; give the measure of a sensor."""
+        target = entry.key
+        if "." in target:
+            self.laws.signal(target, f"{self.source.at(entry)}{what}: ")
+            return None
+        if target not in self.sensor_measures:
+            near = closest(target, self.sensor_measures) or "write a sensor's name or a signal such as `line.f`"
+            raise self.source.error(entry, f"{what}: no sensor `{shown(target)}`; {near}")
+        return self.sensor_measures[target]
+
+    def _after(self, entry: Entry, what: str) -> tuple[str, ...]:
+        node = entry.value
+        items = (node,) if isinstance(node, Text) else self.source.items(node, f"{what}: after")
+        found = tuple(self.source.text(item, f"{what}: after") for item in items)
+        for name in found:
+            if name not in self.inputs:
+                near = closest(name, self.inputs) or "name inputs of the model"
+                raise self.source.error(entry, f"{what}: after: no input `{shown(name)}`; {near}")
+        if not found or len(set(found)) < len(found):
+            raise self.source.error(entry, f"{what}: after names one or more inputs, each once")
+        return found
+
+    def _each(self, entry: Entry, what: str, after: tuple[str, ...], sd: Spread, target: Measure | None) -> float:
+        """Give the SI growth of the standard deviation per SI change of an input."""
+        if sd.is_relative:
+            raise self.source.error(entry, f"{what}: `each` needs an absolute size, such as `size: 0.2 cm over 40 s`")
+        where = f"{self.source.at(entry)}{what}: each "
+        found = quantity(self.source.text(entry.value, f"{what}: each"), where)
+        size = target or (sd.quantity.measure if sd.quantity else None)
+        per = [self.laws.values.measures[name] for name in after]
+        if found.number < 0:
+            raise ModelError(f"{where}is negative; a standard deviation is 0 or more")
+        if found.measure is None:
+            per_unit = shared_factor(self.inputs[name].unit for name in after)
+            return found.number * (size.unit.factor if size else 1.0) / per_unit
+        for name, measure in zip(after, per, strict=True):
+            if size and measure and size.dimension / measure.dimension != found.measure.dimension:
+                wanted = size.dimension / measure.dimension
+                raise ModelError(f"{where}is in {found.measure.dimension}, but {wanted} is expected for input {name}")
+        return found.difference

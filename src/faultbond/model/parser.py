@@ -1,0 +1,266 @@
+"""Laws as text: a whitelist over Python's `ast`, and the text of an expression.
+
+`ast` gives precedence only; before it sees the text, every token has been checked, and nothing is ever executed.
+"""
+
+import ast
+import keyword
+import math
+import re
+from collections.abc import Iterator
+from decimal import Decimal
+
+from faultbond.errors import ModelError
+from faultbond.model.expression import FUNCTIONS, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.source import closest, shown
+
+MAX_LENGTH = 2000
+MAX_NODES = 500
+MAX_DEPTH = 50
+MAX_EXPONENT = 16
+
+_TOKEN = re.compile(
+    r"""(?P<space>[ \t\r\n]+)
+    |(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?(?![A-Za-z0-9_.]))
+    |(?P<name>[A-Za-z][A-Za-z0-9_]{0,63}(?:\.[A-Za-z][A-Za-z0-9_]{0,63})?(?![A-Za-z0-9_.]))
+    |(?P<operator>\*\*|<=|>=|[-+*/<>(),])""",
+    re.VERBOSE,
+)
+_EQUALS = re.compile(r"(?<![<>=!])=(?!=)")
+_ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+_ADVICE = {
+    "^": "write `**` for a power",
+    "=": "one `=` stands between the two sides of a law, and nowhere else",
+    "&": "logic belongs to block networks",
+    "|": "logic belongs to block networks; write `abs(x)` for a magnitude",
+    "~": "logic belongs to block networks",
+}
+
+
+def parse_expression(text: str, where: str = "") -> Expression:
+    """Give the tree of an expression such as `K1*f*abs(f)`.
+
+    Parameters
+    ----------
+    text : what the user wrote
+    where : start of every error message, `model.yaml:12: `
+
+    Raises
+    ------
+    ModelError
+        if the text is longer than 2000 characters, has more than 500 parts or 50 levels, or uses anything outside the
+        grammar: `+ - * / **`, the functions of `FUNCTIONS`, numbers, names, `part.signal`, and a comparison as the
+        first argument of `where`.
+
+    Example
+    -------
+    >>> to_text(parse_expression("K1 * (f*abs(f))"))
+    'K1*(f*abs(f))'
+    """
+    if len(text) > MAX_LENGTH:
+        raise ModelError(f"{where}the expression has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    _check_tokens(text, where)
+    try:
+        tree = ast.parse(" ".join(text.split()), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        problem = f"`{shown(text)}` is not an expression; look for a missing operator, operand or parenthesis"
+        raise ModelError(where + problem) from None
+    return _Reader(where, text).expression(tree.body, 1)
+
+
+def parse_relation(text: str, where: str = "") -> tuple[Expression, Expression]:
+    """Give the two sides of a law `left = right`.
+
+    Example
+    -------
+    >>> parse_relation("e = K8")
+    (Name(text='e'), Name(text='K8'))
+    """
+    if len(text) > MAX_LENGTH:
+        raise ModelError(f"{where}the law has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    sides = _EQUALS.split(text)
+    if len(sides) != 2:
+        raise ModelError(f"{where}`{shown(text)}` is not a law; write `left = right` with one `=`, such as `e = R*f`")
+    return parse_expression(sides[0], where), parse_expression(sides[1], where)
+
+
+def _check_tokens(text: str, where: str) -> None:
+    """Refuse everything that is not a number, a name or an operator of ours."""
+    if not text.strip():
+        raise ModelError(f"{where}an expression is missing; write one, such as `R*f`")
+    at = 0
+    while at < len(text):
+        match = _TOKEN.match(text, at)
+        if match is None:
+            advice = _ADVICE.get(text[at], "only numbers, names, part.signal, + - * / ** ( ) and functions are read")
+            raise ModelError(f"{where}cannot read `{shown(text[at : at + 20])}` in `{shown(text)}`; {advice}")
+        if match["number"] and not math.isfinite(float(match["number"])):
+            raise ModelError(f"{where}the number `{shown(match['number'])}` is too large; rescale it")
+        for word in (match["name"] or "").split("."):
+            if keyword.iskeyword(word):
+                raise ModelError(f"{where}`{word}` is a reserved word; choose another name")
+        at = match.end()
+
+
+class _Reader:
+    """Turns the `ast` tree of one text into ours, counting as it goes."""
+
+    def __init__(self, where: str, text: str) -> None:
+        self.where, self.text, self.nodes = where, text, 0
+
+    def error(self, problem: str) -> ModelError:
+        return ModelError(f"{self.where}{problem} in `{shown(self.text)}`")
+
+    def expression(self, node: ast.expr, depth: int) -> Expression:
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            raise self.error(f"more than {MAX_NODES} numbers, names and operators; split the expression")
+        if depth > MAX_DEPTH:
+            raise self.error(f"more than {MAX_DEPTH} levels of nesting; split the expression")
+        match node:
+            case ast.Constant(value=int() | float() as value):
+                return Number(float(value))
+            case ast.Name(id=name):
+                return Name(name)
+            case ast.Attribute(value=ast.Name(id=part), attr=signal):
+                return Name(f"{part}.{signal}")
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return Negative(self.expression(operand, depth + 1))
+            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _ARITHMETIC:
+                return self.binary(_ARITHMETIC[type(operator)], left, right, depth)
+            case ast.Call():
+                return self.call(node, depth)
+            case ast.Compare():
+                raise self.error("a comparison may stand only in where(condition, a, b)")
+        raise self.error("only + - * / **, a minus sign, functions, numbers and names are read; something else stands")
+
+    def binary(self, operator: str, left: ast.expr, right: ast.expr, depth: int) -> Expression:
+        result = Binary(operator, self.expression(left, depth + 1), self.expression(right, depth + 1))
+        if operator == "**":
+            exponent = constant_value(result.right)
+            if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
+                raise self.error(f"an exponent above {MAX_EXPONENT} stands")
+        return result
+
+    def call(self, node: ast.Call, depth: int) -> Expression:
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            raise self.error("only a function of the table may be called; another call stands")
+        name, n_arguments = node.func.id, len(node.args)
+        if name not in FUNCTIONS:
+            known = closest(name, FUNCTIONS) or f"the functions are {', '.join(FUNCTIONS)}"
+            raise self.error(f"unknown function `{name}`; {known}; it stands")
+        wanted = FUNCTIONS[name]
+        if n_arguments < 2 if wanted < 0 else n_arguments != wanted:
+            number = "two or more arguments" if wanted < 0 else f"{wanted} argument{'s'[: wanted - 1]}"
+            raise self.error(f"`{name}` takes {number}, not {n_arguments},")
+        if name == "where":
+            condition = self.condition(node.args[0], depth + 1)
+            return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))
+        return Call(name, tuple(self.expression(item, depth + 1) for item in node.args))
+
+    def condition(self, node: ast.expr, depth: int) -> Expression:
+        match node:
+            case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISON:
+                self.nodes += 1
+                sides = self.expression(left, depth + 1), self.expression(right, depth + 1)
+                return Binary(_COMPARISON[type(operator)], *sides)
+        raise self.error("where() needs one comparison (< <= > >=) as its first argument")
+
+
+def constant_value(expression: Expression) -> float | None:
+    """Give the value of an expression of numbers and `+ - * / **` only; None if it has names, nan if it has no value.
+
+    Example
+    -------
+    >>> constant_value(parse_expression("1/4"))
+    0.25
+    """
+    match expression:
+        case Number(value):
+            return value
+        case Negative(operand):
+            inner = constant_value(operand)
+            return None if inner is None else -inner
+        case Binary(operator, left, right) if operator in _ARITHMETIC.values():
+            a, b = constant_value(left), constant_value(right)
+            return None if a is None or b is None else arithmetic(operator, a, b)
+    return None
+
+
+def arithmetic(operator: str, a: float, b: float) -> float:
+    """Give `a operator b` in floating point; nan where there is no finite real value."""
+    try:
+        match operator:
+            case "+":
+                return a + b
+            case "-":
+                return a - b
+            case "*":
+                return a * b
+            case "/":
+                return a / b
+        return math.pow(a, b)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return math.nan
+
+
+_PRECEDENCE = {"<": 1, "<=": 1, ">": 1, ">=": 1, "+": 2, "-": 2, "*": 3, "/": 3, "**": 5}
+_MINUS = 4
+_ATOM = 6
+
+
+def to_text(expression: Expression) -> str:
+    """Give the text that parses to exactly this tree, with as few parentheses as that allows.
+
+    Example
+    -------
+    >>> to_text(parse_expression("(a - (b - c)) * ((d))**2"))
+    '(a - (b - c))*d**2'
+    """
+    return "".join(_pieces(expression, 0))
+
+
+def _pieces(expression: Expression, needed: int) -> Iterator[str]:
+    """Give the text in pieces, in parentheses if it binds weaker than needed."""
+    open_, close = ("(", ")") if _strength(expression) < needed else ("", "")
+    yield open_
+    match expression:
+        case Number(value):
+            yield number_text(value)
+        case Name(text):
+            yield text
+        case Negative(operand):
+            yield "-"
+            yield from _pieces(operand, _MINUS)
+        case Binary(operator, left, right):
+            own = _PRECEDENCE[operator]
+            yield from _pieces(left, _ATOM if operator == "**" else own)
+            yield operator if own > 2 else f" {operator} "
+            yield from _pieces(right, _MINUS if operator == "**" else own + 1)
+        case Call(function, arguments):
+            yield f"{function}("
+            for position, argument in enumerate(arguments):
+                yield ", " if position else ""
+                yield from _pieces(argument, 0)
+            yield ")"
+    yield close
+
+
+def _strength(expression: Expression) -> int:
+    match expression:
+        case Binary(operator, _, _):
+            return _PRECEDENCE[operator]
+        case Negative():
+            return _MINUS
+    return _ATOM
+
+
+def number_text(value: float) -> str:
+    """Give the shortest text of a number that reads back exactly: `100`, `0.5`, `2.41e11`."""
+    if value.is_integer() and abs(value) < 1e7:
+        return str(int(value))
+    if 1e-4 <= abs(value) < 1e7:
+        return repr(value)
+    mantissa, _, exponent = f"{Decimal(repr(value)).normalize():e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"

@@ -1,0 +1,225 @@
+"""From the plain tree to a checked bond graph: the one way for the text file and for the Python builder."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from faultbond.model import defaults as default_values
+from faultbond.model.defaults import Defaults
+from faultbond.model.dimensions import Checker
+from faultbond.model.dump import dump_model
+from faultbond.model.expression import Name, names
+from faultbond.model.graph import BondGraph, Component, SlowError, TimeColumn
+from faultbond.model.laws import LawReader
+from faultbond.model.measured import Measured, MeasuredReader
+from faultbond.model.quantities import Spread, spread
+from faultbond.model.source import Entry, Source, Table, Text, shown
+from faultbond.model.units import SECOND, measure
+from faultbond.model.values import ValueReader, Values, column_text, read_duration
+from faultbond.model.wiring import Wiring, wiring
+from faultbond.types import TimeGrid
+
+MODEL_KEYS = (
+    *("name", "sample_time", "max_faults", "accuracy", "warm_up", "time", "constants", "inputs", "components"),
+    *("junctions", "bonds", "sensors", "slow_error", "blocks"),
+)
+MAX_FAULTS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    name: str
+    grid: TimeGrid
+    sample_time: float | None
+    max_faults: int
+    time: TimeColumn
+    accuracy: Spread | None
+
+
+def resolve(table: Table, source: Source, name: str) -> BondGraph:
+    """Give the bond graph of a plain tree.
+
+    Parameters
+    ----------
+    table : keys and values as texts
+    source : names the file, for messages
+    name : the model's name where it states none
+
+    Raises
+    ------
+    ModelError
+        at the first thing that is not a complete, consistent model.
+    """
+    fields = source.fields(table, "model", MODEL_KEYS)
+    if "blocks" in fields:
+        problem = "block networks are not built yet; state components, junctions and bonds"
+        raise source.error(fields["blocks"], f"blocks: {problem}")
+    defaults = Defaults()
+    settings = _settings(source, fields, defaults, name)
+    plant = wiring(source, fields)
+    values = ValueReader(source, defaults, settings.accuracy).read(fields, plant)
+    laws = LawReader(source, plant, values, defaults)
+    components = laws.components()
+    measured = MeasuredReader(source, laws, defaults).read(fields)
+    laws.check_used(_used(components, measured))
+    _check_dimensions(source, plant, values, components, laws, measured)
+    graph = BondGraph(
+        name=settings.name,
+        grid=settings.grid,
+        sample_time=settings.sample_time,
+        max_faults=settings.max_faults,
+        warm_up=_warm_up(source, fields, settings, measured.slow_errors, defaults),
+        time=settings.time,
+        parameters=values.parameters,
+        constants=values.constants,
+        inputs=values.inputs,
+        components=components,
+        junctions=tuple(plant.junctions.values()),
+        bonds=plant.bonds,
+        sensors=measured.sensors,
+        slow_errors=measured.slow_errors,
+        defaults=defaults.pairs(),
+        file=source.label,
+    )
+    return replace(graph, text=dump_model(graph))
+
+
+def _settings(source: Source, fields: Mapping[str, Entry], defaults: Defaults, name: str) -> _Settings:
+    grid, sample_time = _grid(source, fields)
+    time = _time(source, fields, defaults)
+    if time.column is None and grid is TimeGrid.VARIABLE:
+        problem = "`time: none` needs a fixed sample_time; state the time column, or a sample_time such as `1 s`"
+        raise source.error(fields["time"], problem)
+    return _Settings(
+        name=_name(source, fields, defaults, name),
+        grid=grid,
+        sample_time=sample_time,
+        max_faults=_max_faults(source, fields, defaults),
+        time=time,
+        accuracy=_accuracy(source, fields),
+    )
+
+
+def _name(source: Source, fields: Mapping[str, Entry], defaults: Defaults, name: str) -> str:
+    if "name" not in fields:
+        defaults.add("name", "the file's name")
+        return name
+    text = source.text(fields["name"].value, "name")
+    if len(text) > 100 or not text.isprintable():
+        raise source.error(fields["name"], "name must be one line of printable text, 100 characters at most")
+    return text
+
+
+def _grid(source: Source, fields: Mapping[str, Entry]) -> tuple[TimeGrid, float | None]:
+    if "sample_time" not in fields:
+        raise source.error(0, "`sample_time` is missing; state it, such as `sample_time: 1 s`, or `variable`")
+    entry = fields["sample_time"]
+    text = source.text(entry.value, "sample_time")
+    if text == "variable":
+        return TimeGrid.VARIABLE, None
+    if text == "none":
+        problem = "static networks are not built yet; state a time such as `1 s`, or `variable`"
+        raise source.error(entry, f"sample_time `none`: {problem}")
+    value = read_duration(source, entry, "sample_time")
+    if value <= 0:
+        raise source.error(entry, "sample_time must be above 0, such as `1 s`")
+    return TimeGrid.FIXED, value
+
+
+def _max_faults(source: Source, fields: Mapping[str, Entry], defaults: Defaults) -> int:
+    if "max_faults" not in fields:
+        defaults.add("max_faults", str(default_values.MAX_FAULTS))
+        return default_values.MAX_FAULTS
+    text = source.text(fields["max_faults"].value, "max_faults")
+    if not (text.isascii() and text.isdigit() and len(text) <= 2 and 1 <= int(text) <= MAX_FAULTS):
+        problem = f"is a whole number from 1 to {MAX_FAULTS}, not `{shown(text)}`"
+        raise source.error(fields["max_faults"], f"max_faults {problem}")
+    return int(text)
+
+
+def _accuracy(source: Source, fields: Mapping[str, Entry]) -> Spread | None:
+    if "accuracy" not in fields:
+        return None
+    entry = fields["accuracy"]
+    found = spread(source.text(entry.value, "accuracy"), source.at(entry) + "accuracy ")
+    if not found.is_relative:
+        problem = "of the model is relative, such as `3 %`; state an absolute one at its parameter"
+        raise source.error(entry, f"accuracy {problem}")
+    return found
+
+
+def _time(source: Source, fields: Mapping[str, Entry], defaults: Defaults) -> TimeColumn:
+    if "time" not in fields:
+        defaults.add("time", "column `time` in s")
+        return TimeColumn()
+    entry = fields["time"]
+    if isinstance(entry.value, Text) and entry.value.value.strip() == "none":
+        return TimeColumn(column=None)
+    if isinstance(entry.value, Text):
+        raise source.error(entry, "time is `{column: .., unit: ..}` or `none`")
+    known = source.fields(entry.value, "time", ("column", "unit"))
+    column, unit = "time", measure("s")
+    if "column" in known:
+        column = column_text(source, known["column"], "time")
+    else:
+        defaults.add("time column", "time")
+    if "unit" in known:
+        unit = measure(source.text(known["unit"].value, "time: unit"), source.at(known["unit"]) + "time: ")
+        if unit.dimension != SECOND:
+            raise source.error(known["unit"], f"time: unit is {unit.dimension}, not a time; write s, ms, min or h")
+    else:
+        defaults.add("time unit", "s")
+    return TimeColumn(column=column, unit=unit.unit)
+
+
+def _warm_up(
+    source: Source,
+    fields: Mapping[str, Entry],
+    settings: _Settings,
+    slow_errors: tuple[SlowError, ...],
+    defaults: Defaults,
+) -> float:
+    """Give the time without alarms: stated, or long enough for the filter to learn the slow errors of the plant."""
+    if "warm_up" in fields:
+        return read_duration(source, fields["warm_up"], "warm_up")
+    least = default_values.WARM_UP_SECONDS
+    if settings.sample_time is not None:
+        least = default_values.WARM_UP_SAMPLES * settings.sample_time
+    memories = [item.memory for item in slow_errors if not item.is_sensor]
+    value = max(least, default_values.WARM_UP_MEMORY * max(memories, default=0.0))
+    defaults.add("warm_up", f"{value:.6g} s")
+    return value
+
+
+def _used(components: tuple[Component, ...], measured: Measured) -> set[str]:
+    laws = [side for item in components for law in item.laws for side in (law.left, law.right)]
+    return {name for expression in (*laws, *(item.reads for item in measured.sensors)) for name in names(expression)}
+
+
+def _check_dimensions(
+    source: Source,
+    plant: Wiring,
+    values: Values,
+    components: tuple[Component, ...],
+    laws: LawReader,
+    measured: Measured,
+) -> None:
+    """Check laws first, in the order of the file, then what refers to their signals."""
+    checker = Checker(source, plant, values)
+    for component in components:
+        for law in component.laws:
+            checker.law(law.left, law.right, f"{source.at(law.line)}law of {component.name}: ")
+    for sensor in measured.sensors:
+        found = measured.sensor_measures[sensor.name]
+        if found is not None:
+            where = f"{source.at(sensor.line)}sensor {sensor.name}: "
+            checker.expect(sensor.reads, found.dimension, "its unit", where)
+    for error in measured.slow_errors:
+        if not error.is_sensor and error.target in measured.size_measures:
+            where = f"{source.at(error.line)}slow_error {error.target}: "
+            checker.expect(Name(error.target), measured.size_measures[error.target].dimension, "its size", where)
+    for start in laws.starts:
+        for item in start.quantities:
+            if item.measure is not None:
+                part = start.signal.partition(".")[0]
+                where = f"{source.at(start.line)}start of {part}: "
+                checker.expect(Name(start.signal), item.measure.dimension, "the start", where)
