@@ -1,0 +1,8 @@
+"""Reports of a run for people: terminal, HTML page, drawing of the bond graph."""
+
+from faultbond.report.drawing import draw
+from faultbond.report.html import render_report
+from faultbond.report.terminal import print_diagnosis
+from faultbond.report.verdict import Counts, verdict_sentence
+
+__all__ = ["Counts", "draw", "print_diagnosis", "render_report", "verdict_sentence"]

@@ -1,0 +1,114 @@
+"""One self-contained HTML page about a run; it opens from a file and needs no network."""
+
+from collections.abc import Mapping
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from faultbond.model.graph import BondGraph
+from faultbond.report.charts import payload, sections
+from faultbond.report.drawing import draw
+from faultbond.report.numbers import Notation, clock_text, duration_text
+from faultbond.report.verdict import (
+    Counts,
+    component_probabilities,
+    last_diagnosis,
+    remainder_text,
+    span_of,
+    table_rows,
+    verdict_sentence,
+)
+from faultbond.runtime.history import History
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+STATIC = resources.files("faultbond.report") / "static"
+
+
+def render_report(
+    graph: BondGraph,
+    history: History,
+    strokes: Mapping[int, str] | None,
+    engine_title: str,
+    version: str,
+    counts: Counts,
+) -> str:
+    """Give the page about a run as HTML text.
+
+    Parameters
+    ----------
+    graph : the plant
+    history : traces, detections and diagnoses of the run
+    strokes : node at which the causal stroke of each bond stands, by bond index; None: none are drawn
+    engine_title : the engine in words
+    version : of faultbond
+    counts : samples passed, and defects of the recording
+    """
+    environment = Environment(
+        loader=PackageLoader("faultbond.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False, "ensure_ascii": False}
+    diagnosis = last_diagnosis(history) if history.detections else None
+    parts = sections(graph, history)
+    rows = table_rows(graph, diagnosis, Notation.PRINT) if diagnosis else ()
+    return environment.get_template("report.html.j2").render(
+        name=graph.name,
+        found=bool(history.detections),
+        verdict=verdict_sentence(graph, history, counts, Notation.PRINT).replace(" %", NO_BREAK + "%"),
+        cards=_cards(history, counts),
+        facts=_facts(graph, history, engine_title, version),
+        diagnosed_at=clock_text(diagnosis.time) if diagnosis else "",
+        rows=rows,
+        several=sum(row.group for row in rows) > 1,
+        remainder=remainder_text(diagnosis, rows) if diagnosis else "",
+        drawing=draw(graph, strokes, component_probabilities(diagnosis) if diagnosis else None),
+        strokes_drawn=bool(strokes),
+        sections=parts,
+        data=payload(history, [chart for part in parts for chart in part.charts]),
+        style=_static("uPlot.min.css") + _static("report.css"),
+        library=_static("uPlot.iife.min.js"),
+        licence=_static("uPlot.LICENSE"),
+        script=_static("report.js"),
+    )
+
+
+def _static(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _cards(history: History, counts: Counts) -> list[tuple[str, str, str]]:
+    """Give the summary: name, value, remark."""
+    cards = []
+    if history.detections:
+        last = history.detections[-1]
+        start = float(history.time[0]) if len(history.time) else 0.0
+        cards = [
+            ("Detected at", clock_text(last.time), f"{duration_text(last.time - start)} after the start"),
+            ("Estimated onset", clock_text(last.change_time), "begin of the change"),
+            ("Delay", duration_text(last.time - last.change_time), "from onset to alarm"),
+            ("Seen in", ", ".join(last.signals) or "slow error", "signal that raised the alarm"),
+        ]
+        if len(history.detections) > 1:
+            cards.append(("Alarms", str(len(history.detections)), "shown: the last"))
+    defects = counts.defects()
+    span = duration_text(span_of(history))
+    cards.append(("Samples", f"{counts.samples:,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), span))
+    cards.append(("Recording", defects or "complete", "defects of the data" if defects else "no sample lost"))
+    return cards
+
+
+def _facts(graph: BondGraph, history: History, engine_title: str, version: str) -> list[tuple[str, str]]:
+    step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
+    facts = [
+        ("Sensors", ", ".join(sensor.name for sensor in graph.sensors)),
+        ("Sampled", step),
+        ("Engine", engine_title),
+        ("Made by", f"faultbond {version}"),
+    ]
+    if len(history.time):
+        first, last = (clock_text(float(history.time[end])) for end in (0, -1))
+        facts.insert(2, ("Recording", f"{first} to {last}"))
+    return facts

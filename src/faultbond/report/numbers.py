@@ -1,0 +1,173 @@
+"""Numbers, units and times as a person reads them: no more digits than the standard deviation supports."""
+
+import math
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import Enum
+
+TIMES = "\N{MULTIPLICATION SIGN}"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
+PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
+
+
+class Notation(Enum):
+    """How powers and units are spelled: as in the model file, or as in print."""
+
+    FILE = "file"  # 4.43e11 Pa*s^2/m^6
+    PRINT = "print"  # powers and units raised, with signs of multiplication
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A rounded number with its standard deviation; both are multiples of 10**exponent. `sd` may be empty."""
+
+    value: str
+    sd: str
+    exponent: int
+
+    def number(self, notation: Notation) -> str:
+        """Give the value alone."""
+        return with_power(self.value, self.exponent, notation)
+
+    def both(self, notation: Notation) -> str:
+        """Give value ± standard deviation."""
+        if not self.sd:
+            return self.number(notation)
+        if notation is Notation.FILE or self.exponent == 0:
+            parts = (with_power(part, self.exponent, notation) for part in (self.value, self.sd))
+            return " ± ".join(parts)
+        return with_power(f"({self.value} ± {self.sd})", self.exponent, notation)
+
+
+def with_power(mantissa: str, exponent: int, notation: Notation) -> str:
+    """Join a mantissa and a power of ten."""
+    if exponent == 0:
+        return mantissa
+    if notation is Notation.FILE:
+        return f"{mantissa}e{exponent}"
+    return f"{mantissa} {TIMES} {power_of_ten(exponent)}"
+
+
+def power_of_ten(exponent: int) -> str:
+    """Give 10ⁿ with a raised exponent."""
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
+
+
+def exponent_of(value: float) -> int:
+    """Give the power of ten by which a number of this size is best written; 0: written out."""
+    if value == 0.0 or not math.isfinite(value):
+        return 0
+    exponent = math.floor(math.log10(abs(value)))
+    return 0 if exponent in PLAIN_EXPONENTS else exponent
+
+
+def last_place(sd: float) -> int:
+    """Give the power of ten of the last digit worth printing: two digits of a `sd` that starts with 1 or 2, else one.
+
+    Source: the rounding rule of the Particle Data Group, with a simpler border.
+    """
+    place = math.floor(math.log10(sd))
+    return place - 1 if sd < 2.95 * 10.0**place else place
+
+
+def figure(value: float, sd: float | None = None, digits: int = 6) -> Figure:
+    """Round a number to the digits that its standard deviation supports.
+
+    Parameters
+    ----------
+    value : number, any unit
+    sd : its standard deviation in the same unit; None, 0 or not finite: unknown or exact, `digits` are kept
+    digits : significant digits where there is no standard deviation
+
+    Returns
+    -------
+    the rounded texts; of a number without standard deviation trailing zeros are dropped
+    """
+    if not math.isfinite(value):
+        return Figure("unknown", "", 0)
+    if sd is None or not math.isfinite(sd) or sd <= 0.0:
+        return _exact(value, digits)
+    exponent = exponent_of(max(abs(value), sd))
+    place = last_place(sd)
+    decimals = max(0, exponent - place)
+    shift = 10.0**exponent
+    mantissa, error = (f"{round(number, -place) / shift:.{decimals}f}" for number in (value, sd))
+    return Figure(mantissa, error, exponent)
+
+
+def _exact(value: float, digits: int) -> Figure:
+    exponent = exponent_of(float(f"{value:.{digits}g}"))
+    mantissa = value / 10.0**exponent
+    text = f"{mantissa:.{digits}g}"
+    return Figure(format(float(text), "f").rstrip("0").rstrip(".") if "e" in text else text, "", exponent)
+
+
+def unit_text(unit: str, notation: Notation) -> str:
+    """Give a unit as it is spelled in that notation; empty where there is none."""
+    if unit in ("", "1", "dimensionless"):
+        return ""
+    if notation is Notation.FILE:
+        return unit
+    short = re.sub(r"\bpercent\b", "%", unit)
+    raised = re.sub(r"(?:\^|\*\*)(-?\d+)(?![\d.])", lambda hit: hit[1].translate(SUPERSCRIPTS), short)
+    return raised.replace("**", "^").replace("*", "·")
+
+
+def probability_text(probability: float) -> str:
+    """Give a probability in per cent; never 0 or 100."""
+    percent = 100.0 * probability
+    if percent < 0.1:
+        return "<0.1"
+    if percent > 99.9:
+        return ">99.9"
+    return f"{percent:.1f}"
+
+
+def certainty_text(probability: float) -> str:
+    """Say how sure a verdict is, rounded down so that it is never overstated."""
+    if probability > 0.999:
+        return "more than 99.9 % sure"
+    if probability < 0.01:
+        return "less than 1 % sure"
+    return f"{math.floor(100.0 * probability)} % sure"
+
+
+def change_text(nominal: float, estimate: float, sd: float) -> str:
+    """Give the relative change in per cent, `+84 %`; empty where the nominal value is 0."""
+    if nominal == 0.0 or not math.isfinite(estimate):
+        return ""
+    percent = 100.0 * (estimate - nominal) / abs(nominal)
+    relative_sd = 100.0 * sd / abs(nominal)
+    coarse = not math.isfinite(relative_sd) or relative_sd >= 1.0 or abs(percent) >= 20.0
+    text = f"{percent:+.0f}" if coarse else f"{percent:+.1f}"
+    return ("0" if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")) + " %"
+
+
+def duration_text(seconds: float) -> str:
+    """Give a length of time in the unit in which it is a handy number."""
+    for size, name in ((172800.0, "d"), (7200.0, "h"), (120.0, "min")):
+        if abs(seconds) >= size:
+            length = {"d": 86400.0, "h": 3600.0, "min": 60.0}[name]
+            return f"{_three_digits(seconds / length)} {name}"
+    return f"{_three_digits(seconds)} s"
+
+
+def _three_digits(value: float) -> str:
+    text = f"{value:.3g}"
+    return f"{value:.0f}" if "e" in text and abs(value) >= 1.0 else text
+
+
+def is_unix(time: float) -> bool:
+    """Tell whether a clock reading counts Unix seconds."""
+    return time >= UNIX_CLOCK
+
+
+def clock_text(time: float) -> str:
+    """Give a reading of the recording's clock: seconds as written, or date and time where they are Unix seconds."""
+    if not is_unix(time):
+        return f"{figure(time, digits=9).number(Notation.FILE)} s" if time < 1e5 else f"{time:.12g} s"
+    moment = datetime.fromtimestamp(round(time, 3), UTC)
+    text = moment.strftime("%Y-%m-%d %H:%M:%S")
+    return text + (f".{moment.microsecond // 1000:03d}" if moment.microsecond >= 1000 else "") + " UTC"

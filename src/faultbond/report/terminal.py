@@ -1,0 +1,100 @@
+"""The diagnosis as text: what was watched, when the alarm came, and the ranked table."""
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import Notation, clock_text, duration_text
+from faultbond.report.verdict import (
+    Counts,
+    Row,
+    detection_sentence,
+    last_diagnosis,
+    remainder_text,
+    span_of,
+    table_rows,
+    verdict_sentence,
+)
+from faultbond.runtime.history import Diagnosis, History
+
+PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
+GROUP_MARK = "●"
+
+
+def print_diagnosis(console: Console, graph: BondGraph, history: History, *, engine_title: str, counts: Counts) -> None:
+    """Print what a run found.
+
+    Parameters
+    ----------
+    console : where to print; one that is no terminal is set to `PLAIN_WIDTH` columns
+    graph : the plant, for names and units
+    history : traces, detections and diagnoses of the run
+    engine_title : the engine in words
+    counts : samples passed, and defects of the recording
+    """
+    if not console.is_terminal:
+        console.width = PLAIN_WIDTH
+    for label, text in _watched(graph, history, engine_title, counts):
+        console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
+    console.print()
+    for detection in history.detections:
+        console.print(Text(detection_sentence(detection), style="bold red"))
+    diagnosis = last_diagnosis(history)
+    if history.detections and diagnosis:
+        console.print(_heading(diagnosis))
+        _print_table(console, graph, diagnosis)
+    style = "bold" if history.detections else "bold green"
+    console.print(Text(verdict_sentence(graph, history, counts, Notation.FILE), style=style))
+
+
+def _watched(graph: BondGraph, history: History, engine_title: str, counts: Counts) -> tuple[tuple[str, str], ...]:
+    step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
+    sensors = ", ".join(sensor.name for sensor in graph.sensors)
+    defects = counts.defects()
+    span = ""
+    if len(history.time):
+        first, last = (clock_text(float(history.time[end])) for end in (0, -1))
+        span = f", {first} to {last} ({duration_text(span_of(history))})"
+    return (
+        ("Model", graph.name),
+        ("Sensors", f"{sensors}; {step}"),
+        ("Engine", engine_title),
+        ("Samples", f"{counts.samples}{span}" + (f"; {defects}" if defects else "")),
+    )
+
+
+def _heading(diagnosis: Diagnosis) -> Text:
+    return Text.assemble("\n", ("Diagnosis", "bold underline"), (f"  at {clock_text(diagnosis.time)}", "dim"))
+
+
+def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> None:
+    rows = table_rows(graph, diagnosis, Notation.FILE)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
+    for name in ("component", "parameter"):
+        table.add_column(name, overflow="fold")
+    table.add_column("nominal", justify="right")
+    table.add_column("estimate ± sd")
+    table.add_column("unit", overflow="fold")
+    table.add_column("change", justify="right")
+    table.add_column("%", justify="right")
+    table.add_column("", min_width=1)
+    several = sum(row.group for row in rows) > 1
+    for row in rows:
+        mark = GROUP_MARK if row.group and several else ""
+        table.add_row(*_cells(row), Text(mark), style="bold" if row.group else None)
+    console.print(table)
+    if remainder := remainder_text(diagnosis, rows):
+        console.print(Text(remainder, style="dim"))
+    if several:
+        console.print(Text(f"{GROUP_MARK} not yet distinguishable from the best", style="dim"))
+    console.print()
+
+
+def _cells(row: Row) -> tuple[Text, ...]:
+    """Give the cells of one candidate, one line per suspect."""
+    columns = ("parameter", "nominal", "estimate", "unit", "change")
+    components = Text("\n+ ".join(suspect.component for suspect in row.suspects))
+    lines = (Text("\n".join(getattr(suspect, column) for suspect in row.suspects)) for column in columns)
+    return (components, *lines, Text(row.percent))

@@ -1,0 +1,73 @@
+"""Numbers, units and times as printed."""
+
+import pytest
+
+from faultbond.report.numbers import (
+    Notation,
+    certainty_text,
+    change_text,
+    clock_text,
+    duration_text,
+    figure,
+    probability_text,
+    unit_text,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        (4.4321e11, 6.2e9, "4.43e11 ± 0.06e11"),
+        (4.4321e11, 1.2e9, "4.432e11 ± 0.012e11"),
+        (64650.0, 123.0, "64650 ± 120"),
+        (12.3456, 0.0345, "12.35 ± 0.03"),
+        (1.1e-5, 2.1e-5, "1.1e-5 ± 2.1e-5"),
+        (0.0, 0.5, "0.0 ± 0.5"),
+        (-3.14159, 0.26, "-3.14 ± 0.26"),
+    ],
+)
+def test_digits_follow_the_standard_deviation(value: float, sd: float, text: str) -> None:
+    """A number ends at the digit that its standard deviation makes doubtful."""
+    assert figure(value, sd).both(Notation.FILE) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(2.41e11, "2.41e11"), (130000.0, "1.3e5"), (3.0, "3"), (0.0, "0")])
+def test_exact_numbers_have_no_trailing_zeros(value: float, text: str) -> None:
+    """A number without standard deviation is printed as a person writes it."""
+    assert figure(value).both(Notation.FILE) == text
+
+
+def test_print_notation_raises_powers() -> None:
+    """In print powers and units are raised and percent is a sign."""
+    assert figure(4.43e11, 6e9).both(Notation.PRINT) == "(4.43 ± 0.06) \N{MULTIPLICATION SIGN} 10¹¹"
+    assert unit_text("Pa^0.5*s/m^3/percent^2", Notation.PRINT) == "Pa^0.5·s/m³/%²"
+    assert unit_text("Pa*s^2/m^6", Notation.FILE) == "Pa*s^2/m^6"
+
+
+def test_probability_is_never_certain() -> None:
+    """A probability is neither 0 nor 100 %, and certainty is rounded down."""
+    assert [probability_text(p) for p in (0.0, 0.1234, 1.0)] == ["<0.1", "12.3", ">99.9"]
+    assert certainty_text(0.996) == "99 % sure"
+    assert certainty_text(1.0) == "more than 99.9 % sure"
+
+
+def test_change_is_signed_and_empty_without_nominal() -> None:
+    """A change is given with its sign; about a nominal value of 0 it means nothing."""
+    assert change_text(2.41, 4.43, 0.05) == "+84 %"
+    assert change_text(2.0, 1.9, 0.001) == "\N{MINUS SIGN}5.0 %"
+    assert change_text(-2.0, -1.0, 0.1) == "+50 %"
+    assert change_text(0.0, 1.0, 0.1) == ""
+
+
+def test_clock_shows_dates_of_unix_seconds_only() -> None:
+    """Small clocks stay seconds as written, Unix seconds become a date."""
+    assert clock_text(2736.0) == "2736 s"
+    assert clock_text(0.02) == "0.02 s"
+    assert clock_text(1.71e9) == "2024-03-09 16:00:00 UTC"
+    assert clock_text(1.71e9 + 0.25) == "2024-03-09 16:00:00.250 UTC"
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.04, "0.04 s"), (90, "90 s"), (4919, "82 min"), (1e6, "11.6 d")])
+def test_duration_takes_a_handy_unit(seconds: float, text: str) -> None:
+    """A length of time is given in the unit in which it is a small number."""
+    assert duration_text(seconds) == text

@@ -1,0 +1,122 @@
+"""The words and rows about a run."""
+
+from dataclasses import replace
+
+import pytest
+from fake import counts_of, suspect, tank_graph, tank_history, with_last
+
+from faultbond.model.graph import Unit
+from faultbond.report.numbers import Notation
+from faultbond.report.verdict import (
+    UNDETERMINED,
+    Counts,
+    component_probabilities,
+    detection_sentence,
+    remainder_text,
+    table_rows,
+    unit_of,
+    verdict_sentence,
+)
+from faultbond.runtime.history import Candidate, Diagnosis, History
+
+GRAPH = tank_graph()
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    """Give a run with a fault."""
+    return tank_history(GRAPH, samples=1200)
+
+
+def sentence(history: History, *candidates: Candidate) -> str:
+    """Give the verdict when these are the last candidates."""
+    return verdict_sentence(GRAPH, with_last(history, candidates), Counts(samples=9), Notation.FILE)
+
+
+def test_verdict_names_component_and_values(history: History) -> None:
+    """A clear winner is named with its component, both values, the change and how sure it is."""
+    best = Candidate(suspects=(suspect(GRAPH, "K1", 1.838, 0.025),), probability=0.993, group=True)
+    assert sentence(history, best) == (
+        "Most likely the pipe changed: K1 rose from 2.41e11 to 4.43e11 Pa*s^2/m^6 (+84 %), 99 % sure."
+    )
+
+
+def test_verdict_of_a_pair_names_both(history: History) -> None:
+    """A pair is one explanation with two owners, also where a value fell."""
+    pair = (suspect(GRAPH, "K1", 1.5, 0.1), suspect(GRAPH, "K4", 0.5, 0.1))
+    text = sentence(history, Candidate(suspects=pair, probability=0.97, group=True))
+    assert "the pipe and the outlet changed" in text
+    assert "K4 fell from 2.35e-6" in text
+
+
+def test_group_of_several_is_not_decided(history: History) -> None:
+    """Where several cannot be told apart all are named, and so is what they share."""
+    group = [
+        Candidate(suspects=(suspect(GRAPH, "K6", 3.0, 0.1),), probability=0.6, group=True),
+        Candidate(
+            suspects=(suspect(GRAPH, "K6", 3.0, 0.1), suspect(GRAPH, "K4", 1.3, 0.1)), probability=0.3, group=True
+        ),
+        Candidate(suspects=(suspect(GRAPH, "K1", 1.3, 0.1),), probability=0.1, group=False),
+    ]
+    text = sentence(history, *group)
+    assert text.startswith("Cannot yet be told apart: leak K6 (60 %) and leak K6 with outlet K4 (30 %);")
+    assert "pipe" not in text
+    assert text.endswith("All contain K6 of the leak.")
+
+
+def test_unknown_value_is_called_so(history: History) -> None:
+    """An estimate as uncertain as a faulty value is beforehand is not printed as a number."""
+    loose = Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 1.95),), probability=0.99, group=True)
+    assert f"K1 is {UNDETERMINED}" in sentence(history, loose)
+    row = table_rows(GRAPH, Diagnosis(time=0.0, candidates=(loose,)), Notation.FILE)[0]
+    assert (row.suspects[0].estimate, row.suspects[0].change) == (UNDETERMINED, "")
+
+
+def test_no_fault_states_samples_and_time() -> None:
+    """A healthy run says how much was looked at."""
+    run = tank_history(GRAPH, samples=4920, fault=False)
+    assert verdict_sentence(GRAPH, run, counts_of(run), Notation.FILE) == "No fault found in 4920 samples (82 min)."
+
+
+def test_detection_without_diagnosis_says_so(history: History) -> None:
+    """An alarm right before the end of the data still gives a sentence."""
+    run = replace(history, diagnoses=())
+    assert "no diagnosis yet" in verdict_sentence(GRAPH, run, counts_of(run), Notation.FILE)
+
+
+def test_alarm_names_signal_onset_and_delay(history: History) -> None:
+    """The alarm is dated on the recording's clock."""
+    text = detection_sentence(history.detections[0])
+    assert text == "Fault detected at 876 s in flow; it began at about 609 s (delay 4.45 min)."
+
+
+def test_table_is_short_and_counts_the_rest(history: History) -> None:
+    """At most eight rows are shown, and the rest is counted with a bound that holds."""
+    first = history.diagnoses[0]
+    rows = table_rows(GRAPH, first, Notation.FILE)
+    assert len(rows) == 8
+    text = remainder_text(first, rows)
+    assert text.startswith(f"... and {len(first.candidates) - 8} more below ")
+    assert float(text.split()[-2]) / 100.0 >= first.candidates[8].probability
+
+
+def test_component_probability_sums_over_sets(history: History) -> None:
+    """A component is as probable as all sets together that contain it."""
+    diagnosis = history.diagnoses[0]
+    expected = sum(c.probability for c in diagnosis.candidates if "pipe" in c.components)
+    assert component_probabilities(diagnosis)["pipe"] == pytest.approx(expected)
+
+
+def test_values_are_in_units_of_the_model_file(history: History) -> None:
+    """A parameter given in bar is reported in bar."""
+    parameters = tuple(replace(p, unit=Unit("bar", 1e5)) if p.name == "K8" else p for p in GRAPH.parameters)
+    graph = replace(GRAPH, parameters=parameters)
+    best = Candidate(suspects=(suspect(GRAPH, "K8", 0.5, 0.01),), probability=0.99, group=True)
+    text = verdict_sentence(graph, with_last(history, (best,)), Counts(samples=9), Notation.FILE)
+    assert "K8 fell from 0.6465 to 0.323 bar" in text
+
+
+def test_bias_of_a_sensor_has_its_unit_without_offset() -> None:
+    """The bias of a sensor is a difference in the sensor's unit."""
+    assert unit_of(GRAPH, "pressure.bias") == Unit("kPa", 1e3)
+    assert unit_of(GRAPH, "pressure.gain").text == ""
