@@ -97,6 +97,7 @@ class StateSpec:
     start_mean: float
     start_sd: float | None
     noise: float  # process noise sd per sample
+    carries: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): factor**exponent keeps the co-energy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,6 +37,7 @@ class Plant:
     readings: ca.SX
     gap: ca.SX
     implicit: tuple[str, ...]
+    co_energy: tuple[ca.SX | None, ...]  # per state: effort of a C, flow of an I; None for an integrated signal
 
 
 def build_plant(graph: BondGraph) -> Plant:
@@ -75,6 +76,7 @@ def build_plant(graph: BondGraph) -> Plant:
         readings=_readings(graph, network, values, b),
         gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
         implicit=tuple(solver.implicit),
+        co_energy=tuple(values[state.partner] if state.partner else None for state in network.states),
     )
 
 

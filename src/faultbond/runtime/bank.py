@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.runtime.lanes import LanePlan, plan_lanes
+from faultbond.runtime.lanes import LanePlan, Start, plan_lanes
 from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray
 
@@ -50,9 +50,29 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> F
     plan = plan_lanes(spec)
     lanes = suspect_lanes(spec, plan, healthy[:, 0])
     if begin - 1 > onset:
-        lanes = _predict(spec, engine, healthy, lanes, blind[onset + 1 : begin])
+        gap = blind[onset + 1 : begin]
+        reached, _ = engine.advance(lanes, gap)
+        later, _ = engine.advance(healthy, gap)
+        lanes = _widen(spec, suspect_lanes(spec, plan, later[:, 0]), reached)
     lanes, _ = engine.advance(lanes, trail.samples[begin:])
     return lanes
+
+
+def _widen(spec: EngineSpec, lanes: FloatArray, reached: FloatArray) -> FloatArray:
+    """Make the states uncertain by the whole effect of the fault since the onset.
+
+    The onset is not known well, so the fault acted over some part of the time: the state lies between that of the
+    healthy plant (`lanes`) and that of one that was faulty all along (`reached`).
+    """
+    wide = lanes.copy()
+    for k in range(len(spec.states)):
+        wide[_diagonal(spec, k)] += (reached[k] - lanes[k]) ** 2
+    return wide
+
+
+def _diagonal(spec: EngineSpec, k: int) -> int:
+    """Place of a variance in a lane."""
+    return spec.n_joint + k * spec.n_joint - k * (k - 1) // 2
 
 
 def _fresh(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
@@ -72,43 +92,54 @@ def _fresh(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
 def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> FloatArray:
     """Give one lane per start: the suspects wide about their start, the rest as in `healthy` (n_numbers,)."""
     covariance = unpack(spec, healthy[spec.covariance_slice])
-    first = spec.parameter_slice.start
     lanes = np.repeat(healthy[:, None], plan.n_lanes, axis=1)
     for lane, starts in enumerate(plan.starts):
         full = covariance.copy()
         for index, start in starts:
-            k = first + index
-            full[k, :] = 0.0
-            full[:, k] = 0.0
-            size = 1.0 if start.additive else abs(healthy[k])
-            full[k, k] = (start.sd * size) ** 2
-            value = healthy[k] + start.value if start.additive else healthy[k] * start.value
-            limits = spec.parameters[index]
-            lanes[k, lane] = np.clip(value, limits.lower, limits.upper)
+            _suspect(spec, index, start, lanes[:, lane], full)
+        for state in np.flatnonzero(plan.carry[lane]):
+            _carry(spec, int(state), starts, healthy, lanes[:, lane], full)
         lanes[spec.covariance_slice, lane] = pack(full)
     return lanes
 
 
-def _predict(spec: EngineSpec, engine: Engine, healthy: FloatArray, lanes: FloatArray, blind: FloatArray) -> FloatArray:
-    """Predict the states from the onset to the first sample used, uncertain by the fault's whole possible effect.
+def _suspect(spec: EngineSpec, index: int, start: Start, lane: FloatArray, full: FloatArray) -> None:
+    """Set one suspect of a lane to its start, independent of all else; changes `lane` and `full`."""
+    k = spec.parameter_slice.start + index
+    limits = spec.parameters[index]
+    value = lane[k] + start.value if start.additive else lane[k] * start.value
+    full[k, :] = 0.0
+    full[:, k] = 0.0
+    full[k, k] = (start.sd * (1.0 if start.additive else abs(lane[k]))) ** 2
+    lane[k] = np.clip(value, limits.lower, limits.upper)
 
-    The onset is not known well, so the fault acted over some part of the time: the state lies between that of the
-    healthy plant and that of the faulty one.
+
+def _carry(
+    spec: EngineSpec,
+    state: int,
+    starts: tuple[tuple[int, Start], ...],
+    healthy: FloatArray,
+    lane: FloatArray,
+    full: FloatArray,
+) -> None:
+    """Let a store follow its suspects so that its effort or flow goes on; changes `lane` and `full`.
+
+    The content x becomes x * factor**exponent, so it is as uncertain as the factor, and correlated with it.
     """
-    n_x = len(spec.states)
-    without, _ = engine.advance(healthy, blind)
-    with_fault, _ = engine.advance(lanes, blind)
-    result = lanes.copy()
-    result[-1] = 0.0
-    base = unpack(spec, without[spec.covariance_slice, 0])
-    for lane in range(lanes.shape[1]):
-        effect = with_fault[:n_x, lane] - without[:n_x, 0]
-        full = unpack(spec, lanes[spec.covariance_slice, lane])
-        full[:n_x, :n_x] = base[:n_x, :n_x] + np.diag(effect**2)
-        full[:n_x, n_x:] = 0.0
-        full[n_x:, :n_x] = 0.0
-        result[:n_x, lane] = without[:n_x, 0]
-        result[spec.covariance_slice, lane] = pack(full)
-    loops = slice(spec.n_joint + spec.n_packed, spec.n_numbers - 1)
-    result[loops] = without[loops]
-    return result
+    suspects = dict(starts)
+    scale = 1.0
+    for index, exponent in spec.states[state].carries:
+        if index in suspects:
+            k = spec.parameter_slice.start + index
+            scale *= (lane[k] / healthy[k]) ** exponent if healthy[k] else 1.0
+    row = full[state].copy() * scale
+    full[state, :] = row
+    full[:, state] = row
+    full[state, state] = row[state] * scale
+    lane[state] *= scale
+    for index, exponent in spec.states[state].carries:
+        if index in suspects:
+            k = spec.parameter_slice.start + index
+            slope = exponent * lane[state] / lane[k]
+            full[state, state] += slope**2 * full[k, k]
+            full[state, k] = full[k, state] = slope * full[k, k]

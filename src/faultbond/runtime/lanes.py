@@ -1,5 +1,8 @@
 """How the hypotheses of the bank are laid out in lanes: one lane per start value of each suspect.
 
+A store whose own parameter changes may keep its content (charge, volume, momentum) or its effort or flow (a level, a
+speed); both happen and both are tried, as further starts.
+
 Source: design evidence, bank items 5 and 7: a faulty parameter keeps a linear factor; single starts fail for parameters
 that act by their inverse, so each suspect starts from several sizes, and the likelihoods of the starts are averaged.
 """
@@ -9,10 +12,9 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from faultbond.spec import EngineSpec, ParameterSpec
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray, IntArray
 
 FIRST_START = 0.45  # the lowest start, in healthy values; each next one is twice as large
 START_SPREAD = 0.35  # sd of a start, in starts
@@ -33,9 +35,10 @@ class Start:
 class LanePlan:
     """Lanes of a bank: `hypothesis` (n_lanes,) of each lane; `starts` per lane: (parameter, start) pairs."""
 
-    hypothesis: NDArray[np.intp]
+    hypothesis: IntArray
     starts: tuple[tuple[tuple[int, Start], ...], ...]
-    first: NDArray[np.intp]  # first lane of each hypothesis
+    carry: BoolArray  # (n_lanes, n_states): effort (C) or flow (I) goes on at the change, else the stored quantity
+    first: IntArray  # first lane of each hypothesis
     sizes: FloatArray  # suspects in each hypothesis
 
     @property
@@ -66,15 +69,20 @@ def plan_lanes(spec: EngineSpec) -> LanePlan:
     hypothesis: list[int] = []
     starts: list[tuple[tuple[int, Start], ...]] = []
     first: list[int] = []
+    carry: list[tuple[bool, ...]] = []
     for k, chosen in enumerate(spec.hypotheses):
         first.append(len(starts))
         options = [[(index, start) for start in starts_of(spec.parameters[index], len(chosen))] for index in chosen]
+        own = [any(index in chosen for index, _ in state.carries) for state in spec.states]
         for combination in product(*options):
-            hypothesis.append(k)
-            starts.append(tuple(combination))
+            for choice in product(*([True, False] if mine else [False] for mine in own)):
+                hypothesis.append(k)
+                starts.append(tuple(combination))
+                carry.append(choice)
     return LanePlan(
         hypothesis=np.array(hypothesis, dtype=np.intp),
         starts=tuple(starts),
+        carry=np.array(carry, dtype=bool).reshape(len(starts), len(spec.states)),
         first=np.array(first, dtype=np.intp),
         sizes=np.array([len(chosen) for chosen in spec.hypotheses], dtype=float),
     )

@@ -6,6 +6,7 @@ alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal alg
 
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sample:
-    """One grid point: `time` (s), `dt` since the one before (s), `u` (n_inputs,), `y` (n_outputs,), SI, nan: missing."""
+    """One grid point: `time` and `dt` since the one before (s), `u` (n_inputs,), `y` (n_outputs,); SI; nan: missing."""
 
     time: float
     dt: float
@@ -57,11 +58,12 @@ class Report:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
-    """Numbers only, of fixed size. `index`: samples seen; `filtered`: since when the filter runs; -1: not yet."""
+    """Numbers only, of fixed size; -1: not yet."""
 
-    index: int
-    filtered: int
-    alarm: int
+    index: int  # samples seen
+    begun: int  # first sample with a value of every input
+    running: int  # 1 once the filter runs
+    alarm: int  # sample of the alarm
     time: float
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input
@@ -82,9 +84,9 @@ class State:
     @staticmethod
     def restore(saved: dict[str, FloatArray]) -> "State":
         """Give the state that `save` wrote."""
-        whole = {name: int(saved[name]) for name in ("index", "filtered", "alarm")}
-        arrays = {name: np.asarray(saved[name]) for name in saved if name not in (*whole, "time")}
-        return State(**whole, time=float(saved["time"]), **arrays)
+        numbers: dict[str, Any] = {name: int(saved[name]) for name in ("index", "begun", "running", "alarm")}
+        numbers["time"] = float(saved["time"])
+        return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
 
 
 def init(spec: EngineSpec, t0: float = 0.0) -> State:
@@ -92,7 +94,8 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
     n_u, n_y, depth = len(spec.inputs), len(spec.outputs), _depth(spec)
     return State(
         index=0,
-        filtered=-1,
+        begun=-1,
+        running=0,
         alarm=-1,
         time=t0,
         held=np.full(n_u, np.nan),
@@ -137,7 +140,7 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
     state = replace(state, trail_samples=samples, trail_times=times, time=sample.time)
-    if state.filtered < 0:
+    if not state.running:
         return _gather(spec, engine, state)
     lane, innovations = engine.advance(state.lane, packed[None, :])
     return _judge(spec, engine, _remember(state, lane), packed, innovations[0, :, 0])
@@ -174,7 +177,8 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     packed[place["kick"]] = [
         sum(each**2 * (added[k] ** 2 - change[k] ** 2) for k, each in error.after) for error in spec.slow_errors
     ]
-    return packed, replace(state, held=u, peak=peak, since_step=since, change=added)
+    begun = state.index if first else state.begun
+    return packed, replace(state, held=u, peak=peak, since_step=since, change=added, begun=begun)
 
 
 def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
@@ -186,12 +190,11 @@ def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
 
 def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
     """Collect the first samples, then solve the start and filter what was collected."""
-    count = _waiting(state)
+    count = state.index - state.begun + 1
     needed = START_SAMPLES if any(item.start_sd is None for item in spec.states) else 1
-    state = replace(state, index=state.index + 1)
     if count < needed:
-        return state, _silent(spec, Status.STARTING)
-    chosen = np.arange(state.index - count, state.index) % len(state.trail_times)
+        return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
+    chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
     samples = state.trail_samples[chosen]
     mean, covariance = solve_start(spec, engine, samples)
     lane = healthy_lane(spec, mean, covariance)
@@ -200,18 +203,9 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     for slot, sample in zip(chosen, samples, strict=True):
         lane, innovations = engine.advance(lane, sample[None, :])
         lanes[slot] = lane[:, 0]
-    state = replace(state, lane=lane, trail_lanes=lanes, filtered=state.index - count)
-    return state, _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
-
-
-def _waiting(state: State) -> int:
-    """Number of samples gathered, this one included; dt = 0 marks the first."""
-    depth = len(state.trail_times)
-    for back in range(depth):
-        slot = (state.index - back) % depth
-        if state.trail_samples[slot, 0] == 0.0:
-            return back + 1
-    return depth
+    state = replace(state, lane=lane, trail_lanes=lanes, running=1)
+    report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
+    return replace(state, index=state.index + 1), report
 
 
 def _remember(state: State, lane: FloatArray) -> State:
@@ -235,14 +229,14 @@ def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, 
 
 def _slow_ratios(spec: EngineSpec, state: State) -> FloatArray:
     declared = np.array([error.sd for error in spec.slow_errors])
-    return state.lane[spec.slow_slice, 0] / declared
+    return np.asarray(state.lane[spec.slow_slice, 0] / declared)
 
 
 def _judge(
     spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, innovations: FloatArray
 ) -> tuple[State, Report]:
     """Update the statistics, raise the alarm, run the bank."""
-    warm = state.index - state.filtered >= spec.thresholds.warm_up_samples
+    warm = state.index - state.begun >= spec.thresholds.warm_up_samples
     if warm:
         state = _accumulate(spec, state, packed, innovations)
     detection = None
@@ -282,7 +276,7 @@ def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
         return None, 0
     leading = int(np.argmax(peak))
     side = int(np.argmax(state.cusum[:, leading]))
-    oldest = max(state.filtered, state.index - settings.history_samples)
+    oldest = max(state.begun, state.index - settings.history_samples)
     change = int(np.clip(state.cusum_start[side, leading], oldest, state.index))
     signals = [output.name for k, output in enumerate(spec.outputs) if crossed[k]] or [spec.outputs[leading].name]
     return Detection(
@@ -296,7 +290,7 @@ def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
 def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
     """Give the trail up to now, oldest first, and the place of the onset in it."""
     depth = len(state.trail_times)
-    oldest = max(state.filtered, state.index - depth + 1)
+    oldest = max(state.begun, state.index - depth + 1)
     chosen = np.arange(oldest, state.index + 1) % depth
     return Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen]), change - oldest
 

@@ -7,7 +7,7 @@ switched off), so no other form of the model is needed.
 import numpy as np
 
 from faultbond.spec import Engine, EngineSpec, pack
-from faultbond.types import FloatArray
+from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
@@ -57,7 +57,7 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     return best[0], covariance
 
 
-def _guesses(mean: FloatArray, free: np.ndarray[tuple[int], np.dtype[np.intp]], size: FloatArray) -> list[FloatArray]:
+def _guesses(mean: FloatArray, free: IntArray, size: FloatArray) -> list[FloatArray]:
     guesses = []
     for part in (0.0, 0.3, 1.0):
         guess = mean.copy()
@@ -78,7 +78,7 @@ def _misfits(spec: EngineSpec, engine: Engine, samples: FloatArray, states: Floa
     noise = np.array([output.noise for output in spec.outputs])
     weight = samples[:, fields["use"]] / np.sqrt(samples[:, fields["scale"]]) / noise
     misfit = found[:, : len(spec.outputs), :] * weight[:, :, None]
-    return np.nan_to_num(misfit.reshape(-1, states.shape[1]), nan=1e6, posinf=1e6, neginf=-1e6)
+    return np.asarray(np.nan_to_num(misfit.reshape(-1, states.shape[1]), nan=1e6, posinf=1e6, neginf=-1e6))
 
 
 def _slopes(
@@ -86,7 +86,7 @@ def _slopes(
     engine: Engine,
     samples: FloatArray,
     state: FloatArray,
-    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+    free: IntArray,
     move: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Give the misfit at a state and its slopes by the free states, by differences of size `move`."""
@@ -101,7 +101,7 @@ def _sizes(
     engine: Engine,
     samples: FloatArray,
     state: FloatArray,
-    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+    free: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Give the size of each free state at which it would explain outputs as large as the measured ones."""
     fields = spec.sample_fields
@@ -122,7 +122,7 @@ def _fit(
     engine: Engine,
     samples: FloatArray,
     guess: FloatArray,
-    free: np.ndarray[tuple[int], np.dtype[np.intp]],
+    free: IntArray,
     size: FloatArray,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Levenberg-Marquardt from one guess: state, covariance of its free part, cost."""
@@ -147,4 +147,4 @@ def _fit(
             state, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-9)
         else:
             damping = min(damping * 10.0, 1e9)
-    return state, np.linalg.inv(normal), cost
+    return state, np.asarray(np.linalg.inv(normal)), cost

@@ -29,7 +29,8 @@ class Store:
 
     name: str
     rate: str
-    component: str | None  # None: an integrated signal that only a sensor or a law reads
+    component: str | None = None  # None: an integrated signal that only a sensor or a law reads
+    partner: str | None = None  # the co-energy signal: effort of a C, flow of an I
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,8 +174,13 @@ def _component_stores(graph: BondGraph, causality: Causality, table: _Names) -> 
     dependent: list[Store] = []
     for item in graph.components:
         if item.type.is_store:
-            quantity, rate = ("q", "f") if item.type is ElementType.C else ("p", "e")
-            store = Store(name=f"{item.name}.{quantity}", rate=table.find(f"{item.name}.{rate}"), component=item.name)
+            quantity, rate, partner = ("q", "f", "e") if item.type is ElementType.C else ("p", "e", "f")
+            store = Store(
+                name=f"{item.name}.{quantity}",
+                rate=table.find(f"{item.name}.{rate}"),
+                component=item.name,
+                partner=table.find(f"{item.name}.{partner}"),
+            )
             (stores if item.name in causality.integral else dependent).append(store)
     return stores, dependent
 
@@ -192,7 +198,7 @@ def _integrals(graph: BondGraph, expressions: list[Expression], known: set[str],
                         f"{graph.file}: {name} is read, but {part} has no single "
                         f"{'flow' if letter == 'q' else 'effort'} to integrate"
                     )
-                found[name] = Store(name=name, rate=table.find(rate), component=None)
+                found[name] = Store(name=name, rate=table.find(rate))
             elif letter and name not in known and name not in found and name not in table.parent:
                 raise ModelError(f"{graph.file}: {name} is read, but {part} has no such signal")
     return list(found.values())

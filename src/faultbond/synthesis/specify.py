@@ -4,9 +4,10 @@ from hashlib import sha256
 from itertools import combinations
 from math import ceil
 
+import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.step import StepModel
+from faultbond.dynamics.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
     EngineSpec,
@@ -38,8 +39,9 @@ def build_spec(model: StepModel) -> EngineSpec:
             start_mean=starts[state.component].mean if state.component in starts else 0.0,
             start_sd=starts[state.component].sd if state.component in starts else None,
             noise=0.0,
+            carries=_carries(model, k),
         )
-        for state in plant.network.states
+        for k, state in enumerate(plant.network.states)
     )
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
@@ -67,6 +69,29 @@ def build_spec(model: StepModel) -> EngineSpec:
         hypotheses=sets,
         thresholds=Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9))),
     )
+
+
+def _carries(model: StepModel, state: int) -> tuple[tuple[int, float], ...]:
+    """Give the exponents with which a store must change with its parameters for its effort (C) or flow (I) to stay.
+
+    From the law e(q, theta): d ln q / d ln theta at constant e, at the reference state; exact for linear stores.
+    """
+    plant = model.plant
+    partner = plant.co_energy[state]
+    if partner is None or not plant.theta.numel():
+        return ()
+    at = model.reference_state.copy()
+    at[state] = at[state] or 1.0
+    slopes = ca.Function(
+        "slopes",
+        [plant.x, plant.theta, plant.u, plant.b, plant.z],
+        [ca.gradient(partner, plant.x), ca.gradient(partner, plant.theta)],
+    )
+    theta = np.array([item.nominal for item in plant.graph.parameters])
+    by_x, by_theta = slopes(at, theta, reference_inputs(plant), 0, model.reference_implicit)
+    slope = float(by_x[state])
+    exponents = -by_theta.full()[:, 0] * theta / (slope * at[state]) if slope else np.zeros(len(theta))
+    return tuple((k, float(value)) for k, value in enumerate(exponents) if np.isfinite(value) and value != 0.0)
 
 
 def model_hash(graph: BondGraph) -> str:

@@ -1,0 +1,42 @@
+"""From a bond graph to a specification and a running engine."""
+
+from importlib.resources import files
+
+from faultbond.dynamics.plant import build_plant
+from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.errors import GenerationError
+from faultbond.model.graph import BondGraph
+from faultbond.runtime.library import load_engine
+from faultbond.spec import Engine, EngineSpec
+from faultbond.synthesis.compile import compile_library, find_compiler
+from faultbond.synthesis.emit import emit_filter
+from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.specify import build_spec
+
+
+def build_model(graph: BondGraph) -> StepModel:
+    """Give the discrete-time model of a bond graph."""
+    return build_step_model(build_plant(graph))
+
+
+def build_engine(graph: BondGraph, *, compiled: bool = True) -> tuple[EngineSpec, Engine]:
+    """Give the specification of a bond graph and an engine that runs it.
+
+    Parameters
+    ----------
+    graph : the plant
+    compiled : whether to use a C compiler if there is one; otherwise CasADi's virtual machine runs the same graph
+    """
+    model = build_model(graph)
+    spec = build_spec(model)
+    function = build_filter(spec, model)
+    compiler = find_compiler() if compiled else None
+    if compiler is None:
+        return spec, VirtualMachine(function)
+    template = files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+    try:
+        library = compile_library(emit_filter(function, template), compiler)
+    except GenerationError:
+        return spec, VirtualMachine(function)  # a broken compiler is as good as none
+    return spec, load_engine(library, 2 * len(spec.outputs), compiler[0])
