@@ -1,0 +1,164 @@
+"""The pages say what the program does: every key, verb, option and record is there, and every example is valid."""
+
+import argparse
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faultbond.cli import build_parser
+from faultbond.io.faults import parse_fault
+from faultbond.model import FUNCTIONS, model_schema, parse_model
+from faultbond.types import ElementType
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
+RECORDS = {
+    "run": "model model_sha256 method version sample_time",
+    "detection": "time sample change_time signals",
+    "diagnosis": "time candidates components parameters nominal estimate sd probability group",
+    "end": "time samples detections missing late duplicate",
+}
+
+
+def section(page: str, title: str) -> str:
+    """Give the part of a page under a heading, up to the next heading of the same rank or a higher one."""
+    match = re.search(rf"^(#+) [^\n]*{re.escape(title)}[^\n]*\n(.*)", page, flags=re.M | re.S)
+    assert match, f"no heading {title}"
+    return re.split(rf"^#{{1,{len(match[1])}}} ", match[2], maxsplit=1, flags=re.M)[0]
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """Give the rows of all tables: their cells by the code words in the first one."""
+    cells = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in text.splitlines() if line[:1] == "|"
+    ]
+    return {word: row for row in cells for word in re.findall(r"`([^`]+)`", row[0])}
+
+
+def fences(language: str) -> list[tuple[str, str]]:
+    """Give (place, text) of the fenced blocks of a language in all pages."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for match in re.finditer(rf"^```{language}\n(.*?)^```$", text, flags=re.M | re.S):
+            line = text.count("\n", 0, match.start()) + 1
+            found.append((f"{page.relative_to(ROOT)}:{line}", match[1]))
+    return found
+
+
+def commands() -> list[tuple[str, str]]:
+    """Give (place, command) of every console line that calls faultbond."""
+    lines = [(place, line) for place, text in fences("console") for line in text.replace("\\\n", " ").splitlines()]
+    return [(place, line.removeprefix("$ ")) for place, line in lines if re.match(r"(\$ )?faultbond\b", line)]
+
+
+def verbs() -> dict[str, argparse.ArgumentParser]:
+    """Give the parser of each verb."""
+    actions = build_parser()._actions
+    return next(dict(item.choices) for item in actions if isinstance(item, argparse._SubParsersAction))
+
+
+def table(schema: dict[str, Any]) -> dict[str, Any]:
+    """Give the properties of the table that a schema allows, itself or as one of its forms."""
+    if "properties" in schema:
+        return dict(schema["properties"])
+    forms = [item for item in (*schema.get("anyOf", ()), schema.get("additionalProperties")) if isinstance(item, dict)]
+    return next((found for found in map(table, forms) if found), {})
+
+
+MODEL = table(model_schema())
+COMPONENT = table(MODEL["components"])
+KEYS = {
+    "Keys of the model": MODEL,
+    "`time`": table(MODEL["time"]),
+    "`inputs`": table(MODEL["inputs"]),
+    "`components`": COMPONENT | table(COMPONENT["start"]),
+    "Parameters": table(COMPONENT["parameters"]),
+    "`sensors`": table(MODEL["sensors"]),
+    "`slow_error`": table(MODEL["slow_error"]),
+}
+
+
+@pytest.mark.parametrize("title", KEYS)
+def test_keys_of_the_model_file(title: str) -> None:
+    """Every key of the schema has its row with form, default and example, and no other key has one."""
+    assert KEYS[title]
+    text = section(MODEL_FILE, title)
+    if title == "Keys of the model":
+        text = text.split("\n### ")[0]
+    table = {word: row for word, row in rows(text).items() if len(row) == 4}
+    assert set(table) == set(KEYS[title])
+    assert all(all(cells) for cells in table.values())
+
+
+def test_functions_and_elements() -> None:
+    """Every function of a law and every element type is in the reference."""
+    assert [name for name in FUNCTIONS if f"`{name}(" not in section(MODEL_FILE, "Laws and other")] == []
+    described = re.findall(r"^\| (\w+) \|", section(MODEL_FILE, "`components`"), flags=re.M)
+    assert [item.value for item in ElementType if item.value not in described] == []
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_verbs_and_their_options(verb: str) -> None:
+    """Every verb has a section that names its arguments and options; shared options stand at the top."""
+    known = rows(section(COMMANDS, f"`{verb}`")).keys() | rows(section(COMMANDS, "Options of every verb")).keys()
+    words = {word.split()[0] for word in known}
+    for action in verbs()[verb]._actions:
+        for name in action.option_strings or [str(action.metavar)]:
+            assert name in words, f"{verb}: {name}"
+
+
+def test_no_other_verbs_are_described() -> None:
+    """Headings of verbs are those of verbs that exist."""
+    titles = re.findall(r"^## `(.+)`$", COMMANDS, flags=re.M)
+    assert titles == list(verbs())
+
+
+def test_exit_codes() -> None:
+    """Every exit code is explained."""
+    codes = re.findall(r"^\| (\d+) \|", section(COMMANDS, "Exit codes"), flags=re.M)
+    assert codes == ["0", "1", "2", "3", "130", "141"]
+
+
+@pytest.mark.parametrize("record", RECORDS)
+def test_fields_of_records(record: str) -> None:
+    """Every field of a record is explained in its section."""
+    text = section(COMMANDS, f'`"record": "{record}"`')
+    assert [name for name in RECORDS[record].split() if f"`{name}`" not in text] == []
+
+
+@pytest.mark.parametrize("place", [place for place, _ in fences("yaml")])
+def test_models_in_the_pages(place: str) -> None:
+    """A model shown in a page is a whole and valid model."""
+    text = dict(fences("yaml"))[place]
+    graph = parse_model(text, file=place)
+    assert graph.components
+    assert graph.sensors
+
+
+@pytest.mark.parametrize(("place", "command"), commands())
+def test_commands_in_the_pages(place: str, command: str) -> None:
+    """A command shown in a page is one that the program takes, and so are the faults in it."""
+    arguments = build_parser().parse_args(shlex.split(command.partition(" | ")[0], comments=True)[1:])
+    assert arguments.verb in verbs(), place
+    faults = [parse_fault(text) for text in getattr(arguments, "fault", [])]
+    assert len(faults) == command.count("--fault"), place
+
+
+def test_links_between_pages() -> None:
+    """A link to a file of the project leads to a file."""
+    for page in PAGES:
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_paths_in_the_pages() -> None:
+    """Examples that commands name exist."""
+    named = {word for _, command in commands() for word in command.split() if word.startswith("examples/")}
+    assert named
+    assert [path for path in named if not (ROOT / path).exists()] == []
