@@ -4,19 +4,21 @@ Every region of bonds joined by junctions has one dimension of effort and one of
 numbers written without a unit, are unknowns; each law gives linear equations between powers of base units.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import constant_value, to_text
-from faultbond.model.source import Source, shown
+from faultbond.model.source import shown
 from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
 from faultbond.model.values import Values
 from faultbond.model.wiring import Wiring
 
 ONE = Fraction(1)
+MAX_WORK = 200_000
+MAX_BLAME_WORK = 20_000
 _SAME = {"abs", "min", "max", "where"}
 _PURE = {"exp", "log", "sin", "cos", "tan", "tanh"}
 
@@ -43,24 +45,33 @@ class Form:
 
 
 class Solver:
-    """Solves for unknown dimensions, one equation after the other."""
+    """Solves for unknown dimensions, one equation after the other.
+
+    After `MAX_WORK` terms it leaves the rest undetermined: a hostile model could need hours.
+    """
 
     def __init__(self) -> None:
         self._solved: dict[str, Form] = {}
+        self.work = 0
 
     def reduced(self, form: Form) -> Form:
         """Give the form in terms of what is still unknown."""
-        while any(name in self._solved for name, _ in form.unknown):
+        while self.work <= MAX_WORK and any(name in self._solved for name, _ in form.unknown):
             result = Form(form.known)
             for name, power in form.unknown:
                 inner = self._solved.get(name)
+                self.work += len(result.unknown) + (len(inner.unknown) if inner else 1)
                 result *= Form(unknown=((name, power),)) if inner is None else inner**power
             form = result
         return form
 
     def equate(self, left: Form, right: Form) -> bool:
         """Demand that two forms agree; False if they cannot."""
+        if self.work > MAX_WORK:
+            return True
         ratio = self.reduced(left / right)
+        if self.work > MAX_WORK:
+            return True
         if not ratio.unknown:
             return ratio.known == DIMENSIONLESS
         name, power = max(ratio.unknown, key=lambda item: ":" not in item[0])  # a number's before a region's
@@ -72,8 +83,8 @@ class Solver:
 class Checker:
     """Infers dimensions of expressions and refuses contradictions."""
 
-    def __init__(self, source: Source, plant: Wiring, values: Values) -> None:
-        self.source, self.plant, self.values, self.solver = source, plant, values, Solver()
+    def __init__(self, plant: Wiring, values: Values) -> None:
+        self.values, self.solver, self.n_parts = values, Solver(), 0
         self.regions = regions(plant)
 
     def _name(self, name: str) -> Form:
@@ -95,6 +106,7 @@ class Checker:
 
     def infer(self, expression: Expression, where: str) -> tuple[Form | None, bool]:
         """Give the form of an expression (None: cannot be followed), and whether it is a bare number of any unit."""
+        self.n_parts += 1
         match expression:
             case Number():
                 return Form(), True
@@ -209,3 +221,40 @@ def regions(plant: Wiring) -> dict[str, str]:
     for bond in plant.bonds:
         parent[find(port(bond.tail, 2))] = find(port(bond.head, 1))
     return {name: find(name) for name in list(parent)}
+
+
+Demand = Callable[[Checker], None]
+
+
+def check_demands(demands: Sequence[Demand], start: Callable[[], Checker]) -> None:
+    """Check all demands; where one alone spoils the others, it is the one in the message.
+
+    Raises
+    ------
+    ModelError
+        if the demands contradict each other.
+    """
+    checker = start()
+    first = _first_failure(demands, checker)
+    if first is None:
+        return
+    index, error = first
+    if (index + 1) * (checker.n_parts + checker.solver.work) <= MAX_BLAME_WORK:
+        spoilers = [item for item in range(index + 1) if _is_spoiler(demands, item, start)]
+        if len(spoilers) == 1:
+            others = [*demands[: spoilers[0]], *demands[spoilers[0] + 1 :], demands[spoilers[0]]]
+            error = (_first_failure(others, start()) or first)[1]
+    raise error
+
+
+def _is_spoiler(demands: Sequence[Demand], index: int, start: Callable[[], Checker]) -> bool:
+    return _first_failure([*demands[:index], *demands[index + 1 :]], start()) is None
+
+
+def _first_failure(demands: Sequence[Demand], checker: Checker) -> tuple[int, ModelError] | None:
+    for index, demand in enumerate(demands):
+        try:
+            demand(checker)
+        except ModelError as error:
+            return index, error
+    return None

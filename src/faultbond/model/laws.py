@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from faultbond.errors import ModelError
 from faultbond.model.defaults import Defaults
 from faultbond.model.elements import DEFAULT_LAWS, MUST_NAME, OWN_SIGNALS
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename, walk
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.parser import arithmetic, parse_expression, parse_relation, to_text
 from faultbond.model.quantities import Quantity, quantity, spread
@@ -56,7 +56,7 @@ class LawReader:
         n_laws = 2 if part.type.n_ports == 2 else 1
         if len(texts) != n_laws:
             wanted = "two laws, `law: [.., ..]`" if n_laws == 2 else "one law"
-            problem = f"has {len(texts)} laws; a {part.type.value} element needs {wanted}"
+            problem = f"has {len(texts)} law{'s'[: len(texts) != 1]}; a {part.type.value} element needs {wanted}"
             raise self.source.error(part.fields["law"], f"component {part.name} {problem}")
         found = tuple(self._relation(part, text, line, what) for text, line in texts)
         used = {name for law in found for side in (law.left, law.right) for name in names(side)}
@@ -78,7 +78,7 @@ class LawReader:
             texts = [law.replace("X", parameters[0]) for law in DEFAULT_LAWS[part.type]]
             self.defaults.add("law", " and ".join(texts), part.name)
             return [(text, part.line) for text in texts]
-        example = {ElementType.SE: "`law: e = 5 V` with V an input", ElementType.SF: "`law: f = Q`"}.get(part.type)
+        example = "write `law: e = V`" if part.type is ElementType.SE else "write `law: f = Q`"
         if part.type in DEFAULT_LAWS:
             example = "without one it needs exactly one parameter"
         problem = f"component {part.name}: `law` is missing"
@@ -183,35 +183,40 @@ def _article(element: ElementType) -> str:
     )
 
 
-def check_finite(expression: Expression, values: Mapping[str, float], where: str) -> None:
-    """Refuse an expression with a part of constants and parameters that is not finite at their nominal values."""
-    for part in walk(expression):
-        value = _value(part, values)
-        divides = isinstance(part, Binary) and part.operator == "/" and _value(part.right, values) == 0
-        if divides or (value is not None and not math.isfinite(value)):
-            used = ", ".join(f"{name} = {values[name]:g}" for name in names(part) if name in values)
-            reason = "divides by zero" if divides else "is not a finite number"
-            at = f" at the nominal {used}" if used else ""
-            raise ModelError(f"{where}`{shown(to_text(part))}` {reason}{at}; change the law or the value")
+def check_finite(expression: Expression, values: Mapping[str, float], where: str) -> float | None:
+    """Give the value of an expression of constants and parameters; None if it names anything else.
 
-
-def _value(expression: Expression, values: Mapping[str, float]) -> float | None:
-    """Give the value of an expression of constants and parameters; None if it names anything else."""
+    Raises
+    ------
+    ModelError
+        if any part of constants and parameters alone is not finite at the nominal values, or is 0 and divides.
+    """
     match expression:
         case Number(value):
             return value
         case Name(text):
             return values.get(text)
         case Negative(operand):
-            inner = _value(operand, values)
+            inner = check_finite(operand, values, where)
             return None if inner is None else -inner
         case Binary(operator, left, right):
-            a, b = _value(left, values), _value(right, values)
-            return None if a is None or b is None else _binary(operator, a, b)
+            a, b = check_finite(left, values, where), check_finite(right, values, where)
+            if operator == "/" and b == 0:
+                raise ModelError(where + _not_finite(expression, values, "divides by zero"))
+            result = None if a is None or b is None else _binary(operator, a, b)
         case Call(function, arguments):
-            found = [_value(argument, values) for argument in arguments]
+            found = [check_finite(argument, values, where) for argument in arguments]
             known = [item for item in found if item is not None]
-            return _call(function, known) if len(known) == len(found) else None
+            result = _call(function, known) if len(known) == len(found) else None
+    if result is not None and not math.isfinite(result):
+        raise ModelError(where + _not_finite(expression, values, "is not a finite number"))
+    return result
+
+
+def _not_finite(expression: Expression, values: Mapping[str, float], reason: str) -> str:
+    used = ", ".join(f"{name} = {values[name]:g}" for name in names(expression)[:5] if name in values)
+    at = f" at the nominal {used}" if used else ""
+    return f"`{shown(to_text(expression))}` {reason}{at}; change the law or the value"
 
 
 def _binary(operator: str, a: float, b: float) -> float:

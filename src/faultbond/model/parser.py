@@ -12,7 +12,7 @@ from decimal import Decimal
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import FUNCTIONS, Binary, Call, Expression, Name, Negative, Number
-from faultbond.model.source import closest, shown
+from faultbond.model.source import choice, shown
 
 MAX_LENGTH = 2000
 MAX_NODES = 500
@@ -110,7 +110,7 @@ class _Reader:
         self.where, self.text, self.nodes = where, text, 0
 
     def error(self, problem: str) -> ModelError:
-        return ModelError(f"{self.where}{problem} in `{shown(self.text)}`")
+        return ModelError(f"{self.where}`{shown(self.text)}`: {problem}")
 
     def expression(self, node: ast.expr, depth: int) -> Expression:
         self.nodes += 1
@@ -133,27 +133,26 @@ class _Reader:
                 return self.call(node, depth)
             case ast.Compare():
                 raise self.error("a comparison may stand only in where(condition, a, b)")
-        raise self.error("only + - * / **, a minus sign, functions, numbers and names are read; something else stands")
+        raise self.error("only + - * / **, a minus sign, functions, numbers and names are read")
 
     def binary(self, operator: str, left: ast.expr, right: ast.expr, depth: int) -> Expression:
         result = Binary(operator, self.expression(left, depth + 1), self.expression(right, depth + 1))
         if operator == "**":
             exponent = constant_value(result.right)
             if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
-                raise self.error(f"an exponent above {MAX_EXPONENT} stands")
+                raise self.error(f"an exponent above {MAX_EXPONENT}; rewrite the power")
         return result
 
     def call(self, node: ast.Call, depth: int) -> Expression:
         if not isinstance(node.func, ast.Name) or node.keywords:
-            raise self.error("only a function of the table may be called; another call stands")
+            raise self.error(f"only functions may be called: {', '.join(FUNCTIONS)}")
         name, n_arguments = node.func.id, len(node.args)
         if name not in FUNCTIONS:
-            known = closest(name, FUNCTIONS) or f"the functions are {', '.join(FUNCTIONS)}"
-            raise self.error(f"unknown function `{name}`; {known}; it stands")
+            raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
         wanted = FUNCTIONS[name]
         if n_arguments < 2 if wanted < 0 else n_arguments != wanted:
             number = "two or more arguments" if wanted < 0 else f"{wanted} argument{'s'[: wanted - 1]}"
-            raise self.error(f"`{name}` takes {number}, not {n_arguments},")
+            raise self.error(f"`{name}` takes {number}, not {n_arguments}")
         if name == "where":
             condition = self.condition(node.args[0], depth + 1)
             return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))

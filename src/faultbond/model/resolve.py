@@ -1,19 +1,19 @@
 """From the plain tree to a checked bond graph: the one way for the text file and for the Python builder."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from faultbond.model import defaults as default_values
 from faultbond.model.defaults import Defaults
-from faultbond.model.dimensions import Checker
+from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
-from faultbond.model.expression import Name, names
-from faultbond.model.graph import BondGraph, Component, SlowError, TimeColumn
+from faultbond.model.expression import Expression, Name, names
+from faultbond.model.graph import BondGraph, Component, Relation, SlowError, TimeColumn
 from faultbond.model.laws import LawReader
 from faultbond.model.measured import Measured, MeasuredReader
 from faultbond.model.quantities import Spread, spread
 from faultbond.model.source import Entry, Source, Table, Text, shown
-from faultbond.model.units import SECOND, measure
+from faultbond.model.units import SECOND, Measure, measure
 from faultbond.model.values import ValueReader, Values, column_text, read_duration
 from faultbond.model.wiring import Wiring, wiring
 from faultbond.types import TimeGrid
@@ -203,23 +203,27 @@ def _check_dimensions(
     laws: LawReader,
     measured: Measured,
 ) -> None:
-    """Check laws first, in the order of the file, then what refers to their signals."""
-    checker = Checker(source, plant, values)
-    for component in components:
-        for law in component.laws:
-            checker.law(law.left, law.right, f"{source.at(law.line)}law of {component.name}: ")
-    for sensor in measured.sensors:
-        found = measured.sensor_measures[sensor.name]
+    """Check laws, in the order of the file, then what refers to their signals."""
+
+    def law(side: Relation, owner: str) -> Demand:
+        where = f"{source.at(side.line)}law of {owner}: "
+        return lambda checker: checker.law(side.left, side.right, where)
+
+    def expect(reads: Expression, found: Measure | None, words: tuple[str, str], line: int) -> Iterator[Demand]:
         if found is not None:
-            where = f"{source.at(sensor.line)}sensor {sensor.name}: "
-            checker.expect(sensor.reads, found.dimension, "its unit", where)
+            where = f"{source.at(line)}{words[0]}: "
+            yield lambda checker: checker.expect(reads, found.dimension, words[1], where)
+
+    demands = [law(side, component.name) for component in components for side in component.laws]
+    for sensor in measured.sensors:
+        words = f"sensor {sensor.name}", "its unit"
+        demands += expect(sensor.reads, measured.sensor_measures[sensor.name], words, sensor.line)
     for error in measured.slow_errors:
-        if not error.is_sensor and error.target in measured.size_measures:
-            where = f"{source.at(error.line)}slow_error {error.target}: "
-            checker.expect(Name(error.target), measured.size_measures[error.target].dimension, "its size", where)
+        if not error.is_sensor:
+            words = f"slow_error {error.target}", "its size"
+            demands += expect(Name(error.target), measured.size_measures.get(error.target), words, error.line)
     for start in laws.starts:
         for item in start.quantities:
-            if item.measure is not None:
-                part = start.signal.partition(".")[0]
-                where = f"{source.at(start.line)}start of {part}: "
-                checker.expect(Name(start.signal), item.measure.dimension, "the start", where)
+            words = f"start of {start.signal.partition('.')[0]}", "the start"
+            demands += expect(Name(start.signal), item.measure, words, start.line)
+    check_demands(demands, lambda: Checker(plant, values))

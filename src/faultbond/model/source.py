@@ -61,7 +61,7 @@ def closest(word: str, known: Iterable[str]) -> str:
     """Give `did you mean ...` for the known word nearest to a misspelt one, or nothing."""
     known = list(known)
     by_case = [item for item in known if item.lower() == word.lower()]
-    near = by_case or difflib.get_close_matches(word[:64], known[:20_000], n=1, cutoff=0.6)
+    near = by_case or difflib.get_close_matches(word[:64], known[:3000], n=1, cutoff=0.6)
     return f"did you mean `{near[0]}`?" if near else ""
 
 

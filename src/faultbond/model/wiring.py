@@ -50,7 +50,7 @@ def wiring(source: Source, fields: Mapping[str, Entry]) -> Wiring:
     if not components:
         raise source.error(
             fields.get("components") or 0,
-            "no components; state them, such as `components: {pump: {type: Se, law: e = 5 V}}`",
+            "no components; state them, such as `components: {pump: {type: Se, law: e = V}}`",
         )
     parts = {part.name: part for part in (_part(source, entry) for entry in components)}
     nodes = {junction.name: junction for junction in (_junction(source, entry) for entry in junctions)}

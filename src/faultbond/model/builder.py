@@ -1,0 +1,142 @@
+"""A plant in Python: the same words, checks and result as the model file, so that four equal tanks are a loop."""
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from faultbond.errors import ModelError
+from faultbond.model.graph import BondGraph
+from faultbond.model.parser import number_text
+from faultbond.model.resolve import resolve
+from faultbond.model.source import Entry, Items, Node, Source, Table, Text, shown
+
+Value = str | float | bool
+Fields = Mapping[str, "Value | Sequence[Value] | Fields | None"]
+
+
+class ModelBuilder:
+    """Collects the parts of a plant; `build` checks them.
+
+    Every text is written as in the model file, `64650 Pa`. A number alone is taken as a number without unit.
+
+    Parameters
+    ----------
+    name : the model's name, which starts every error message
+    sample_time : `1 s`, or `variable`
+    max_faults, accuracy, warm_up, time : as in the model file; None leaves the default in force
+
+    Example
+    -------
+    >>> tank = ModelBuilder("tank", sample_time="1 s")
+    >>> graph = (
+    ...     tank.input("Q", unit="m^3/s")
+    ...     .component("pump", "Sf", law="f = Q")
+    ...     .component("vessel", "C", law="e = q/A", parameters={"A": "2 m^2"})
+    ...     .bond("pump -> vessel")
+    ...     .sensor("level", "vessel.e", unit="m", noise="1 cm")
+    ...     .build()
+    ... )
+    >>> graph.parameter("A").nominal
+    2.0
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        sample_time: Value,
+        max_faults: int | None = None,
+        accuracy: Value | None = None,
+        warm_up: Value | None = None,
+        time: Value | Fields | None = None,
+    ) -> None:
+        self._source = Source(f"model {shown(str(name))}", has_lines=False)
+        settings = {"sample_time": sample_time, "max_faults": max_faults, "accuracy": accuracy, "warm_up": warm_up}
+        self._settings: Fields = {"name": name, **settings, "time": time}
+        self._sections: dict[str, dict[str, Node]] = {}
+        self._bonds: list[Text] = []
+
+    def constant(self, name: str, value: Value) -> Self:
+        """Add a trusted number, never a suspect."""
+        return self._add("constants", name, value)
+
+    def input(
+        self,
+        name: str,
+        *,
+        unit: str | None = None,
+        column: str | None = None,
+        noise: Value | None = None,
+        settling: Value | None = None,
+    ) -> Self:
+        """Add a measured or commanded input."""
+        return self._add("inputs", name, {"unit": unit, "column": column, "noise": noise, "settling": settling})
+
+    def component(
+        self,
+        name: str,
+        type: str,
+        *,
+        law: str | Sequence[str] | None = None,
+        parameters: Mapping[str, Value | Fields] | None = None,
+        start: Mapping[str, Value] | None = None,
+    ) -> Self:
+        """Add an element, its law (two for TF and GY) and the parameters that it owns."""
+        return self._add("components", name, {"type": type, "law": law, "parameters": parameters, "start": start})
+
+    def junction(self, name: str, type: Value) -> Self:
+        """Add a 0- or 1-junction."""
+        return self._add("junctions", name, type)
+
+    def bond(self, chain: str) -> Self:
+        """Add the bonds of a chain `a -> b -> c`; power counts positive along the arrows."""
+        self._bonds.append(Text(str(chain)))
+        return self
+
+    def sensor(
+        self, name: str, reads: str, *, noise: Value, unit: str | None = None, column: str | None = None
+    ) -> Self:
+        """Add a measured output: a law of signals, and the standard deviation of its noise."""
+        return self._add("sensors", name, {"reads": reads, "unit": unit, "noise": noise, "column": column})
+
+    def slow_error(
+        self, target: str, size: Value, *, after: Sequence[str] | None = None, each: Value | None = None
+    ) -> Self:
+        """Add a known imperfection of a signal or sensor, `2 % over 600 s`."""
+        return self._add("slow_error", target, {"size": size, "after": after, "each": each})
+
+    def build(self) -> BondGraph:
+        """Give the checked bond graph.
+
+        Raises
+        ------
+        ModelError
+            at the first thing that is not a complete, consistent model; the message starts with `model NAME: `.
+        """
+        entries = [Entry(key, self._node(value, key)) for key, value in self._settings.items() if value is not None]
+        for key, section in self._sections.items():
+            entries.append(Entry(key, Table(tuple(Entry(name, value) for name, value in section.items()))))
+        entries.append(Entry("bonds", Items(tuple(self._bonds))))
+        return resolve(Table(tuple(entries)), self._source, "model")
+
+    def _add(self, section: str, name: str, value: "Value | Sequence[Value] | Fields") -> Self:
+        table = self._sections.setdefault(section, {})
+        if name in table:
+            raise self._source.error(0, f"{section}: `{shown(str(name))}` is added twice; choose another name")
+        table[str(name)] = self._node(value, f"{section}: {shown(str(name))}")
+        return self
+
+    def _node(self, value: object, what: str) -> Node:
+        """Give a Python value as the texts, lists and tables that a file would give."""
+        if isinstance(value, str):
+            return Text(value)
+        if isinstance(value, bool):
+            return Text("yes" if value else "no")
+        if isinstance(value, int | float):
+            return Text(number_text(float(value)))
+        if isinstance(value, Mapping):
+            stated = ((str(key), item) for key, item in value.items() if item is not None)
+            return Table(tuple(Entry(key, self._node(item, what)) for key, item in stated))
+        if isinstance(value, Sequence):
+            return Items(tuple(self._node(item, what) for item in value))
+        problem = f"{what}: a {type(value).__name__} cannot stand here; give a text such as `5 Pa`, or a number"
+        raise ModelError(self._source.at(0) + problem)
