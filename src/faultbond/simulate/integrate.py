@@ -1,0 +1,297 @@
+"""Integration of a plant over the rows of a recording, to an accuracy far below any noise.
+
+It shares the plant's equations with the engine, not its discretisation. Two methods of fixed step: the classical
+Runge-Kutta method of order 4, and where that would need steps too short, Radau IIA of order 5 (stiff plants). The
+number of substeps per row is doubled until the states of the whole run no longer change. Implicit relations are solved
+to convergence at every stage.
+
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.1.2; Hairer and Wanner, II,
+table IV.5.6.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from math import pi, sqrt
+
+import casadi as ca
+import numpy as np
+
+from faultbond.dynamics.plant import Plant
+from faultbond.errors import StructureError
+from faultbond.types import FloatArray
+
+TOLERANCE = 1e-8  # change by the last doubling, relative to the largest size of each state
+ACCEPTED = 1e-6
+SUBSTEPS_EXPLICIT = (1, 2, 4, 8, 16, 32, 64)
+SUBSTEPS_IMPLICIT = (1, 2, 4, 8, 16)
+_ROOT_STEPS = 40
+_STAGE_STEPS = 8
+_PARTS = (1.0, 0.5, 0.2, 0.05, 0.01, 0.001)  # of a Newton step
+_ROOT_TOLERANCE = 1e-8  # relative change by the last Newton step; it converges by squares
+
+_S6 = sqrt(6.0)
+_NODES = ((4 - _S6) / 10, (4 + _S6) / 10, 1.0)
+_WEIGHTS = (
+    ((88 - 7 * _S6) / 360, (296 - 169 * _S6) / 1800, (-2 + 3 * _S6) / 225),
+    ((296 + 169 * _S6) / 1800, (88 + 7 * _S6) / 360, (-2 - 3 * _S6) / 225),
+    ((16 - _S6) / 36, (16 + _S6) / 36, 1.0 / 9.0),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Segments:
+    """Stretches of time without an event inside.
+
+    length: (n,), s. inputs: (n, n_inputs), held. left, right: (n, n_parameters), at both ends, linear between. All SI.
+    """
+
+    length: FloatArray
+    inputs: FloatArray
+    left: FloatArray
+    right: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """An integration method: implicit or not, and substeps per segment."""
+
+    implicit: bool
+    substeps: int
+
+
+class Integrator:
+    """The equations of one plant with its actuators, ready to be integrated.
+
+    The state s holds the plant's states, the lagged inputs, and the last solution of the implicit relations.
+
+    Parameters
+    ----------
+    plant : equations
+    lagged : numbers of the inputs behind a lag
+    lag : its time constant, s
+    curves : relative curve error, one per input
+    """
+
+    def __init__(self, plant: Plant, lagged: tuple[int, ...], lag: float, curves: tuple[float, ...]) -> None:
+        self.plant = plant
+        self.lagged = lagged
+        self.n_x = plant.x.numel()
+        self.n_y = plant.readings.numel()
+        self.n_moving = self.n_x + len(lagged)
+        self.n_z = plant.z.numel()
+        self._make = cache(self._make_step)
+        moving = ca.SX.sym("moving", self.n_moving)
+        acting = _acting(plant.u, moving[self.n_x :], lagged, curves)
+        old = ca.vertcat(plant.x, plant.u, plant.b)
+        new = ca.vertcat(moving[: self.n_x], acting, ca.SX.zeros(plant.b.numel()))
+        rates, readings, gap = ca.substitute([plant.rates, plant.readings, plant.gap], [old], [new])
+        chase = [(plant.u[k] - moving[self.n_x + j]) / lag for j, k in enumerate(lagged)]
+        around = [moving, plant.z, plant.u, plant.theta]
+        self.rates = ca.Function("rates", around, [ca.vertcat(rates, *chase), gap])
+        self._readings = ca.Function("readings", around, [readings])
+        self.root = _root(around, gap)
+        self.read = self._make_read()
+
+    def start(self, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
+        """Give the first s: states x, actuators at rest at u, implicit relations solved.
+
+        Raises
+        ------
+        StructureError
+            Where the implicit relations have no solution there.
+        """
+        moving = np.concatenate([x, u[list(self.lagged)]])
+        if not self.n_z:
+            return moving
+        for size in (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0))):
+            z, change = self.root(moving, np.full(self.n_z, size), u, theta)
+            if _converged(change.full(), z.full()):
+                return np.concatenate([moving, z.full()[:, 0]])
+        raise StructureError(
+            f"{self.plant.graph.file}: {', '.join(self.plant.implicit)}: the laws have no solution at the first row; "
+            "check them, or give another start"
+        )
+
+    def step(self, method: Method) -> ca.Function:
+        """Give (s, length, u, left, right) -> (s after one segment, change by the last Newton step)."""
+        return self._make(method)
+
+    def integrate(self, first: FloatArray, segments: Segments) -> tuple[FloatArray, Method, float]:
+        """Integrate to the accuracy wanted, or as near to it as the plant's kinks permit.
+
+        Parameters
+        ----------
+        first : float array, shape (n_s,)
+        segments : n of them
+
+        Returns
+        -------
+        states : float array, shape (n + 1, n_s)
+        method : what was needed
+        error : change by the last doubling, relative to the largest size of each state
+
+        Raises
+        ------
+        StructureError
+            Where no method gives finite numbers.
+        """
+        best: tuple[FloatArray, Method, float] | None = None
+        for implicit, counts in ((False, SUBSTEPS_EXPLICIT), (True, SUBSTEPS_IMPLICIT)):
+            before: FloatArray | None = None
+            for count in counts:
+                method = Method(implicit, count)
+                states = self._run(method, first, segments)
+                error = np.inf if before is None or states is None else self._difference(states, before)
+                if states is not None and (best is None or error < best[2]):
+                    best = states, method, error
+                if error <= TOLERANCE:
+                    break
+                before = states
+            if best is not None and best[2] <= ACCEPTED:
+                return best
+        if best is None:
+            raise StructureError(
+                f"{self.plant.graph.file}: the plant cannot be integrated from this start with these inputs: a signal "
+                "grows without limit or a law has no solution; check units, laws, start and faults"
+            )
+        return best
+
+    def outputs(self, states: FloatArray, inputs: FloatArray, theta: FloatArray) -> FloatArray:
+        """Give the readings without noise, shape (n, n_outputs), SI, at n moments."""
+        if not len(states):
+            return np.zeros((0, self.n_y))
+        return np.asarray(self.read.map(len(states))(states.T, inputs.T, theta.T).full().T)
+
+    def _difference(self, states: FloatArray, before: FloatArray) -> float:
+        """Give the largest difference of two runs, relative to the largest size of each state."""
+        if not self.n_moving:
+            return 0.0
+        size = np.max(np.abs(states[:, : self.n_moving]), axis=0)
+        gap = np.max(np.abs(states - before)[:, : self.n_moving], axis=0)
+        return float(np.max(gap / np.where(size > 0, size, 1.0)))
+
+    def _run(self, method: Method, first: FloatArray, segments: Segments) -> FloatArray | None:
+        """Give the states at all ends of segments; None where they are not finite or a root was not found."""
+        n = segments.length.size
+        if not n:
+            return first[None, :]
+        many = self.step(method).mapaccum(n)
+        s, change = many(first, segments.length[None, :], segments.inputs.T, segments.left.T, segments.right.T)
+        states = np.vstack([first, s.full().T])
+        good = bool(np.all(np.isfinite(states))) and _converged(change.full().T, states)
+        return states if good else None
+
+    def _parts(self, s: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Give what moves and what is solved of s."""
+        moving, z = ca.vertsplit(s, [0, self.n_moving, self.n_moving + self.n_z])
+        return moving, z
+
+    def _make_read(self) -> ca.Function:
+        s = ca.MX.sym("s", self.n_moving + self.n_z)
+        u, theta = ca.MX.sym("u", self.plant.u.numel()), ca.MX.sym("theta", self.plant.theta.numel())
+        moving, z = self._parts(s)
+        solved, _ = self.root(moving, z, u, theta)
+        return _flat(ca.Function("read", [s, u, theta], [self._readings(moving, solved, u, theta)]), self.n_z == 0)
+
+    def _make_step(self, method: Method) -> ca.Function:
+        s = ca.MX.sym("s", self.n_moving + self.n_z)
+        length, u = ca.MX.sym("length"), ca.MX.sym("u", self.plant.u.numel())
+        left, right = (ca.MX.sym(name, self.plant.theta.numel()) for name in ("left", "right"))
+        moving, z = self._parts(s)
+        advance = self._radau() if method.implicit else self._runge_kutta
+        change = ca.MX.zeros(self.n_moving + self.n_z)
+        h = length / method.substeps
+        for number in range(method.substeps):
+
+            def theta(part: float, number: int = number) -> ca.MX:
+                return left + (right - left) * ((number + part) / method.substeps)
+
+            moving, z, last = advance(moving, z, h, u, theta)
+            change = ca.fmax(change, last)
+        function = ca.Function("step", [s, length, u, left, right], [ca.vertcat(moving, z), change])
+        return _flat(function, self.n_z == 0 and not method.implicit)
+
+    def _runge_kutta(
+        self, moving: ca.MX, z: ca.MX, h: ca.MX, u: ca.MX, theta: Callable[[float], ca.MX]
+    ) -> tuple[ca.MX, ca.MX, ca.MX]:
+        total = slope = ca.MX.zeros(self.n_moving)
+        last = ca.MX.zeros(self.n_z)
+        for part, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
+            here = moving + part * h * slope
+            z, change = self.root(here, z, u, theta(part))
+            last = ca.fmax(last, change)
+            slope, _ = self.rates(here, z, u, theta(part))
+            total = total + weight * slope
+        return moving + h * total, z, ca.vertcat(ca.MX.zeros(self.n_moving), last)
+
+    def _radau(self) -> Callable[..., tuple[ca.MX, ca.MX, ca.MX]]:
+        """Three stages solved together by Newton's method; unknowns: states and implicit signals of each stage."""
+        n = self.n_moving + self.n_z
+        start, h = ca.SX.sym("start", self.n_moving), ca.SX.sym("h")
+        u = ca.SX.sym("u", self.plant.u.numel())
+        stages, thetas = ca.SX.sym("stages", n, 3), ca.SX.sym("thetas", self.plant.theta.numel(), 3)
+        found = [self.rates(stages[: self.n_moving, i], stages[self.n_moving :, i], u, thetas[:, i]) for i in range(3)]
+        residuals = []
+        for i in range(3):
+            moved = sum(_WEIGHTS[i][j] * found[j][0] for j in range(3))
+            residuals += [self._parts(stages[:, i])[0] - start - h * moved, found[i][1]]
+        residual, unknown = ca.vertcat(*residuals), ca.vec(stages)
+        system = ca.Function("system", [stages, start, h, u, thetas], [ca.jacobian(residual, unknown), residual])
+
+        def advance(
+            moving: ca.MX, z: ca.MX, h: ca.MX, u: ca.MX, theta: Callable[[float], ca.MX]
+        ) -> tuple[ca.MX, ca.MX, ca.MX]:
+            guess = ca.repmat(ca.vertcat(moving, z), 1, 3)
+            parts = ca.horzcat(*(theta(node) for node in _NODES))
+            move = ca.MX.zeros(n, 3)
+            for _ in range(_STAGE_STEPS):
+                slope, misfit = system(guess, moving, h, u, parts)
+                move = ca.reshape(ca.solve(slope, -misfit, "qr"), n, 3)
+                guess = guess + move
+            return *self._parts(guess[:, 2]), ca.fabs(move[:, 2])
+
+        return advance
+
+
+def _acting(u: ca.SX, delayed: ca.SX, lagged: tuple[int, ...], curves: tuple[float, ...]) -> ca.SX:
+    """What acts on the plant: the input behind its lag, through its curve."""
+    acting = []
+    for k, curve in enumerate(curves):
+        value = delayed[lagged.index(k)] if k in lagged else u[k]
+        acting.append(value * (1 + curve * ca.sin(2 * pi * value / 100)) if curve else value)
+    return ca.vertcat(*acting) if acting else ca.SX(0, 1)
+
+
+def _root(around: list[ca.SX], gap: ca.SX) -> ca.Function:
+    """Give (moving, z, u, theta) -> (z with gap = 0, size of the last Newton step); shortened steps where needed."""
+    moving, z, u, theta = around
+    if not z.numel():
+        return ca.Function("root", around, [z, z])
+    size = ca.Function("size", around, [ca.sumsqr(gap)])
+    full = -ca.solve(ca.jacobian(gap, z), gap)
+    best, least = z, ca.sumsqr(gap)
+    for part in _PARTS:
+        trial = z + part * full
+        found = size(moving, trial, u, theta)
+        better = found < least  # false for nan, so a wild step is never taken
+        best, least = ca.if_else(better, trial, best), ca.if_else(better, found, least)
+    once = ca.Function("once", around, [best, ca.fabs(full)])
+    s = [ca.MX.sym(name, item.numel()) for name, item in zip(("moving", "z", "u", "theta"), around, strict=True)]
+    value, change = s[1], ca.MX.zeros(z.numel())
+    for _ in range(_ROOT_STEPS):
+        value, change = once(s[0], value, s[2], s[3])
+    return ca.Function("root", s, [value, change])
+
+
+def _converged(change: FloatArray, values: FloatArray) -> bool:
+    """Whether the last Newton steps were small beside the largest size of each unknown; shapes (n, m) or (m, 1)."""
+    if not change.size:
+        return True
+    size = np.max(np.abs(values), axis=0)
+    return bool(np.all(np.max(np.abs(change), axis=0) <= _ROOT_TOLERANCE * np.where(size > 0, size, 1.0)))
+
+
+def _flat(function: ca.Function, plain: bool) -> ca.Function:
+    """Write a function without roots as one flat list of operations, which runs faster."""
+    return function.expand() if plain else function

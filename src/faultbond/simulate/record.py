@@ -1,0 +1,281 @@
+"""A recording of a simulated plant."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.dynamics.plant import Plant, build_plant
+from faultbond.errors import ModelError
+from faultbond.model.graph import BondGraph, Input, Sensor
+from faultbond.simulate.integrate import Integrator, Method, Segments
+from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
+from faultbond.types import FloatArray
+
+_FIRST_TRY = Method(implicit=False, substeps=4)
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inputs:
+    """Inputs known beforehand; the value in row k acts from the time of row k until that of row k + 1.
+
+    time: (n,), s, increasing. values: (n, n_inputs), SI, the true inputs in the order of the model.
+    """
+
+    time: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Policy:
+    """Inputs decided on the way, by an operator or a controller.
+
+    time: (n,), s, increasing. decide(time, outputs): the inputs (SI) from this row on; `outputs` are those recorded in
+    the row before (SI, nan at the first row).
+    """
+
+    time: FloatArray
+    decide: Callable[[float, FloatArray], Sequence[float] | FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation:
+    """A recording, and the truth behind it. All SI, one row per moment.
+
+    time: (n,), s. inputs, outputs: (n, n_inputs), (n, n_outputs), as recorded, with noise. true_inputs: before noise,
+    lag and curve. states: (n, n_states), named by `state_names`. parameters: (n, n_parameters). error: relative error
+    of the integration, estimated.
+    """
+
+    time: FloatArray
+    inputs: FloatArray
+    outputs: FloatArray
+    true_inputs: FloatArray
+    states: FloatArray
+    parameters: FloatArray
+    state_names: tuple[str, ...]
+    seed: int | None
+    error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Course:
+    """Moments at which something changes (rows, and steps of faults between them), and the parameters there."""
+
+    moments: FloatArray
+    rows: tuple[int, ...]  # numbers of the moments that are rows
+    held: tuple[int, ...]  # for each stretch the row whose input acts
+    left: FloatArray
+    right: FloatArray
+    at_rows: FloatArray
+
+    def segments(self, inputs: FloatArray) -> Segments:
+        """Give the stretches with the inputs of the rows, shape (n_rows, n_inputs)."""
+        return Segments(length=np.diff(self.moments), inputs=inputs[list(self.held)], left=self.left, right=self.right)
+
+
+def simulate(
+    graph: BondGraph,
+    inputs: Inputs | Policy,
+    faults: Sequence[Fault] = (),
+    *,
+    seed: int | None = 0,
+    effects: Effects | None = None,
+    start: Mapping[str, float] | None = None,
+) -> Simulation:
+    """Simulate a plant and record it as its instruments would.
+
+    Sensors and inputs have the noise that the model declares; slow errors are zero. The same seed gives the same noise
+    and the same plant whatever the faults.
+
+    Parameters
+    ----------
+    graph : the plant
+    inputs : what is fed in, or who decides it
+    faults : steps and ramps of parameters
+    seed : of the noise and of `Effects.spread`; None: no noise, no spread
+    effects : imperfections that the model leaves out; default none
+    start : SI value by state (`tank.q`); a state that is not named begins at the model's `start`, else at 0
+
+    Raises
+    ------
+    ModelError
+        Where a fault, a start or the inputs do not fit the model.
+    CausalityError, StructureError
+        Where the model has no solution.
+    """
+    effects = effects or Effects()
+    time = _checked_time(graph, inputs)
+    check_faults(graph, faults, float(time[-1]))
+    plant = build_plant(graph)
+    generator = None if seed is None else np.random.default_rng(seed)
+    healthy = healthy_parameters(graph, effects.spread, generator)
+    noise_y = _noise([item.noise for item in graph.sensors], time.size, generator)
+    noise_u = _noise([item.noise for item in graph.inputs], time.size, generator)
+    course = _course(graph, healthy, faults, time)
+    integrator = _integrator(plant, effects)
+    x = _start(plant, start or {})
+    run = _Run(integrator, course, x, time, noise_y)
+    values = _checked_values(graph, inputs) if isinstance(inputs, Inputs) else run.decide(inputs)
+    states, _, error = run.integrate(values)
+    outputs = integrator.outputs(states[list(course.rows)], values, course.at_rows) + noise_y
+    return Simulation(
+        time=_frozen(time),
+        inputs=_frozen(values + noise_u),
+        outputs=_frozen(outputs),
+        true_inputs=_frozen(values),
+        states=_frozen(states[list(course.rows), : plant.x.numel()]),
+        parameters=_frozen(course.at_rows),
+        state_names=tuple(state.name for state in plant.network.states),
+        seed=seed,
+        error=error,
+    )
+
+
+def columns(graph: BondGraph, simulation: Simulation, *, digits: int | None = None) -> dict[str, FloatArray]:
+    """Give the columns of a recording file, in the model file's units, time first.
+
+    Parameters
+    ----------
+    graph : the plant, which names columns and units
+    simulation : what to write
+    digits : significant digits kept of inputs and outputs; None keeps all
+
+    Returns
+    -------
+    values by header, each of shape (n,)
+    """
+    table: dict[str, FloatArray] = {}
+    if graph.time.column is not None:
+        table[graph.time.column] = (simulation.time - graph.time.unit.offset) / graph.time.unit.factor
+    named: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
+    for item, values in zip(named, np.hstack([simulation.inputs, simulation.outputs]).T, strict=True):
+        shown = (values - item.unit.offset) / item.unit.factor
+        table[item.column] = shown if digits is None else np.array([float(f"{v:.{digits}g}") for v in shown])
+    return table
+
+
+class _Run:
+    """One plant on one course from one start."""
+
+    def __init__(
+        self, integrator: Integrator, course: _Course, x: FloatArray, time: FloatArray, noise: FloatArray
+    ) -> None:
+        self.integrator = integrator
+        self.course = course
+        self.x = x
+        self.time = time
+        self.noise = noise
+
+    def integrate(self, values: FloatArray) -> tuple[FloatArray, Method, float]:
+        """Integrate with known inputs."""
+        first = self.integrator.start(self.x, values[0], self.course.at_rows[0])
+        return self.integrator.integrate(first, self.course.segments(values))
+
+    def decide(self, policy: Policy) -> FloatArray:
+        """Find the inputs of a policy, with a method that is accurate enough on them."""
+        method = _FIRST_TRY
+        for _ in range(_ROUNDS):
+            values = self._close(policy, method)
+            _, needed, _ = self.integrate(values)
+            if needed.implicit == method.implicit and needed.substeps <= method.substeps:
+                break
+            method = needed
+        return values
+
+    def _close(self, policy: Policy, method: Method) -> FloatArray:
+        """Step through the rows, asking the policy at each."""
+        graph = self.integrator.plant.graph
+        advance, read, course = self.integrator.step(method), self.integrator.read, self.course
+        values = np.zeros((self.time.size, len(graph.inputs)))
+        seen = np.full(len(graph.sensors), np.nan)
+        lengths = np.diff(course.moments)
+        state: FloatArray | None = None
+        segment = 0
+        for row, moment in enumerate(self.time):
+            values[row] = _checked_decision(graph, policy.decide(float(moment), seen), float(moment))
+            if state is None:
+                state = self.integrator.start(self.x, values[0], course.at_rows[0])
+            seen = read(state, values[row], course.at_rows[row]).full()[:, 0] + self.noise[row]
+            while segment < len(course.held) and course.held[segment] == row:
+                left, right = course.left[segment], course.right[segment]
+                state = advance(state, lengths[segment], values[row], left, right)[0].full()[:, 0]
+                segment += 1
+        return values
+
+
+def _integrator(plant: Plant, effects: Effects) -> Integrator:
+    graph = plant.graph
+    if not effects.lag >= 0.0:
+        raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
+    curves = effects.curve_of(graph)
+    lagged = tuple(k for k, item in enumerate(graph.inputs) if item.settling > 0 and effects.lag > 0)
+    return Integrator(plant, lagged, effects.lag, tuple(curves.get(item.name, 0.0) for item in graph.inputs))
+
+
+def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time: FloatArray) -> _Course:
+    events = [moment for fault in faults for moment in (fault.start, fault.end) if moment is not None]
+    inside = [moment for moment in events if time[0] < moment < time[-1]]
+    moments = np.union1d(time, inside)
+    held = np.searchsorted(time, moments[:-1], side="right") - 1
+    return _Course(
+        moments=moments,
+        rows=tuple(np.searchsorted(moments, time).tolist()),
+        held=tuple(held.tolist()),
+        left=true_parameters(graph, healthy, faults, moments[:-1], after=True),
+        right=true_parameters(graph, healthy, faults, moments[1:], after=False),
+        at_rows=true_parameters(graph, healthy, faults, time, after=True),
+    )
+
+
+def _start(plant: Plant, start: Mapping[str, float]) -> FloatArray:
+    known = {item.name: item.start.mean for item in plant.graph.components if item.start is not None}
+    x = {state.name: known.get(state.component or "", 0.0) for state in plant.network.states}
+    for name, value in start.items():
+        if name not in x:
+            raise ModelError(f"{plant.graph.file}: start of {name}: no such state; {closest(name, tuple(x))}")
+        x[name] = float(value)
+    return np.array(list(x.values()), dtype=np.float64)
+
+
+def _noise(sizes: Sequence[float], rows: int, generator: np.random.Generator | None) -> FloatArray:
+    scale = np.array(sizes, dtype=np.float64)
+    return np.zeros((rows, scale.size)) if generator is None else generator.standard_normal((rows, scale.size)) * scale
+
+
+def _checked_time(graph: BondGraph, inputs: Inputs | Policy) -> FloatArray:
+    time = np.asarray(inputs.time, dtype=np.float64)
+    if time.ndim != 1 or not time.size or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
+        raise ModelError(f"{graph.file}: the times of the inputs must be finite and increase from row to row")
+    return time
+
+
+def _checked_values(graph: BondGraph, inputs: Inputs) -> FloatArray:
+    values = np.asarray(inputs.values, dtype=np.float64)
+    expected = (len(inputs.time), len(graph.inputs))
+    if values.shape != expected:
+        raise ModelError(f"{graph.file}: the inputs have shape {values.shape}, expected (rows, inputs) = {expected}")
+    bad = np.argwhere(~np.isfinite(values))
+    if bad.size:
+        row, k = bad[0]
+        raise ModelError(
+            f"{graph.file}: input {graph.inputs[k].name} has no value at {inputs.time[row]:g} s (row {row + 1}); "
+            "a simulation needs every input in every row"
+        )
+    return values
+
+
+def _checked_decision(graph: BondGraph, decision: Sequence[float] | FloatArray, moment: float) -> FloatArray:
+    values = np.asarray(decision, dtype=np.float64)
+    if values.shape != (len(graph.inputs),) or not np.all(np.isfinite(values)):
+        raise ModelError(
+            f"{graph.file}: the policy gave {decision} at {moment:g} s, expected {len(graph.inputs)} finite inputs"
+        )
+    return values
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy
