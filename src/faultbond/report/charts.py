@@ -47,7 +47,6 @@ class Chart:
     lowest: float | None = None
     highest: float | None = None
     relative_to: float | None = None  # adds an axis in per cent of this value
-    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -100,6 +100,14 @@ def test_table_is_short_and_counts_the_rest(history: History) -> None:
     assert float(text.split()[-2]) / 100.0 >= first.candidates[8].probability
 
 
+def test_negligible_candidates_are_not_listed() -> None:
+    """When one explanation is sure only two others are shown for comparison."""
+    sure = tank_history(GRAPH).diagnoses[-1]
+    rows = table_rows(GRAPH, sure, Notation.FILE)
+    assert len(rows) == 3
+    assert remainder_text(sure, rows) == f"... and {len(sure.candidates) - 3} more below 0.1 %"
+
+
 def test_component_probability_sums_over_sets(history: History) -> None:
     """A component is as probable as all sets together that contain it."""
     diagnosis = history.diagnoses[0]
