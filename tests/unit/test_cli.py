@@ -199,15 +199,18 @@ def test_control_c() -> None:
     assert main(["check", "m"], Spy(failing(KeyboardInterrupt()))) == 130
 
 
-def test_a_closed_pipe_is_quiet() -> None:
+@pytest.mark.parametrize(
+    ("options", "action"), [(["--json", "-"], "out.record({'x': 1})"), ([], "out.say('for people')")]
+)
+def test_a_closed_pipe_is_quiet(options: list[str], action: str) -> None:
     """When the reader of the output goes away, the program ends without a word."""
-    code = """
+    code = f"""
 import sys
 from faultbond.cli import main
 class Verbs:
     def check(self, model, *, out):
-        for _ in range(100000): out.record({"x": 1})
-sys.exit(main(["check", "m", "--json", "-"], Verbs()))
+        for _ in range(100000): {action}
+sys.exit(main(["check", "m", *{options}], Verbs()))
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
