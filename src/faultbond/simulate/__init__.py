@@ -1,6 +1,19 @@
 """Plant simulation: what a real plant would have recorded, faults and imperfections included."""
 
-from faultbond.simulate.record import Inputs, Policy, Simulation, columns, simulate
+from faultbond.simulate.record import Decide, Inputs, Policy, Simulation, columns, simulate
+from faultbond.simulate.signals import random_steps, sines
 from faultbond.simulate.truth import Effects, Fault, fault_in_si
 
-__all__ = ["Effects", "Fault", "Inputs", "Policy", "Simulation", "columns", "fault_in_si", "simulate"]
+__all__ = [
+    "Decide",
+    "Effects",
+    "Fault",
+    "Inputs",
+    "Policy",
+    "Simulation",
+    "columns",
+    "fault_in_si",
+    "random_steps",
+    "simulate",
+    "sines",
+]

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import pi, sqrt
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -182,7 +183,7 @@ class Integrator:
         good = bool(np.all(np.isfinite(states))) and _converged(change.full().T, states)
         return states if good else None
 
-    def _parts(self, s: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def _parts(self, s: ca.SX | ca.MX) -> tuple[Any, Any]:
         """Give what moves and what is solved of s."""
         moving, z = ca.vertsplit(s, [0, self.n_moving, self.n_moving + self.n_z])
         return moving, z
@@ -192,7 +193,9 @@ class Integrator:
         u, theta = ca.MX.sym("u", self.plant.u.numel()), ca.MX.sym("theta", self.plant.theta.numel())
         moving, z = self._parts(s)
         solved, _ = self.root(moving, z, u, theta)
-        return _flat(ca.Function("read", [s, u, theta], [self._readings(moving, solved, u, theta)]), self.n_z == 0)
+        return _flat(
+            ca.Function("read", [s, u, theta], [ca.densify(self._readings(moving, solved, u, theta))]), self.n_z == 0
+        )
 
     def _make_step(self, method: Method) -> ca.Function:
         s = ca.MX.sym("s", self.n_moving + self.n_z)
@@ -209,7 +212,9 @@ class Integrator:
 
             moving, z, last = advance(moving, z, h, u, theta)
             change = ca.fmax(change, last)
-        function = ca.Function("step", [s, length, u, left, right], [ca.vertcat(moving, z), change])
+        function = ca.Function(
+            "step", [s, length, u, left, right], [ca.densify(ca.vertcat(moving, z)), ca.densify(change)]
+        )
         return _flat(function, self.n_z == 0 and not method.implicit)
 
     def _runge_kutta(
@@ -252,6 +257,34 @@ class Integrator:
             return *self._parts(guess[:, 2]), ca.fabs(move[:, 2])
 
         return advance
+
+
+class Caller:
+    """Calls a function of dense columns many times, one set of numbers at a time, without conversions.
+
+    Parameters
+    ----------
+    function : what to call
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._memory = cast(Any, function).buffer()  # holds addresses: it must live as long as the arrays below
+        buffer = self._memory[0]
+        self._arguments = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+        self._results = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        for k, array in enumerate(self._arguments):
+            if array.size:
+                buffer.set_arg(k, array.data)
+        for k, array in enumerate(self._results):
+            if array.size:
+                buffer.set_res(k, array.data)
+
+    def __call__(self, *arguments: FloatArray | float) -> FloatArray:
+        """Give a copy of the first result."""
+        for own, given in zip(self._arguments, arguments, strict=True):
+            own[:] = given
+        self._memory[1]()
+        return self._results[0].copy()
 
 
 def _acting(u: ca.SX, delayed: ca.SX, lagged: tuple[int, ...], curves: tuple[float, ...]) -> ca.SX:

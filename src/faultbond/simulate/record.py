@@ -8,9 +8,11 @@ import numpy as np
 from faultbond.dynamics.plant import Plant, build_plant
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
-from faultbond.simulate.integrate import Integrator, Method, Segments
+from faultbond.simulate.integrate import Caller, Integrator, Method, Segments
 from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
 from faultbond.types import FloatArray
+
+Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
 _FIRST_TRY = Method(implicit=False, substeps=4)
 _ROUNDS = 3
@@ -31,12 +33,13 @@ class Inputs:
 class Policy:
     """Inputs decided on the way, by an operator or a controller.
 
-    time: (n,), s, increasing. decide(time, outputs): the inputs (SI) from this row on; `outputs` are those recorded in
-    the row before (SI, nan at the first row).
+    time: (n,), s, increasing. begin() gives a fresh `decide(time, outputs)`, which is then called row by row and gives
+    the inputs (SI) from this row on; `outputs` are those recorded in the row before (SI, nan at the first row). A run
+    may begin more than once, until the integration is accurate.
     """
 
     time: FloatArray
-    decide: Callable[[float, FloatArray], Sequence[float] | FloatArray]
+    begin: Callable[[], Decide]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,20 +190,21 @@ class _Run:
     def _close(self, policy: Policy, method: Method) -> FloatArray:
         """Step through the rows, asking the policy at each."""
         graph = self.integrator.plant.graph
-        advance, read, course = self.integrator.step(method), self.integrator.read, self.course
+        advance, read, course = Caller(self.integrator.step(method)), Caller(self.integrator.read), self.course
         values = np.zeros((self.time.size, len(graph.inputs)))
         seen = np.full(len(graph.sensors), np.nan)
         lengths = np.diff(course.moments)
+        decide = policy.begin()
         state: FloatArray | None = None
         segment = 0
         for row, moment in enumerate(self.time):
-            values[row] = _checked_decision(graph, policy.decide(float(moment), seen), float(moment))
+            values[row] = _checked_decision(graph, decide(float(moment), seen), float(moment))
             if state is None:
                 state = self.integrator.start(self.x, values[0], course.at_rows[0])
-            seen = read(state, values[row], course.at_rows[row]).full()[:, 0] + self.noise[row]
+            seen = read(state, values[row], course.at_rows[row]) + self.noise[row]
             while segment < len(course.held) and course.held[segment] == row:
                 left, right = course.left[segment], course.right[segment]
-                state = advance(state, lengths[segment], values[row], left, right)[0].full()[:, 0]
+                state = advance(state, lengths[segment], values[row], left, right)
                 segment += 1
         return values
 
