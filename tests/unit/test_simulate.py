@@ -1,6 +1,7 @@
 """Plant simulation: against exact solutions, and the rules of inputs, faults, noise and imperfections."""
 
 from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 import pytest
@@ -421,3 +422,18 @@ def test_recording_cannot_be_changed(motor: BondGraph) -> None:
     made = simulate(motor, steps(10, 0.02))
     with pytest.raises(ValueError, match="read-only"):
         made.outputs[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("name", ["tank", "dc_motor", "dc_motor_current", "rc", "rlc"])
+def test_example_recordings_are_those_of_their_script(name: str) -> None:
+    """The healthy recording of an example is what its script makes."""
+    script = EXAMPLES / name / f"make_{name}.py"
+    module = run_path(str(script))
+    graph = load_model(EXAMPLES / name / "model.yaml")
+    table = columns(graph, module["record"](graph, seed=1), digits=6)
+    with (EXAMPLES / name / "healthy.csv").open(encoding="utf-8") as stream:
+        assert stream.readline().strip().split(",") == list(table)
+        stored = np.loadtxt(stream, delimiter=",")
+    made = np.column_stack(list(table.values()))
+    size = np.abs(made).max(axis=0)
+    np.testing.assert_allclose(stored / size, made / size, rtol=0, atol=2e-5)
