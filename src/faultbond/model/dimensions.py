@@ -143,19 +143,20 @@ class Checker:
         if function in _SAME:
             return self.common(arguments, f"the arguments of {function}()", whole, where)
         if function in _PURE:
-            self._pure(arguments[0], f"the argument of {function}()", where)
-            return Form(), False
+            return Form(), self._pure(arguments[0], f"the argument of {function}()", where)
         form, free = self.infer(arguments[0], where)
         if function == "sqrt":
             return (None if form is None else form ** Fraction(1, 2)), free
-        return Form(), False
+        return Form(), free
 
-    def _pure(self, expression: Expression, what: str, where: str) -> None:
+    def _pure(self, expression: Expression, what: str, where: str) -> bool:
+        """Demand no dimension; give whether the expression is a bare number."""
         form, free = self.infer(expression, where)
         if form is not None and not free and not self.solver.equate(form, Form()):
             dimension = self._words(form)
             problem = f"{what}, `{shown(to_text(expression))}`, must be dimensionless but is in {dimension}"
             raise ModelError(f"{where}{problem}; divide it by a constant in {dimension}")
+        return free
 
     def common(self, parts: Iterable[Expression], what: str, whole: Expression, where: str) -> tuple[Form | None, bool]:
         """Demand that all parts of a sum agree; a bare number takes the unit of the others."""

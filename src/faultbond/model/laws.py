@@ -12,7 +12,8 @@ from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.parser import arithmetic, parse_expression, parse_relation, to_text
 from faultbond.model.quantities import Quantity, quantity, spread
 from faultbond.model.source import Entry, Items, Source, closest, shown
-from faultbond.model.values import Values
+from faultbond.model.units import Measure
+from faultbond.model.values import Values, same_unit
 from faultbond.model.wiring import Part, Wiring
 from faultbond.types import ElementType
 
@@ -22,7 +23,7 @@ class StartEntry:
     """A stated start with what the check of dimensions needs."""
 
     signal: str
-    quantities: tuple[Quantity, Quantity]
+    measure: Measure | None
     line: int
 
 
@@ -56,7 +57,7 @@ class LawReader:
         n_laws = 2 if part.type.n_ports == 2 else 1
         if len(texts) != n_laws:
             wanted = "two laws, `law: [.., ..]`" if n_laws == 2 else "one law"
-            problem = f"has {len(texts)} law{'s'[: len(texts) != 1]}; a {part.type.value} element needs {wanted}"
+            problem = f"has {len(texts)} law{'s'[: len(texts) != 1]}; {_article(part.type)} element needs {wanted}"
             raise self.source.error(part.fields["law"], f"component {part.name} {problem}")
         found = tuple(self._relation(part, text, line, what) for text, line in texts)
         used = {name for law in found for side in (law.left, law.right) for name in names(side)}
@@ -158,10 +159,13 @@ class LawReader:
                 raise self.source.error(entry, f"{what}: {problem}")
         mean = self._start_quantity(fields[key], what)
         deviation = spread(*self._text_of(fields["sd"], f"{what}: sd"), mean.measure)
-        sd = deviation.difference(mean.value)
-        carrier = deviation.quantity or Quantity(0.0, mean.measure)
-        self.starts.append(StartEntry(f"{part.name}.{key}", (mean, carrier), entry.line))
-        return Start(mean=mean.value, sd=sd)
+        measure = mean.measure
+        if deviation.quantity is not None and measure is not None:
+            same_unit(self.source, fields["sd"], f"{what}: sd", deviation.quantity, measure)
+        elif deviation.quantity is not None:
+            measure = deviation.quantity.measure
+        self.starts.append(StartEntry(f"{part.name}.{key}", measure, entry.line))
+        return Start(mean=mean.value, sd=deviation.difference(mean.value))
 
     def _start_quantity(self, entry: Entry, what: str) -> Quantity:
         return quantity(*self._text_of(entry, what))

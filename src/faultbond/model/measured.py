@@ -9,10 +9,10 @@ from faultbond.model.dump import shared_factor
 from faultbond.model.expression import Name, names
 from faultbond.model.graph import Input, Sensor, SlowError
 from faultbond.model.laws import LawReader
-from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread_over
+from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread, spread_over
 from faultbond.model.source import Entry, Source, Text, closest, shown
 from faultbond.model.units import Measure
-from faultbond.model.values import needs_size, read_column, read_spread, read_unit, same_unit
+from faultbond.model.values import needs_size, read_column, read_unit, same_unit
 
 SENSOR_KEYS = ("reads", "unit", "noise", "column")
 SLOW_ERROR_KEYS = ("size", "after", "each")
@@ -20,11 +20,12 @@ SLOW_ERROR_KEYS = ("size", "after", "each")
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Sensors with their measures, and slow errors with those of absolute sizes."""
+    """Sensors and slow errors, with the measures in which they were stated."""
 
     sensors: tuple[Sensor, ...]
     slow_errors: tuple[SlowError, ...]
     sensor_measures: Mapping[str, Measure | None]
+    noise_measures: Mapping[str, Measure | None]
     size_measures: Mapping[str, Measure]
 
 
@@ -35,6 +36,7 @@ class MeasuredReader:
         self.source, self.laws, self.defaults = source, laws, defaults
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
         self.sensor_measures: dict[str, Measure | None] = {}
+        self.noise_measures: dict[str, Measure | None] = {}
         self.size_measures: dict[str, Measure] = {}
 
     def read(self, fields: Mapping[str, Entry]) -> Measured:
@@ -45,9 +47,8 @@ class MeasuredReader:
             raise self.source.error(fields.get("sensors", 0), problem)
         sensors = tuple(self._sensor(entry) for entry in entries)
         slow = self.source.table(fields["slow_error"].value, "slow_error").entries if "slow_error" in fields else ()
-        return Measured(
-            sensors, tuple(self._slow_error(entry) for entry in slow), self.sensor_measures, self.size_measures
-        )
+        errors = tuple(self._slow_error(entry) for entry in slow)
+        return Measured(sensors, errors, self.sensor_measures, self.noise_measures, self.size_measures)
 
     def _sensor(self, entry: Entry) -> Sensor:
         name = self.source.name(entry, "sensors")
@@ -67,8 +68,9 @@ class MeasuredReader:
         reads = self.laws.expression(text, fields["reads"].line, f"{what}: reads")
         if not any(Name(item).is_signal for item in names(reads)):
             raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `vessel.e`")
-        noise = read_spread(self.source, fields["noise"], f"{what}: noise", measure)
+        noise = self._sensor_spread(fields["noise"], f"{what}: noise", measure)
         needs_size(self.source, fields["noise"], f"{what}: noise", noise)
+        self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
         if noise.difference() <= 0:
             raise self.source.error(fields["noise"], f"{what}: noise must be above 0; state its standard deviation")
         return Sensor(
@@ -79,6 +81,13 @@ class MeasuredReader:
             noise=noise.difference(),
             line=entry.line,
         )
+
+    def _sensor_spread(self, entry: Entry, what: str, measure: Measure | None) -> Spread:
+        """Give a standard deviation of a sensor; one that states no unit is in SI, and what it reads decides."""
+        found = spread(self.source.text(entry.value, what), f"{self.source.at(entry)}{what} ", measure)
+        if measure is not None and found.quantity is not None:
+            same_unit(self.source, entry, what, found.quantity, measure)
+        return found
 
     def _slow_error(self, entry: Entry) -> SlowError:
         target, what = entry.key, f"slow_error {shown(entry.key)}"
@@ -92,9 +101,10 @@ class MeasuredReader:
         where = f"{self.source.at(fields['size'])}{what}: "
         sd, memory = spread_over(self.source.text(fields["size"].value, what), where, default)
         if sd.quantity is not None and sd.quantity.measure is not None:
-            if target in self.sensor_measures:
+            if default is None:
+                self.size_measures[target] = sd.quantity.measure
+            else:
                 same_unit(self.source, fields["size"], f"{what}: size", sd.quantity, default)
-            self.size_measures[target] = sd.quantity.measure
         if ("after" in fields) != ("each" in fields):
             problem = "`after` and `each` belong together; write `after: [inflow], each: 0.005 cm/(cm^3/s)`"
             raise self.source.error(entry, f"{what}: {problem}")

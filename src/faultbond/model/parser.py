@@ -259,7 +259,7 @@ def number_text(value: float) -> str:
     """Give the shortest text of a number that reads back exactly: `100`, `0.5`, `2.41e11`."""
     if value.is_integer() and abs(value) < 1e7:
         return str(int(value))
-    if 1e-4 <= abs(value) < 1e7:
+    if 1e-4 <= abs(value) < 1e7 or not math.isfinite(value):
         return repr(value)
     mantissa, _, exponent = f"{Decimal(repr(value)).normalize():e}".partition("e")
     return f"{mantissa}e{int(exponent)}"

@@ -216,14 +216,15 @@ def _check_dimensions(
 
     demands = [law(side, component.name) for component in components for side in component.laws]
     for sensor in measured.sensors:
-        words = f"sensor {sensor.name}", "its unit"
-        demands += expect(sensor.reads, measured.sensor_measures[sensor.name], words, sensor.line)
+        unit, noise = measured.sensor_measures[sensor.name], measured.noise_measures[sensor.name]
+        words = f"sensor {sensor.name}", "its unit" if unit else "its noise"
+        demands += expect(sensor.reads, unit or noise, words, sensor.line)
+    reads = {sensor.name: sensor.reads for sensor in measured.sensors}
     for error in measured.slow_errors:
-        if not error.is_sensor:
-            words = f"slow_error {error.target}", "its size"
-            demands += expect(Name(error.target), measured.size_measures.get(error.target), words, error.line)
+        words = f"slow_error {error.target}", "its size"
+        target = reads.get(error.target, Name(error.target))
+        demands += expect(target, measured.size_measures.get(error.target), words, error.line)
     for start in laws.starts:
-        for item in start.quantities:
-            words = f"start of {start.signal.partition('.')[0]}", "the start"
-            demands += expect(Name(start.signal), item.measure, words, start.line)
+        words = f"start of {start.signal.partition('.')[0]}", "the start"
+        demands += expect(Name(start.signal), start.measure, words, start.line)
     check_demands(demands, lambda: Checker(plant, values))

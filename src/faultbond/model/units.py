@@ -16,6 +16,7 @@ from typing import Any
 
 from faultbond.errors import ModelError
 from faultbond.model.graph import Unit
+from faultbond.model.parser import number_text
 from faultbond.model.source import closest, shown
 
 MAX_LENGTH = 100
@@ -95,9 +96,9 @@ def _sum(a: Dimension, b: Dimension) -> dict[str, Fraction]:
 
 def _power(base: str, power: Fraction) -> str:
     symbol = _SYMBOLS[base]
-    if power == 1:
-        return symbol
-    return f"{symbol}^{power}" if power.denominator == 1 else f"{symbol}^{float(power):.4g}"
+    if power.denominator in (1, 2, 4, 5):
+        return symbol if power == 1 else f"{symbol}^{number_text(float(power))}"
+    return f"{symbol}^({power})"
 
 
 def dimension_of(powers: Mapping[str, Fraction]) -> Dimension:
@@ -214,7 +215,10 @@ def _measure(text: str) -> Measure | str:
 
 
 class _Reader:
-    """Reads `product = power (('*' | '/') power)*`, `power = (word | 1 | '(' product ')') ['^' number]`."""
+    """Reads `product = power (('*' | '/') power)*`, `power = (word | 1 | '(' product ')') ['^' number]`.
+
+    A number is `2`, `-0.5` or `(1/3)`.
+    """
 
     def __init__(self, text: str) -> None:
         self.text, self.tokens, self.at, self.depth = text, list[str](), 0, 0
@@ -274,14 +278,22 @@ class _Reader:
         self.at += brackets
         sign = -1 if self.peek() == "-" else 1
         self.at += sign < 0
-        digits = self.take()
-        if not digits[:1].isdigit() or len(digits) > 6:
-            raise self.error("a power must be a short number, as in `m^2` or `Pa^0.5`")
+        value = sign * self.digits()
+        if brackets and self.peek() == "/":
+            self.take()
+            divisor = self.digits()
+            value = value / divisor if divisor else Fraction(MAX_EXPONENT + 1)
         if brackets and self.take() != ")":
             raise self.error("a `)` is missing")
-        if float(digits) > MAX_EXPONENT:
+        if abs(value) > MAX_EXPONENT:
             raise self.error(f"a power above {MAX_EXPONENT}")
-        return sign * Fraction(digits)
+        return value
+
+    def digits(self) -> Fraction:
+        digits = self.take()
+        if not digits[:1].isdigit() or len(digits) > 6:
+            raise self.error("a power must be a short number, as in `m^2`, `Pa^0.5` or `m^(1/3)`")
+        return Fraction(digits)
 
     def base(self) -> _Product:
         word = self.take()

@@ -1,0 +1,160 @@
+"""Random plants: electrical networks of every element, as the plain mapping that a model file holds."""
+
+import json
+from typing import Any
+
+from hypothesis import strategies as st
+
+from faultbond.types import ElementType
+
+Mapping = dict[str, Any]
+
+UNITS = {  # of the parameter X of the laws below, where efforts are in V and flows in A
+    ElementType.R: ("ohm", "kohm", "V/A", "mohm"),
+    ElementType.C: ("F", "uF", "mF", "A*s/V"),
+    ElementType.I: ("H", "mH", "V*s/A"),
+    ElementType.TF: ("1", "rad", "V/V"),
+    ElementType.GY: ("ohm", "kohm"),
+    ElementType.SE: ("V", "kV", "mV"),
+    ElementType.SF: ("A", "mA", "V/ohm"),
+}
+LAWS: dict[ElementType, tuple[str | list[str] | None, ...]] = {
+    ElementType.R: (None, "e = X*f", "f = e/X", "e - X*f = 0", "e/f = X", "e = X*where(f > 0, f, 2*f)"),
+    ElementType.C: (None, "q = X*e", "e = q/X", "e = q/X + 1 - cos(0)"),
+    ElementType.I: (None, "p = X*f", "f = p/X", "p = X*min(f, 2*f)"),
+    ElementType.TF: (None, ["e1 = X*e2", "f2 = X*f1"], ["e2 = e1/X", "f2/f1 = X"]),
+    ElementType.GY: (None, ["e1 = X*f2", "e2 = X*f1"], ["f2 = e1/X", "f1 = e2/X"]),
+    ElementType.SE: ("e = X", "e = -X + 2*X", "e = X*V/V"),
+    ElementType.SF: ("f = X", "f = X*sqrt(V/V)", "f = max(X, 0)"),
+}
+ONE_PORTS = tuple(element for element in ElementType if element.n_ports == 1)
+TWO_PORTS = tuple(element for element in ElementType if element.n_ports == 2)
+
+sizes = st.floats(1e-6, 1e6, allow_nan=False).map(lambda value: f"{value:.6g}") | st.floats(1e-3, 1e3).map(repr)
+percents = st.floats(0.1, 900.0).map(lambda value: f"{value:.4g} %")
+seconds = st.sampled_from(["1 s", "20 ms", "0.025 s", "2 min", "1.7 s"])
+
+
+@st.composite
+def parameters(draw: st.DrawFn, unit: str) -> str | Mapping:
+    """A parameter in one of its forms."""
+    nominal = draw(st.sampled_from(["", "-"])) + draw(sizes)
+    if draw(st.booleans()):
+        return f"{nominal} {unit}"
+    found: Mapping = {"nominal": f"{nominal} {unit}"}
+    if draw(st.booleans()):
+        found["accuracy"] = draw(percents | sizes.map(lambda size: f"{size} {unit}"))
+    if draw(st.booleans()):
+        found["change"] = draw(percents | sizes.map(lambda size: f"{size} {unit}"))
+    if draw(st.booleans()):
+        ends = sorted([float(nominal), 2 * float(nominal)])
+        found["range"] = draw(st.sampled_from(["any", ["-inf", f"{ends[1]!r}"], [f"{ends[0]!r} {unit}", "inf"]]))
+    if draw(st.booleans()):
+        found["suspect"] = draw(st.sampled_from(["yes", "no"]))
+    return found
+
+
+@st.composite
+def components(draw: st.DrawFn, element: ElementType, parameter: str) -> Mapping:
+    """A component of a type that owns one parameter."""
+    law = draw(st.sampled_from(LAWS[element]))
+    found: Mapping = {"type": element.value}
+    if law is not None:
+        texts = [text.replace("X", parameter) for text in ([law] if isinstance(law, str) else law)]
+        found["law"] = texts if len(texts) > 1 else texts[0]
+    found["parameters"] = {parameter: draw(parameters(draw(st.sampled_from(UNITS[element]))))}
+    if element.is_store and draw(st.booleans()):
+        key = "q" if element is ElementType.C else "p"
+        found["start"] = {key: draw(sizes), "sd": draw(sizes)}
+    return found
+
+
+@st.composite
+def plants(draw: st.DrawFn) -> Mapping:
+    """A complete model: a chain of junctions, joined directly or by TF and GY, with elements at each."""
+    n_junctions = draw(st.integers(1, 4))
+    junctions = {f"n{i}": draw(st.sampled_from("01")) for i in range(n_junctions)}
+    parts: Mapping = {}
+    bonds: list[str] = []
+    for i in range(n_junctions):
+        for element in draw(st.lists(st.sampled_from(ONE_PORTS), min_size=1, max_size=3)):
+            name = f"{element.value}_{len(parts)}"
+            parts[name] = draw(components(element, f"P{len(parts)}"))
+            bonds.append(f"{name} -> n{i}" if element.is_source and draw(st.booleans()) else f"n{i} -> {name}")
+        joint = draw(st.sampled_from([None, *TWO_PORTS]))
+        if i and joint is None:
+            bonds.append(f"n{i - 1} -> n{i}")
+        elif i and joint is not None:
+            name = f"{joint.value}_{len(parts)}"
+            parts[name] = draw(components(joint, f"P{len(parts)}"))
+            bonds.append(f"n{i - 1} -> {name} -> n{i}")
+    common = {"0": ("e", "V"), "1": ("f", "A")}
+    signals = [(f"{name}.{common[kind][0]}", common[kind][1]) for name, kind in junctions.items()]
+    found: Mapping = {"name": draw(st.sampled_from(["plant", "tank: 1", "Behälter #2", '"x"']))}
+    found |= {"sample_time": draw(seconds | st.just("variable")), "inputs": {"V": draw(inputs())}}
+    found |= {"components": parts, "junctions": junctions, "bonds": bonds, "sensors": draw(sensors(signals))}
+    found |= draw(settings())
+    if draw(st.booleans()):
+        found["slow_error"] = draw(slow_errors(signals, found["sensors"]))
+    return found
+
+
+@st.composite
+def inputs(draw: st.DrawFn) -> Mapping:
+    """An input in volts."""
+    unit = draw(st.sampled_from(["V", "mV", "kV"]))
+    optional = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
+    return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
+
+
+@st.composite
+def sensors(draw: st.DrawFn, signals: list[tuple[str, str]]) -> Mapping:
+    """One to three sensors, each with or without a unit."""
+    found: Mapping = {}
+    for signal, unit in draw(st.lists(st.sampled_from(signals), min_size=1, max_size=3, unique=True)):
+        scale = draw(st.sampled_from(["", "m", "k"]))
+        noise = draw(st.sampled_from([f"{draw(sizes)} {scale}{unit}", f"{draw(percents)} of {draw(sizes)} {unit}"]))
+        stated = {"reads": draw(st.sampled_from([signal, f"-{signal} + 3"])), "unit": f"{scale}{unit}", "noise": noise}
+        bare = {"reads": stated["reads"], "noise": draw(sizes)}
+        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare]))
+    return found
+
+
+@st.composite
+def slow_errors(draw: st.DrawFn, signals: list[tuple[str, str]], measured: Mapping) -> Mapping:
+    """A slow error of a signal, and one of a sensor that grows after a change of the input."""
+    signal, unit = draw(st.sampled_from(signals))
+    memory = draw(seconds)
+    size = draw(st.sampled_from([draw(percents), f"{draw(sizes)} {unit}", draw(sizes)]))
+    sensor = {"size": f"{draw(sizes)} over {memory}", "after": ["V"], "each": draw(sizes)}
+    return {signal: f"{size} over {memory}", draw(st.sampled_from(sorted(measured))): sensor}
+
+
+@st.composite
+def settings(draw: st.DrawFn) -> Mapping:
+    """Some of the optional keys of the model."""
+    optional = {
+        "max_faults": draw(st.sampled_from(["1", "3"])),
+        "accuracy": draw(percents),
+        "warm_up": draw(seconds),
+        "time": draw(st.sampled_from([{"column": "t_ms", "unit": "ms"}, {"unit": "min"}, {"column": "clock"}])),
+        "constants": {"g": "9.81 m/s^2", "k": "7"},
+    }
+    return {key: value for key, value in optional.items() if draw(st.booleans())}
+
+
+@st.composite
+def shuffled(draw: st.DrawFn, plant: Mapping) -> Mapping:
+    """The same model with its sections, and the entries of each, in another order."""
+    found = {}
+    for key in draw(st.permutations(sorted(plant))):
+        value = plant[key]
+        if isinstance(value, dict):
+            value = {name: value[name] for name in draw(st.permutations(sorted(value)))}
+        found[key] = value
+    return found
+
+
+def as_text(plant: Mapping) -> str:
+    """Give a mapping as the text of a model file (JSON is YAML)."""
+    return json.dumps(plant, indent=1, ensure_ascii=False)

@@ -1,0 +1,68 @@
+"""The JSON Schema of the model file."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from faultbond.model.schema import model_schema, schema_text
+
+ROOT = Path(__file__).parents[3]
+EXAMPLES = sorted((ROOT / "examples").glob("*/model.yaml"))
+
+
+def validate(model: Any) -> None:
+    """Raise where a model does not fit the schema."""
+    jsonschema.Draft202012Validator(model_schema()).validate(model)
+
+
+def test_schema_is_a_schema() -> None:
+    """The schema itself is valid JSON Schema 2020-12."""
+    jsonschema.Draft202012Validator.check_schema(model_schema())
+
+
+def test_published_copy_is_current() -> None:
+    """`docs/model.schema.json` is what the code gives."""
+    assert (ROOT / "docs" / "model.schema.json").read_text() == schema_text()
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.parent.name)
+def test_examples_fit(path: Path) -> None:
+    """Every example fits, read as an editor reads it."""
+    validate(yaml.safe_load(path.read_text()))
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        *((), ("inputs", "u_in"), ("components", "pump"), ("components", "leak", "parameters", "K6")),
+        *(("sensors", "flow"), ("junctions",)),
+    ],
+)
+def test_unknown_keys_do_not_fit(place: tuple[str, ...]) -> None:
+    """A misspelt key is refused at every level (as a junction type, where every key is a name)."""
+    model = copy.deepcopy(yaml.safe_load((ROOT / "examples" / "tank" / "model.yaml").read_text()))
+    inner = model
+    for key in place:
+        inner = inner[key]
+    inner["colour"] = "green"
+    with pytest.raises(jsonschema.ValidationError, match=r"colour|green|not valid under any"):
+        validate(model)
+
+
+@pytest.mark.parametrize("key", ["sample_time", "components", "bonds", "sensors"])
+def test_needed_keys(key: str) -> None:
+    """What the loader needs, the schema needs."""
+    model = yaml.safe_load((ROOT / "examples" / "tank" / "model.yaml").read_text())
+    del model[key]
+    with pytest.raises(jsonschema.ValidationError, match=f"'{key}' is a required property"):
+        validate(model)
+
+
+def test_schema_is_plain_json() -> None:
+    """The text of the schema reads back as the schema."""
+    assert json.loads(schema_text()) == model_schema()
