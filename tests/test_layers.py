@@ -37,7 +37,16 @@ SYMBOLIC = {"casadi", "sympy"}
 SYMBOLIC_UNITS = {"structure", "dynamics", "analysis", "synthesis"}
 RUNTIME_NEEDS = {"numpy"}
 # Imports that may stand inside a function: what is slow to load or need not be installed.
-LATE_IMPORTS = (("model", "pint"), ("io", "pyarrow"), ("app", "faultbond.synthesis"), ("synthesis", "casadi"))
+LATE_IMPORTS = (
+    ("model", "pint"),
+    ("io", "pyarrow"),
+    ("synthesis", "casadi"),
+    ("app", "faultbond.synthesis"),  # loads casadi
+    ("app", "faultbond.simulate"),  # loads casadi and scipy
+    ("app", "faultbond.structure"),  # loads scipy
+    ("app", "faultbond.report"),  # loads rich and jinja2
+    ("app", "rich"),
+)
 MAX_MODULE_LINES = 400
 MAX_FUNCTION_LINES = 60
 FORBIDDEN_CALLS = {"print", "eval", "exec"}

@@ -15,17 +15,18 @@ from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.out import STANDARD_OUTPUT, Out, open_out
 from faultbond.io.recording import STANDARD_INPUT
-from faultbond.types import Method
+from faultbond.types import EngineChoice, Method
 
 DONE, FAULT_DETECTED, USER_MISTAKE, INTERNAL_ERROR = 0, 1, 2, 3
 INTERRUPTED, NOBODY_READS = 130, 141  # as shells report a program stopped by Ctrl-C or a closed pipe
 TRACEBACK = "FAULTBOND_TRACEBACK"
+ENGINE = "FAULTBOND_ENGINE"
 
 
 class Verbs(Protocol):
     """What the command line needs of `faultbond.app`."""
 
-    def check(self, model: Path, *, out: Out) -> None:
+    def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
         """Tell what was understood of a model."""
 
     def simulate(
@@ -40,10 +41,12 @@ class Verbs(Protocol):
     ) -> None:
         """Write a recording of the simulated plant; `inputs` is a path or `-`."""
 
-    def run(self, model: Path, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
+    def run(
+        self, model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out
+    ) -> bool:
         """Watch a recording, a path or `-`, and tell whether a fault was detected."""
 
-    def demo(self, *, report: Path, out: Out) -> None:
+    def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
         """Find a fault in the built-in water tank and write the report."""
 
 
@@ -145,15 +148,35 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="MODEL", type=Path, help="model file, YAML")
 
 
+def _add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the engine."""
+    parser.add_argument(
+        "--engine",
+        choices=[choice.value for choice in EngineChoice],
+        help=f"c: compiled, vm: without a compiler, auto: c where there is a compiler (default: ${ENGINE}, else auto)",
+    )
+
+
+def _engine(arguments: argparse.Namespace) -> EngineChoice:
+    """Give the engine of the option, else of the environment."""
+    name: str = arguments.engine or os.environ.get(ENGINE) or EngineChoice.AUTO.value
+    known = [choice.value for choice in EngineChoice]
+    if name not in known:
+        raise FaultbondError(f"{ENGINE}={name}: no such engine; set it to one of {', '.join(known)}.")
+    return EngineChoice(name)
+
+
 def _add_check(verbs: Subparsers) -> None:
     """Add `check`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.check(arguments.model, out=out)
+        verbs.check(arguments.model, engine=_engine(arguments), out=out)
         return DONE
 
     example = "faultbond check examples/tank/model.yaml"
-    _add_model(_add_verb(verbs, "check", call, "show what was understood of a model, with every default", example))
+    parser = _add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
+    _add_model(parser)
+    _add_engine(parser)
 
 
 def _add_simulate(verbs: Subparsers) -> None:
@@ -196,6 +219,7 @@ def _add_run(verbs: Subparsers) -> None:
             arguments.recording,
             method=Method(arguments.method),
             report=arguments.report,
+            engine=_engine(arguments),
             out=out,
         )
         return FAULT_DETECTED if detected else DONE
@@ -212,13 +236,14 @@ def _add_run(verbs: Subparsers) -> None:
         help="how to detect and diagnose (default: %(default)s)",
     )
     parser.add_argument("--report", metavar="FILE.html", type=Path, help="write a report to open in a browser")
+    _add_engine(parser)
 
 
 def _add_demo(verbs: Subparsers) -> None:
     """Add `demo`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.demo(report=arguments.report, out=out)
+        verbs.demo(report=arguments.report, engine=_engine(arguments), out=out)
         return DONE
 
     example = "faultbond demo"
@@ -230,6 +255,7 @@ def _add_demo(verbs: Subparsers) -> None:
         default=Path("report.html"),
         help="where to write the report (default: %(default)s)",
     )
+    _add_engine(parser)
 
 
 def _speak_utf8() -> None:

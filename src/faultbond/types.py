@@ -55,4 +55,11 @@ class Method(Enum):
     """Detection and diagnosis method."""
 
     BANK = "bank"
-    CLASSIC = "classic"
+
+
+class EngineChoice(Enum):
+    """Which engine runs the filters."""
+
+    AUTO = "auto"
+    COMPILED = "c"
+    MACHINE = "vm"

@@ -13,7 +13,7 @@ from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
-from faultbond.types import Method
+from faultbond.types import EngineChoice, Method
 
 PROGRAM = [sys.executable, "-m", "faultbond"]
 
@@ -25,9 +25,9 @@ class Spy:
         self.do = do
         self.seen: dict[str, object] = {}
 
-    def check(self, model: Path, *, out: Out) -> None:
+    def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
         """Note a call of `check`."""
-        self.seen = {"model": model}
+        self.seen = {"model": model, "engine": engine}
         self.do(out)
 
     def simulate(
@@ -44,14 +44,16 @@ class Spy:
         self.seen = {"model": model, "inputs": inputs, "faults": faults, "seed": seed, "output": output}
         self.do(out)
 
-    def run(self, model: Path, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
+    def run(
+        self, model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out
+    ) -> bool:
         """Note a call of `run`."""
-        self.seen = {"model": model, "recording": recording, "method": method, "report": report}
+        self.seen = {"model": model, "recording": recording, "method": method, "report": report, "engine": engine}
         return bool(self.do(out))
 
-    def demo(self, *, report: Path, out: Out) -> None:
+    def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
         """Note a call of `demo`."""
-        self.seen = {"report": report}
+        self.seen = {"report": report, "engine": engine}
         self.do(out)
 
 
@@ -80,17 +82,38 @@ def speak(out: Out) -> bool:
             {"model": Path("m.yaml"), "recording": "r.csv", "method": Method.BANK, "report": None},
         ),
         (
-            ["run", "m.yaml", "-", "--method", "classic", "--report", "x.html"],
-            {"model": Path("m.yaml"), "recording": "-", "method": Method.CLASSIC, "report": Path("x.html")},
+            ["run", "m.yaml", "-", "--method", "bank", "--report", "x.html", "--engine", "vm"],
+            {
+                "model": Path("m.yaml"),
+                "recording": "-",
+                "method": Method.BANK,
+                "report": Path("x.html"),
+                "engine": EngineChoice.MACHINE,
+            },
         ),
         (["demo"], {"report": Path("report.html")}),
     ],
 )
-def test_arguments_reach_the_verb(arguments: list[str], seen: dict[str, object]) -> None:
+def test_arguments_reach_the_verb(
+    arguments: list[str], seen: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each verb gets its arguments, typed, with the defaults that the help names."""
+    monkeypatch.delenv("FAULTBOND_ENGINE", raising=False)
     spy = Spy()
     assert main(arguments, spy) == 0
-    assert spy.seen == seen
+    assert spy.seen == {"engine": EngineChoice.AUTO} | seen
+
+
+def test_the_engine_of_the_environment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """FAULTBOND_ENGINE chooses the engine, the option is stronger, and another value is a mistake of the user."""
+    monkeypatch.setenv("FAULTBOND_ENGINE", "vm")
+    for options, engine in ([], EngineChoice.MACHINE), (["--engine", "c"], EngineChoice.COMPILED):
+        spy = Spy()
+        main(["check", "m.yaml", *options], spy)
+        assert spy.seen["engine"] is engine
+    monkeypatch.setenv("FAULTBOND_ENGINE", "steam")
+    assert main(["check", "m.yaml"], Spy()) == 2
+    assert capsys.readouterr().err == "FAULTBOND_ENGINE=steam: no such engine; set it to one of auto, c, vm.\n"
 
 
 def test_faults_reach_simulate() -> None:
@@ -208,7 +231,7 @@ def test_a_closed_pipe_is_quiet(options: list[str], action: str) -> None:
 import sys
 from faultbond.cli import main
 class Verbs:
-    def check(self, model, *, out):
+    def check(self, model, *, engine, out):
         for _ in range(100000): {action}
 sys.exit(main(["check", "m", *{options}], Verbs()))
 """
@@ -240,7 +263,7 @@ def test_umlauts_without_a_locale() -> None:
 import sys
 from faultbond.cli import main
 class Verbs:
-    def check(self, model, *, out): out.say("Behälter")
+    def check(self, model, *, engine, out): out.say("Behälter")
 sys.exit(main(["check", "m"], Verbs()))
 """
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}

@@ -45,7 +45,7 @@ def print_diagnosis(console: Console, graph: BondGraph, history: History, *, eng
     if history.detections and diagnosis:
         console.print(_heading(diagnosis))
         _print_table(console, graph, diagnosis)
-    style = "bold" if history.detections else "bold green"
+    style = "bold" if history.detections else "bold yellow" if counts.no_verdict else "bold green"
     console.print(Text(verdict_sentence(graph, history, counts, Notation.FILE), style=style))
 
 

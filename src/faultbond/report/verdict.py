@@ -26,12 +26,16 @@ LISTED_SETS = 4  # candidates of a group named in a sentence
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """Samples of a run: grid points passed, and defects of the recording. Keys of the `end` record."""
+    """Samples of a run: grid points passed, and defects of the recording. Keys of the `end` record.
+
+    no_verdict: why the run says nothing about the plant; empty where it does.
+    """
 
     samples: int
     missing: int = 0
     late: int = 0
     duplicate: int = 0
+    no_verdict: str = ""
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -117,6 +121,8 @@ def detection_sentence(detection: Detection) -> str:
 
 def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notation: Notation) -> str:
     """Say in plain words what a run found."""
+    if not history.detections and counts.no_verdict:
+        return f"No verdict: {counts.no_verdict}."
     if not history.detections:
         span = duration_text(span_of(history))
         return f"No fault found in {counts.samples} samples ({span})."

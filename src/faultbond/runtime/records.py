@@ -1,0 +1,77 @@
+"""The records of a run: what a program reads, as plain mappings ready for JSON; SI units, percent stays percent."""
+
+from faultbond.runtime.history import Candidate, Detection, Diagnosis
+from faultbond.spec import EngineSpec
+from faultbond.types import Method
+
+Record = dict[str, object]
+
+
+def run_record(spec: EngineSpec, method: Method) -> Record:
+    """Give the first record: what is run on what."""
+    return {
+        "record": "run",
+        "model": spec.model,
+        "model_sha256": spec.model_sha256,
+        "method": method.value,
+        "version": spec.version,
+        "sample_time": spec.sample_time,
+    }
+
+
+def detection_record(detection: Detection) -> Record:
+    """Give the record of an alarm."""
+    return {
+        "record": "detection",
+        "time": detection.time,
+        "sample": detection.sample,
+        "change_time": detection.change_time,
+        "signals": list(detection.signals),
+    }
+
+
+def diagnosis_record(diagnosis: Diagnosis) -> Record:
+    """Give the record of a diagnosis, best candidate first."""
+    return {
+        "record": "diagnosis",
+        "time": diagnosis.time,
+        "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
+    }
+
+
+def end_record(
+    *, time: float | None, samples: int, watched: int, detections: int, missing: int, late: int, duplicate: int
+) -> Record:
+    """Give the last record.
+
+    Parameters
+    ----------
+    time : last grid point, s; None where there was none
+    samples : grid points passed
+    watched : grid points with a measured value at which the alarms were on; 0: the run has no verdict
+    detections : alarms raised
+    missing : grid points at which a needed value was absent
+    late, duplicate : rows that came too late, or twice
+    """
+    return {
+        "record": "end",
+        "time": time,
+        "samples": samples,
+        "watched": watched,
+        "detections": detections,
+        "missing": missing,
+        "late": late,
+        "duplicate": duplicate,
+    }
+
+
+def _candidate(candidate: Candidate) -> Record:
+    return {
+        "components": list(candidate.components),
+        "parameters": {
+            suspect.parameter: {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
+            for suspect in candidate.suspects
+        },
+        "probability": candidate.probability,
+        "group": candidate.group,
+    }

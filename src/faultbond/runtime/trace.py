@@ -1,0 +1,96 @@
+"""Collects what a run sees, sample by sample, into a `History`."""
+
+from array import array
+
+import numpy as np
+
+from faultbond.runtime.history import Detection, Diagnosis, History
+from faultbond.runtime.monitor import Report, Sample
+from faultbond.spec import EngineSpec
+from faultbond.types import FloatArray
+
+MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
+
+
+class Trace:
+    """Takes samples and reports in order; about a hundred bytes are kept of each sample.
+
+    Parameters
+    ----------
+    spec : the model
+    curves : False keeps only the first and the last sample and the last diagnosis, in memory of fixed size
+    """
+
+    def __init__(self, spec: EngineSpec, *, curves: bool = True) -> None:
+        self._spec = spec
+        self._curves = curves
+        self._slow = np.array([error.alarms for error in spec.slow_errors], dtype=bool)
+        n_y, n_u = len(spec.outputs), len(spec.inputs)
+        self._ends = np.cumsum([1, n_y, n_y, n_y, n_u, n_y])
+        self._width = int(self._ends[-1]) + int(self._slow.sum())
+        self._numbers = array("d")  # one row per sample, grown in place
+        self._detections: list[Detection] = []
+        self._diagnoses: list[Diagnosis] = []
+        self._stride = 1
+        self._passed = 0  # diagnoses seen
+        self._last: Diagnosis | None = None
+
+    def add(self, sample: Sample, report: Report) -> None:
+        """Take one sample and what the monitor said of it."""
+        if not self._curves and len(self._numbers) > self._width:
+            del self._numbers[self._width :]
+        row = (
+            (sample.time,),
+            sample.y,
+            report.expected,
+            report.variance,
+            sample.u,
+            report.cusum,
+            report.slow[self._slow],
+        )
+        self._numbers.frombytes(np.concatenate(row).tobytes())
+        if report.detection is not None:
+            self._detections.append(report.detection)
+        if report.diagnosis is not None:
+            self.conclude(report.diagnosis)
+
+    def conclude(self, diagnosis: Diagnosis) -> None:
+        """Take a diagnosis; that given last is always kept."""
+        self._last = diagnosis
+        if self._curves and self._passed % self._stride == 0:
+            self._diagnoses.append(diagnosis)
+        self._passed += 1
+        if len(self._diagnoses) > MAX_DIAGNOSES:
+            del self._diagnoses[1::2]
+            self._stride *= 2
+
+    def history(self) -> History:
+        """Give all that was kept."""
+        rows = np.array(self._numbers).reshape(-1, self._width)
+        time, measured, expected, variance, inputs, cusum, slow = np.split(rows, self._ends, axis=1)
+        settings = self._spec.thresholds
+        return History(
+            time=_frozen(time[:, 0]),
+            measured=_frozen(measured),
+            expected=_frozen(expected),
+            expected_sd=_frozen(np.sqrt(np.maximum(variance, 0.0))),
+            inputs=_frozen(inputs),
+            cusum=_frozen(cusum),
+            slow=_frozen(slow),
+            cusum_limit=settings.cusum_limit,
+            slow_limit=settings.slow_error_limit,
+            slow_names=tuple(error.name for error in self._spec.slow_errors if error.alarms),
+            detections=tuple(self._detections),
+            diagnoses=self._kept(),
+        )
+
+    def _kept(self) -> tuple[Diagnosis, ...]:
+        """Give the diagnoses in order, the last one among them."""
+        last = [self._last] if self._last is not None and self._last not in self._diagnoses[-1:] else []
+        return (*self._diagnoses, *last)
+
+
+def _frozen(values: FloatArray) -> FloatArray:
+    copy = np.ascontiguousarray(values)
+    copy.setflags(write=False)
+    return copy
