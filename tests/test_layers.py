@@ -34,7 +34,7 @@ LEVELS = {
     "__init__": 9,
 }
 SYMBOLIC = {"casadi", "sympy"}
-SYMBOLIC_UNITS = {"structure", "dynamics", "analysis", "synthesis"}
+SYMBOLIC_UNITS = {"structure", "dynamics", "analysis", "synthesis", "simulate"}
 RUNTIME_NEEDS = {"numpy"}
 # Imports that may stand inside a function: what is slow to load or need not be installed.
 LATE_IMPORTS = (

@@ -85,8 +85,7 @@ class Thresholds:
     group_nats: float = 3.0
     blank_factor: float = 1e4
     warm_up_samples: int = 20
-    history_samples: int = 300
-    lead_samples: int = 30
+    history_samples: int = 330
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +96,7 @@ class StateSpec:
     start_mean: float
     start_sd: float | None
     noise: float  # process noise sd per sample
-    carries: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): factor**exponent keeps the co-energy
+    jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,9 +1,9 @@
 """Expressions as CasADi SX graphs, with derivatives that stay finite.
 
-Smoothing, and its width: `sqrt(x)` is sqrt(max(x, 0) + w) - sqrt(w), w = 1e-12 of the sizes of the terms of x; the root
-of a z|z| + b z + c = 0 uses sqrt(c^2 + w^2) for |c|, w = 1e-6 of the sizes of the terms of c, so a turbulent flow is
-laminar below about a thousandth of its usual size. `sign`, `abs`, `min`, `max`, `where` are exact; their derivative at
-the kink is that of one side, or 0 for `sign`.
+Smoothing, and its width: `sqrt(x)` is p / sqrt(p + w), p = max(x, 0), w = 1e-12 of the sizes of the terms of x. The
+root of a z|z| + b z + c = 0 uses sqrt(c^2 + w^2) for |c|, w = 1e-6 of the sizes of the terms of c, so a turbulent flow
+is laminar below about a thousandth of its usual size. `sign`, `abs`, `min`, `max`, `where` are exact; their derivative
+at the kink is that of one side, or 0 for `sign`.
 """
 
 from collections.abc import Callable, Mapping
@@ -114,8 +114,8 @@ def _size(expression: Expression, values: Mapping[str, ca.SX]) -> ca.SX:
 
 
 def _sqrt(argument: ca.SX, size: ca.SX) -> ca.SX:
-    width = SQRT_WIDTH * size
-    return ca.sqrt(ca.fmax(argument, 0) + width) - ca.sqrt(width)
+    positive = ca.fmax(argument, 0)
+    return positive / ca.sqrt(positive + SQRT_WIDTH * size)
 
 
 def _signed_root(lead: ca.SX, slope: ca.SX, constant: ca.SX, size: ca.SX) -> ca.SX:

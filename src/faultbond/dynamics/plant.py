@@ -10,10 +10,25 @@ from dataclasses import dataclass
 import casadi as ca
 
 from faultbond.dynamics.evaluate import evaluate
+from faultbond.model.expression import Binary, Name, names
 from faultbond.model.graph import BondGraph
 from faultbond.structure.causality import Causality, assign_causality
-from faultbond.structure.network import ConstraintNetwork, build_network
+from faultbond.structure.isolate import isolate
+from faultbond.structure.network import ConstraintNetwork, Store, build_network
 from faultbond.structure.sequence import Assignment, Loop, Step, sequence, slope_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CoEnergy:
+    """The effort of a C, or flow of an I, as a coordinate in place of its content.
+
+    value: of the content x and theta; content: of `symbol` and theta, the inverse.
+    """
+
+    name: str
+    value: ca.SX
+    symbol: ca.SX
+    content: ca.SX
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,7 +52,7 @@ class Plant:
     readings: ca.SX
     gap: ca.SX
     implicit: tuple[str, ...]
-    co_energy: tuple[ca.SX | None, ...]  # per state: effort of a C, flow of an I; None for an integrated signal
+    co_energy: tuple[CoEnergy | None, ...]  # per state: effort of a C, flow of an I, where the law gives it alone
 
 
 def build_plant(graph: BondGraph) -> Plant:
@@ -76,7 +91,28 @@ def build_plant(graph: BondGraph) -> Plant:
         readings=_readings(graph, network, values, b),
         gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
         implicit=tuple(solver.implicit),
-        co_energy=tuple(values[state.partner] if state.partner else None for state in network.states),
+        co_energy=tuple(_co_energy(store, graph, network, steps, values) for store in network.states),
+    )
+
+
+def _co_energy(
+    store: Store, graph: BondGraph, network: ConstraintNetwork, steps: tuple[Step, ...], values: dict[str, ca.SX]
+) -> CoEnergy | None:
+    """Give the co-energy of a store whose law holds nothing but content, co-energy, parameters and constants."""
+    own = {store.name, *(item.name for item in graph.parameters), *(item.name for item in graph.constants)}
+    step = next((s for s in steps if isinstance(s, Assignment) and s.signal == store.partner), None)
+    if step is None or step.owner != store.component or not set(names(step.expression)) <= own:
+        return None
+    partner = str(store.partner)
+    content = isolate(Binary("-", Name(partner), step.expression), store.name)
+    if content is None:
+        return None
+    symbol = ca.SX.sym(partner)
+    return CoEnergy(
+        name=partner,
+        value=evaluate(step.expression, values),
+        symbol=symbol,
+        content=evaluate(content, {**values, partner: symbol}),
     )
 
 
@@ -129,9 +165,18 @@ class _Solver:
                 value = value * (1 + self.b[k]) if error.relative else value + self.b[k]
         self.values[signal] = value
         if signal in self.dependent:
-            slopes = ca.jacobian(value, self.x)
+            slopes = self._slopes(value)
             for k, state in enumerate(self.network.states):
                 self.values[slope_name(signal, state.name)] = slopes[0, k]
+
+    def _slopes(self, value: ca.SX) -> ca.SX:
+        """Derivatives by the states, also through the implicit signals found so far."""
+        slopes = ca.jacobian(value, self.x)
+        if not self.unknowns:
+            return slopes
+        z, gap = ca.vertcat(*self.unknowns), ca.vertcat(*self.gaps)
+        through = eliminate(ca.jacobian(gap, z), ca.jacobian(gap, self.x))
+        return slopes - ca.jacobian(value, z) @ through
 
     def _solve(self, loop: Loop) -> list[ca.SX]:
         if loop.closed is not None:

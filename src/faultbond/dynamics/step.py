@@ -23,11 +23,15 @@ NEWTON_STEPS = 6
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.5  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
 _REFERENCE_STEPS = 100
+_SOLVED = 1e-14  # of the largest squared misfit met
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StepModel:
     """Functions of the joint vector v = [x, b, factors of theta, input noise].
+
+    The coordinates x are efforts of C and flows of I where the law allows (then a change of the parameter leaves them
+    nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
     reference: state, and implicit signals, of a nominal run, where the number of substeps was chosen.
@@ -43,6 +47,9 @@ class StepModel:
     predict: ca.Function
     measure: ca.Function
     substeps: int
+    states: tuple[str, ...]
+    contents: ca.Function  # (x, theta) -> stored quantities
+    coordinates: ca.Function  # (stored quantities, theta) -> x
     reference_state: FloatArray
     reference_implicit: FloatArray
     measure_is_linear: bool
@@ -60,17 +67,19 @@ def build_step_model(plant: Plant) -> StepModel:
     held = plant.u
     for k, index in enumerate(noisy):
         held = held + noise[k] * ca.SX(ca.DM.eye(plant.u.numel())[:, index])
+    contents, coordinates, rates_x = _coordinates(plant)
+    theta = factors * ca.DM(scales) if n_p else factors
     old = ca.vertcat(plant.x, plant.b, plant.theta)
-    new = ca.vertcat(x, b, factors * ca.DM(scales) if n_p else factors)
-    exprs = ca.substitute([plant.rates, plant.readings, plant.gap], [old, plant.u], [new, held])
-    rates_, readings, gap = exprs
+    new = ca.vertcat(contents(x, theta), b, theta)
+    rates_, readings, gap = ca.substitute([rates_x, plant.readings, plant.gap], [old, plant.u], [new, held])
     arguments = [v, plant.u, plant.z]
     rates = _with_slope("rates", rates_, gap, arguments)
     readings_ = _with_slope("readings", readings, gap, arguments)
     newton = _newton(gap, arguments)
     measure = _measure(readings_, newton, arguments)
     one = _predict(rates, newton, arguments, n_x, 1)
-    reference_x, reference_z, fastest = _reference(plant, rates, one, newton, v.numel(), scales)
+    start = _nominal_start(plant, coordinates, v.numel(), scales)
+    reference_x, reference_z, fastest = _reference(plant, rates, one, newton, start)
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     substeps = int(np.clip(ceil(fastest * grid / _RESOLVED), 1, MAX_SUBSTEPS))
     return StepModel(
@@ -84,11 +93,47 @@ def build_step_model(plant: Plant) -> StepModel:
         predict=one if substeps == 1 else _predict(rates, newton, arguments, n_x, substeps),
         measure=measure,
         substeps=substeps,
+        states=tuple(
+            co.name if co is not None else state.name
+            for co, state in zip(plant.co_energy, plant.network.states, strict=True)
+        ),
+        contents=contents,
+        coordinates=coordinates,
         reference_state=reference_x,
         reference_implicit=reference_z,
         measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
         direct=_direct_inputs(readings, plant),
     )
+
+
+def _coordinates(plant: Plant) -> tuple[ca.Function, ca.Function, ca.SX]:
+    """Give the maps between coordinates and contents, and the rates of the coordinates as functions of the contents."""
+    symbols, contents, values, rates = [], [], [], []
+    for k, co in enumerate(plant.co_energy):
+        symbols.append(plant.x[k] if co is None else co.symbol)
+        contents.append(plant.x[k] if co is None else co.content)
+        values.append(plant.x[k] if co is None else co.value)
+        slope = 1 if co is None else ca.gradient(co.value, plant.x)[k]
+        rates.append(slope * plant.rates[k])
+    empty = ca.SX(0, 1)
+    column = ca.vertcat(*symbols) if symbols else empty
+    return (
+        ca.Function("contents", [column, plant.theta], [ca.vertcat(*contents) if contents else empty]),
+        ca.Function("coordinates", [plant.x, plant.theta], [ca.vertcat(*values) if values else empty]),
+        ca.vertcat(*rates) if rates else empty,
+    )
+
+
+def _nominal_start(plant: Plant, coordinates: ca.Function, n_v: int, scales: FloatArray) -> FloatArray:
+    """Give the joint vector of the nominal plant at its declared start, or empty."""
+    graph, n_x, n_b = plant.graph, plant.x.numel(), plant.b.numel()
+    starts = {item.name: item.start.mean for item in graph.components if item.start is not None}
+    contents = np.array([starts.get(state.component or "", 0.0) for state in plant.network.states])
+    v = np.zeros(n_v)
+    nominal = np.array([item.nominal for item in graph.parameters])
+    v[:n_x] = coordinates(contents, nominal).full()[:, 0]
+    v[n_x + n_b : n_x + n_b + len(nominal)] = nominal / scales
+    return v
 
 
 def _with_slope(name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
@@ -101,10 +146,13 @@ def _with_slope(name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> 
 
 
 def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
-    """Give z with gap = 0 from a first guess: each step tries 1, 1/4 and 1/16 of Newton's and keeps the best."""
+    """Give z with gap = 0 from a first guess, and the squared misfit before and after.
+
+    Each step tries 1, 1/4 and 1/16 of Newton's step and keeps the best.
+    """
     v, u, z = arguments
     if not z.numel():
-        return ca.Function("newton", arguments, [z])
+        return ca.Function("newton", arguments, [z, 0, 0])
     full = -eliminate(ca.jacobian(gap, z), gap)
     step = ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)])
     size = ca.Function("gap_size", arguments, [ca.sumsqr(gap)])
@@ -118,12 +166,12 @@ def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
             better = misfit <= best  # false for nan, so a wild step is never kept
             kept, best = ca.if_else(better, trial, kept), ca.if_else(better, misfit, best)
         current = kept
-    return ca.Function("newton", arguments, [current], {"cse": True})
+    return ca.Function("newton", arguments, [current, size(v, u, z), size(v, u, current)], {"cse": True})
 
 
 def _measure(readings: ca.Function, newton: ca.Function, arguments: list[ca.SX]) -> ca.Function:
     v, u, z = arguments
-    solved = newton(v, u, z)
+    solved = newton(v, u, z)[0]
     y, slope = readings(v, u, solved)
     return ca.Function("measure", arguments, [y, slope, solved], {"cse": True})
 
@@ -138,13 +186,13 @@ def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_
     still = ca.horzcat(ca.SX(rest.numel(), n_x), ca.SX.eye(rest.numel()))  # of rest by v
     solved = z
     for _ in range(substeps):
-        solved = newton(ca.vertcat(x, rest), u, solved)
+        solved = newton(ca.vertcat(x, rest), u, solved)[0]
         f0, d0 = rates(ca.vertcat(x, rest), u, solved)
         matrix = ca.SX.eye(n_x) - GAMMA * h * d0[:, :n_x]
         right = ca.horzcat(f0, d0 @ ca.vertcat(slope, still))
         k1 = eliminate(matrix, right)
         middle, middle_slope = x + h * k1[:, 0], slope + h * k1[:, 1:]
-        solved = newton(ca.vertcat(middle, rest), u, solved)
+        solved = newton(ca.vertcat(middle, rest), u, solved)[0]
         f1, d1 = rates(ca.vertcat(middle, rest), u, solved)
         k2 = eliminate(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
         x = x + 1.5 * h * k1[:, 0] + 0.5 * h * k2[:, 0]
@@ -169,16 +217,11 @@ def reference_inputs(plant: Plant) -> FloatArray:
 
 
 def _reference(
-    plant: Plant, rates: ca.Function, predict: ca.Function, newton: ca.Function, n_v: int, scales: FloatArray
+    plant: Plant, rates: ca.Function, predict: ca.Function, newton: ca.Function, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run the nominal plant a while; give its last state, implicit signals, and the fastest rate (1/s) met."""
-    graph = plant.graph
-    n_x, n_b = plant.x.numel(), plant.b.numel()
-    v, u = np.zeros(n_v), reference_inputs(plant)
-    starts = {item.name: item.start.mean for item in graph.components if item.start is not None}
-    v[:n_x] = [starts.get(state.component or "", 0.0) for state in plant.network.states]
-    for k, item in enumerate(graph.parameters):
-        v[n_x + n_b + k] = item.nominal / scales[k]
+    graph, n_x = plant.graph, plant.x.numel()
+    v, u = start.copy(), reference_inputs(plant)
     z = _first_implicit(plant, newton, v, u)
     step = graph.sample_time if graph.sample_time is not None else 1.0
     fastest = 0.0
@@ -205,27 +248,19 @@ def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatAr
     n_z = plant.z.numel()
     if not n_z:
         return np.zeros(0)
-    gap = ca.Function("gap", [plant.x, plant.u, plant.theta, plant.b, plant.z], [plant.gap])
-    n_x, n_b = plant.x.numel(), plant.b.numel()
-    theta = np.array([item.nominal for item in plant.graph.parameters])
-    best, best_misfit = np.zeros(n_z), np.inf
+    best, best_misfit, worst = np.zeros(n_z), np.inf, 0.0
     for size in (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0))):
-        z = np.full(n_z, size)
-        start = _misfit(gap(v[:n_x], u, theta, np.zeros(n_b), z))
+        z, first, misfit = np.full(n_z, size), np.nan, np.nan
         for _ in range(20):
-            z = newton(v, u, z).full()[:, 0]
-        misfit = _misfit(gap(v[:n_x], u, theta, np.zeros(n_b), z))
-        if np.isfinite(misfit) and misfit < best_misfit:
+            found, before, after = newton(v, u, z)
+            first = float(before) if np.isnan(first) else first
+            z, misfit = found.full()[:, 0], float(after)
+        worst = max(worst, first) if np.isfinite(first) else worst
+        if misfit < best_misfit:
             best, best_misfit = z, misfit
-        if np.isfinite(start) and misfit <= 1e-18 * start:
-            return z
-    if best_misfit > 1e-6:
+    if not best_misfit <= _SOLVED * worst:
         raise StructureError(
             f"{plant.graph.file}: the loop of {', '.join(plant.implicit)} has no real solution at nominal parameters; "
             "check the laws in it, or give a known `start`"
         )
     return best
-
-
-def _misfit(gap: ca.DM) -> float:
-    return float(np.sum(gap.full() ** 2))

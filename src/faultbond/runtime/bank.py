@@ -1,17 +1,22 @@
 """The bank: one joint filter per hypothesis and start, begun at the alarm from what was known before the change.
 
-Source: design evidence, bank items 4, 7, 12. Parameters and their covariance come from a snapshot before the change;
-the slow errors start anew; the states are predicted from the snapshot, because after a fault neither they nor a sensor
-under suspicion can be trusted.
+The onset is not known, so every lane is begun at several places before the alarm, from the healthy filter as it stood
+there; up to its onset a lane's likelihood is that of the healthy plant, after it its own. All onsets have thus seen the
+same samples, and the likelihood of a lane is the mean over its onsets (a change-point mixture); from the alarm on, the
+best onset of each lane goes on. Design evidence, bank items 4, 7 and 12, begins all lanes at one guessed onset.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.runtime.lanes import LanePlan, Start, plan_lanes
+from faultbond.runtime.lanes import LanePlan, plan_lanes
 from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray
+
+ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm
+_LOWEST = -1e300  # likelihood of a lane that is no number
+_DEEPEST = -700.0  # exponents below this are nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,7 +28,7 @@ class Trail:
 
 
 def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> FloatArray:
-    """Give the lanes of all hypotheses, having seen all samples of the trail from where the bank begins.
+    """Give the lanes of all hypotheses, having seen all samples of the trail.
 
     Parameters
     ----------
@@ -31,52 +36,43 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> F
     trail : Trail
         Its last sample is that of the alarm.
     change : int
-        Index in the trail of the estimated onset.
+        Index in the trail of the onset that the detector estimates; one of the onsets tried.
 
     Returns
     -------
     float array, shape (n_numbers, n_lanes)
     """
-    settings = spec.thresholds
-    alarm = len(trail.samples) - 1
-    begin = change if alarm - change > settings.lead_samples else alarm
-    before = max(0, min(change, begin - 1) - settings.lead_samples)
-    blind = trail.samples.copy()
-    blind[:, spec.sample_fields["use"]] = 0.0
-    healthy = _fresh(spec, trail.lanes[before])
-    onset = max(before, min(change, begin - 1))
-    if onset > before:
-        healthy, _ = engine.advance(healthy, blind[before + 1 : onset + 1])
     plan = plan_lanes(spec)
-    lanes = suspect_lanes(spec, plan, healthy[:, 0])
-    if begin - 1 > onset:
-        gap = blind[onset + 1 : begin]
-        reached, _ = engine.advance(lanes, gap)
-        later, _ = engine.advance(healthy, gap)
-        lanes = _widen(spec, suspect_lanes(spec, plan, later[:, 0]), reached)
-    lanes, _ = engine.advance(lanes, trail.samples[begin:])
-    return lanes
+    trials = []
+    for onset in _onsets(len(trail.samples) - 1, change):
+        before = trail.lanes[onset - 1]
+        lanes = suspect_lanes(spec, plan, _forget_slow_errors(spec, before))
+        lanes[-1] = before[-1] - trail.lanes[0][-1]
+        trials.append(engine.advance(lanes, trail.samples[onset:])[0])
+    return _best_onsets(np.stack(trials))
 
 
-def _widen(spec: EngineSpec, lanes: FloatArray, reached: FloatArray) -> FloatArray:
-    """Make the states uncertain by the whole effect of the fault since the onset.
-
-    The onset is not known well, so the fault acted over some part of the time: the state lies between that of the
-    healthy plant (`lanes`) and that of one that was faulty all along (`reached`).
-    """
-    wide = lanes.copy()
-    for k in range(len(spec.states)):
-        wide[_diagonal(spec, k)] += (reached[k] - lanes[k]) ** 2
-    return wide
+def _onsets(alarm: int, change: int) -> tuple[int, ...]:
+    """Give places for the onset: dense before the alarm, where strong faults begin, and sparse far back."""
+    places, back = {change, alarm}, 1
+    while back < alarm:
+        places.add(alarm - back)
+        back = max(back + 1, round(back * ONSET_RATIO))
+    return tuple(sorted(place for place in places if place >= 1)) or (alarm,)
 
 
-def _diagonal(spec: EngineSpec, k: int) -> int:
-    """Place of a variance in a lane."""
-    return spec.n_joint + k * spec.n_joint - k * (k - 1) // 2
+def _best_onsets(trials: FloatArray) -> FloatArray:
+    """Reduce shape (n_onsets, n_numbers, n_lanes) to the best onset of each lane, with the mean likelihood."""
+    likelihood = np.where(np.isfinite(trials[:, -1]), trials[:, -1], _LOWEST)
+    best = likelihood.argmax(axis=0)
+    chosen = np.take_along_axis(trials, best[None, None, :], axis=0)[0]
+    top = likelihood.max(axis=0)
+    chosen[-1] = top + np.log(np.mean(np.exp(np.maximum(likelihood - top, _DEEPEST)), axis=0))
+    return np.ascontiguousarray(chosen)
 
 
-def _fresh(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
-    """Forget slow errors and likelihood of a healthy lane; give shape (n_numbers, 1)."""
+def _forget_slow_errors(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
+    """Begin the slow errors anew: near the alarm they have already taken up part of the fault."""
     fresh = numbers.copy()
     full = unpack(spec, fresh[spec.covariance_slice])
     slow = spec.slow_slice
@@ -85,61 +81,46 @@ def _fresh(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
     full[:, slow] = 0.0
     full[slow, slow] = np.diag([error.sd**2 for error in spec.slow_errors])
     fresh[spec.covariance_slice] = pack(full)
-    fresh[-1] = 0.0
-    return fresh[:, None]
+    return fresh
 
 
 def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> FloatArray:
     """Give one lane per start: the suspects wide about their start, the rest as in `healthy` (n_numbers,)."""
-    covariance = unpack(spec, healthy[spec.covariance_slice])
-    lanes = np.repeat(healthy[:, None], plan.n_lanes, axis=1)
-    for lane, starts in enumerate(plan.starts):
-        full = covariance.copy()
-        for index, start in starts:
-            _suspect(spec, index, start, lanes[:, lane], full)
-        for state in np.flatnonzero(plan.carry[lane]):
-            _carry(spec, int(state), starts, healthy, lanes[:, lane], full)
-        lanes[spec.covariance_slice, lane] = pack(full)
-    return lanes
+    n, n_lanes = spec.n_joint, plan.n_lanes
+    means = np.repeat(healthy[:n, None], n_lanes, axis=1)
+    full = np.repeat(unpack(spec, healthy[spec.covariance_slice])[:, :, None], n_lanes, axis=2)
+    for index, parameter in enumerate(spec.parameters):
+        lanes = np.flatnonzero(plan.suspected[index])
+        k = spec.parameter_slice.start + index
+        value, sd = plan.values[index, lanes], plan.sds[index, lanes]
+        size = 1.0 if parameter.healthy == 0.0 else abs(healthy[k])
+        full[k, :, lanes] = 0.0
+        full[:, k, lanes] = 0.0
+        full[k, k, lanes] = (sd * size) ** 2
+        start = healthy[k] + value if parameter.healthy == 0.0 else healthy[k] * value
+        means[k, lanes] = np.clip(start, parameter.lower, parameter.upper)
+    for state in range(len(spec.states)):
+        _jump(spec, plan, state, means, full)
+    rows, columns = np.triu_indices(n)
+    rest = np.repeat(healthy[n + spec.n_packed :, None], n_lanes, axis=1)
+    return np.concatenate([means, full[rows, columns], rest])
 
 
-def _suspect(spec: EngineSpec, index: int, start: Start, lane: FloatArray, full: FloatArray) -> None:
-    """Set one suspect of a lane to its start, independent of all else; changes `lane` and `full`."""
-    k = spec.parameter_slice.start + index
-    limits = spec.parameters[index]
-    value = lane[k] + start.value if start.additive else lane[k] * start.value
-    full[k, :] = 0.0
-    full[:, k] = 0.0
-    full[k, k] = (start.sd * (1.0 if start.additive else abs(lane[k]))) ** 2
-    lane[k] = np.clip(value, limits.lower, limits.upper)
+def _jump(spec: EngineSpec, plan: LanePlan, state: int, means: FloatArray, full: FloatArray) -> None:
+    """Let the effort or flow of a store jump with its suspects where its content goes on; changes `means`, `full`.
 
-
-def _carry(
-    spec: EngineSpec,
-    state: int,
-    starts: tuple[tuple[int, Start], ...],
-    healthy: FloatArray,
-    lane: FloatArray,
-    full: FloatArray,
-) -> None:
-    """Let a store follow its suspects so that its effort or flow goes on; changes `lane` and `full`.
-
-    The content x becomes x * factor**exponent, so it is as uncertain as the factor, and correlated with it.
+    The state x becomes x * factor**exponent, so it is as uncertain as the factor, and correlated with it.
     """
-    suspects = dict(starts)
-    scale = 1.0
-    for index, exponent in spec.states[state].carries:
-        if index in suspects:
-            k = spec.parameter_slice.start + index
-            scale *= (lane[k] / healthy[k]) ** exponent if healthy[k] else 1.0
-    row = full[state].copy() * scale
-    full[state, :] = row
-    full[:, state] = row
-    full[state, state] = row[state] * scale
-    lane[state] *= scale
-    for index, exponent in spec.states[state].carries:
-        if index in suspects:
-            k = spec.parameter_slice.start + index
-            slope = exponent * lane[state] / lane[k]
-            full[state, state] += slope**2 * full[k, k]
-            full[state, k] = full[k, state] = slope * full[k, k]
+    for index, exponent in spec.states[state].jumps:
+        lanes = np.flatnonzero(plan.jumps[:, state] & plan.suspected[index])
+        if spec.parameters[index].healthy == 0.0 or not len(lanes):
+            continue
+        k = spec.parameter_slice.start + index
+        scale = plan.values[index, lanes] ** exponent
+        full[state, :, lanes] *= scale[:, None]
+        full[:, state, lanes] *= scale
+        means[state, lanes] *= scale
+        slope = exponent * means[state, lanes] / means[k, lanes]
+        full[state, state, lanes] += slope**2 * full[k, k, lanes]
+        full[state, k, lanes] += slope * full[k, k, lanes]
+        full[k, state, lanes] += slope * full[k, k, lanes]

@@ -24,27 +24,28 @@ COARSE_FROM = 3  # sets of this size and more use only the two inner starts of e
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """One start of a suspect: `value` times the healthy factor (or plus it, where nominal is 0), and its sd."""
+    """One start of a suspect: `value` times the healthy factor (plus it where the nominal is 0), and its sd alike."""
 
     value: float
     sd: float
-    additive: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LanePlan:
-    """Lanes of a bank: `hypothesis` (n_lanes,) of each lane; `starts` per lane: (parameter, start) pairs."""
+    """Lanes of a bank."""
 
-    hypothesis: IntArray
-    starts: tuple[tuple[tuple[int, Start], ...], ...]
-    carry: BoolArray  # (n_lanes, n_states): effort (C) or flow (I) goes on at the change, else the stored quantity
+    hypothesis: IntArray  # (n_lanes,)
+    suspected: BoolArray  # (n_parameters, n_lanes)
+    values: FloatArray  # (n_parameters, n_lanes): starts of the suspects, see `Start`
+    sds: FloatArray  # (n_parameters, n_lanes)
+    jumps: BoolArray  # (n_lanes, n_states): the stored content goes on at the change, else the effort (C) or flow (I)
     first: IntArray  # first lane of each hypothesis
     sizes: FloatArray  # suspects in each hypothesis
 
     @property
     def n_lanes(self) -> int:
         """Number of lanes."""
-        return len(self.starts)
+        return len(self.hypothesis)
 
 
 def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
@@ -53,7 +54,7 @@ def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
     if parameter.healthy == 0.0:
         third = change / 3.0
         values = [0.0, *(v for v in (third, -third) if parameter.lower <= v <= parameter.upper)]
-        return tuple(Start(value=value, sd=change, additive=True) for value in values)
+        return tuple(Start(value=value, sd=change) for value in values)
     values, value = [], FIRST_START
     while abs(value - 1.0) <= max(REACH * change, 0.56):
         values.append(value)
@@ -69,20 +70,27 @@ def plan_lanes(spec: EngineSpec) -> LanePlan:
     hypothesis: list[int] = []
     starts: list[tuple[tuple[int, Start], ...]] = []
     first: list[int] = []
-    carry: list[tuple[bool, ...]] = []
+    jumps: list[tuple[bool, ...]] = []
     for k, chosen in enumerate(spec.hypotheses):
         first.append(len(starts))
         options = [[(index, start) for start in starts_of(spec.parameters[index], len(chosen))] for index in chosen]
-        own = [any(index in chosen for index, _ in state.carries) for state in spec.states]
+        own = [any(index in chosen for index, _ in state.jumps) for state in spec.states]
         for combination in product(*options):
-            for choice in product(*([True, False] if mine else [False] for mine in own)):
+            for choice in product(*([False, True] if mine else [False] for mine in own)):
                 hypothesis.append(k)
                 starts.append(tuple(combination))
-                carry.append(choice)
+                jumps.append(choice)
+    values = np.ones((len(spec.parameters), len(starts)))
+    sds = np.zeros_like(values)
+    for lane, pairs in enumerate(starts):
+        for index, start in pairs:
+            values[index, lane], sds[index, lane] = start.value, start.sd
     return LanePlan(
         hypothesis=np.array(hypothesis, dtype=np.intp),
-        starts=tuple(starts),
-        carry=np.array(carry, dtype=bool).reshape(len(starts), len(spec.states)),
+        suspected=sds > 0.0,
+        values=values,
+        sds=sds,
+        jumps=np.array(jumps, dtype=bool).reshape(len(starts), len(spec.states)),
         first=np.array(first, dtype=np.intp),
         sizes=np.array([len(chosen) for chosen in spec.hypotheses], dtype=float),
     )

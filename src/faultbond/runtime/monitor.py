@@ -113,7 +113,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
 
 
 def _depth(spec: EngineSpec) -> int:
-    return spec.thresholds.history_samples + spec.thresholds.lead_samples + 2
+    return spec.thresholds.history_samples + 2
 
 
 def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, Report]:

@@ -4,10 +4,9 @@ from hashlib import sha256
 from itertools import combinations
 from math import ceil
 
-import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.step import StepModel, reference_inputs
+from faultbond.dynamics.step import StepModel
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
     EngineSpec,
@@ -32,17 +31,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     graph = plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
     sets = tuple(chosen for size in range(1, graph.max_faults + 1) for chosen in combinations(suspects, size))
-    starts = {item.name: item.start for item in graph.components if item.start is not None}
-    states = tuple(
-        StateSpec(
-            name=state.name,
-            start_mean=starts[state.component].mean if state.component in starts else 0.0,
-            start_sd=starts[state.component].sd if state.component in starts else None,
-            noise=0.0,
-            carries=_carries(model, k),
-        )
-        for k, state in enumerate(plant.network.states)
-    )
+    states = tuple(_state(model, k) for k in range(len(model.states)))
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
         SlowErrorSpec(
@@ -71,27 +60,28 @@ def build_spec(model: StepModel) -> EngineSpec:
     )
 
 
-def _carries(model: StepModel, state: int) -> tuple[tuple[int, float], ...]:
-    """Give the exponents with which a store must change with its parameters for its effort (C) or flow (I) to stay.
+def _state(model: StepModel, k: int) -> StateSpec:
+    """Give a state, its start in the engine's coordinate, and how it jumps where its content stays.
 
-    From the law e(q, theta): d ln q / d ln theta at constant e, at the reference state; exact for linear stores.
+    From e(q, theta): d ln e / d ln theta at constant content q, at the reference state; exact for linear stores.
     """
     plant = model.plant
-    partner = plant.co_energy[state]
-    if partner is None or not plant.theta.numel():
-        return ()
-    at = model.reference_state.copy()
-    at[state] = at[state] or 1.0
-    slopes = ca.Function(
-        "slopes",
-        [plant.x, plant.theta, plant.u, plant.b, plant.z],
-        [ca.gradient(partner, plant.x), ca.gradient(partner, plant.theta)],
+    graph = plant.graph
+    start = {item.name: item.start for item in graph.components}.get(plant.network.states[k].component or "")
+    nominal = np.array([item.nominal for item in graph.parameters])
+    content = model.contents(model.reference_state, nominal).full()[:, 0]
+    content[k] = start.mean if start is not None else content[k] or 1.0
+    slopes = model.coordinates.jacobian()(content, nominal, 0)
+    value = float(model.coordinates(content, nominal)[k])
+    by_content, by_theta = float(slopes[0][k, k]), slopes[1].full()[k] if len(nominal) else np.zeros(0)
+    exponents = by_theta * nominal / value if value else np.zeros(len(nominal))
+    return StateSpec(
+        name=model.states[k],
+        start_mean=value if start is not None else 0.0,
+        start_sd=abs(by_content) * start.sd if start is not None else None,
+        noise=0.0,
+        jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
     )
-    theta = np.array([item.nominal for item in plant.graph.parameters])
-    by_x, by_theta = slopes(at, theta, reference_inputs(plant), 0, model.reference_implicit)
-    slope = float(by_x[state])
-    exponents = -by_theta.full()[:, 0] * theta / (slope * at[state]) if slope else np.zeros(len(theta))
-    return tuple((k, float(value)) for k, value in enumerate(exponents) if np.isfinite(value) and value != 0.0)
 
 
 def model_hash(graph: BondGraph) -> str:
