@@ -1,11 +1,18 @@
 """The record of every default in force: what was not stated, and what holds instead."""
 
+import math
+
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 MAX_FAULTS = 2
 WARM_UP_SAMPLES = 20
 WARM_UP_SECONDS = 20.0  # for a variable grid
 WARM_UP_MEMORY = 0.3  # of the longest memory of a plant signal's slow error
+
+
+def default_range(nominal: float) -> tuple[float, float]:
+    """Give the range of a parameter that states none: the sign of its nominal, anything for 0."""
+    return (0.0 if nominal > 0 else -math.inf), (0.0 if nominal < 0 else math.inf)
 
 
 class Defaults:

@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from faultbond.errors import ModelError
-from faultbond.model.defaults import in_force
-from faultbond.model.elements import OWN_SIGNALS
+from faultbond.model.defaults import ACCURACY, CHANGE, MAX_FAULTS, default_range, in_force
+from faultbond.model.elements import OWN_SIGNALS, default_laws
 from faultbond.model.expression import rename
-from faultbond.model.graph import BondGraph, Component, Input, Parameter, Sensor, SlowError, Unit
+from faultbond.model.graph import BondGraph, Component, Input, Parameter, Sensor, SlowError, TimeColumn, Unit
 from faultbond.model.parser import number_text, to_text
 from faultbond.model.units import measure
 
@@ -45,17 +45,19 @@ class _Writer:
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph, self.defaults = graph, in_force(graph.defaults)
+        self.parameters = {item.name: item for item in graph.parameters}
         self.accuracies = {item.name: self.spread_text(item, item.accuracy) for item in graph.parameters}
-        relative = [
-            text for name, text in self.accuracies.items() if text.endswith("%") and self.stated("accuracy", name)
-        ]
-        common = Counter(relative).most_common(1)
-        uses_default = any(not self.stated("accuracy", item.name) for item in graph.parameters)
-        self.accuracy = common[0][0] if common and not uses_default else ""
+        own = [item.name for item in graph.parameters if self.stated_spread("accuracy", item, item.accuracy, ACCURACY)]
+        common = Counter(self.accuracies[name] for name in own if self.accuracies[name].endswith("%")).most_common(1)
+        self.accuracy = common[0][0] if common and len(own) == len(graph.parameters) else ""
+        self.own_accuracy = frozenset(name for name in own if self.accuracies[name] != self.accuracy)
 
-    def stated(self, what: str, who: str = "") -> bool:
-        """Whether a thing was stated, so that it must be written."""
-        return (what, who) not in self.defaults
+    def stated(self, what: str, who: str = "", *, is_default: bool = True) -> bool:
+        """Whether a thing must be written: it was stated, or has been changed since from its default."""
+        return (what, who) not in self.defaults or not is_default
+
+    def stated_spread(self, what: str, item: Parameter, value: float, percent: float) -> bool:
+        return self.stated(what, item.name, is_default=value == percent / 100 * abs(item.nominal))
 
     def lines(self) -> Iterator[str]:
         graph = self.graph
@@ -74,7 +76,7 @@ class _Writer:
         if self.stated("name"):
             yield f"name: {_scalar(graph.name)}"
         yield f"sample_time: {'variable' if graph.sample_time is None else _seconds(graph.sample_time)}"
-        if self.stated("max_faults"):
+        if self.stated("max_faults", is_default=graph.max_faults == MAX_FAULTS):
             yield f"max_faults: {graph.max_faults}"
         if self.accuracy:
             yield f"accuracy: {self.accuracy}"
@@ -82,29 +84,36 @@ class _Writer:
             yield f"warm_up: {_seconds(graph.warm_up)}"
         if graph.time.column is None:
             yield "time: none"
-        elif self.stated("time"):
+        elif self.stated("time", is_default=graph.time == TimeColumn()):
             column = _scalar(graph.time.column) if self.stated("time column") else ""
             unit = graph.time.unit.text if self.stated("time unit") else ""
             yield f"time: {_flow((('column', column), ('unit', unit)))}"
 
     def input(self, item: Input) -> str:
+        has_noise = self.stated("noise", item.name, is_default=item.noise == 0)
+        has_settling = self.stated("settling", item.name, is_default=item.settling == 0)
         return _flow(
             (
                 ("unit", item.unit.text),
-                ("column", _scalar(item.column) if self.stated("column", item.name) else ""),
-                ("noise", _difference(item.noise, item.unit) if self.stated("noise", item.name) else ""),
-                ("settling", _seconds(item.settling) if self.stated("settling", item.name) else ""),
+                ("column", self.column(item)),
+                ("noise", _difference(item.noise, item.unit) if has_noise else ""),
+                ("settling", _seconds(item.settling) if has_settling else ""),
             )
         )
+
+    def column(self, item: Input | Sensor) -> str:
+        stated = self.stated("column", item.name, is_default=item.column == item.name)
+        return _scalar(item.column) if stated else ""
 
     def component(self, item: Component) -> str:
         own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS[item.type]}
         sides = [
             [rename(side, lambda name: own.get(name, name)) for side in (law.left, law.right)] for law in item.laws
         ]
-        laws = [_scalar(f"{to_text(left)} = {to_text(right)}") for left, right in sides]
-        law = f"[{', '.join(laws)}]" if len(laws) > 1 else laws[0]
-        owned = ((name, self.parameter(self.graph.parameter(name))) for name in item.parameters)
+        texts = [f"{to_text(left)} = {to_text(right)}" for left, right in sides]
+        law = f"[{', '.join(map(_scalar, texts))}]" if len(texts) > 1 else _scalar(texts[0])
+        is_default = len(item.parameters) == 1 and texts == default_laws(item.type, item.parameters[0])
+        owned = ((name, self.parameter(self.parameters[name])) for name in item.parameters)
         start = ""
         if item.start is not None:
             key = "q" if item.type.value == "C" else "p"
@@ -112,18 +121,19 @@ class _Writer:
         return _flow(
             (
                 ("type", item.type.value),
-                ("law", law if self.stated("law", item.name) else ""),
+                ("law", law if self.stated("law", item.name, is_default=is_default) else ""),
                 ("parameters", _flow(owned) if item.parameters else ""),
                 ("start", start),
             )
         )
 
     def parameter(self, item: Parameter) -> str:
-        accuracy = self.accuracies[item.name] if self.stated("accuracy", item.name) else ""
+        has_change = self.stated_spread("change", item, item.change, CHANGE)
+        has_range = self.stated("range", item.name, is_default=(item.lower, item.upper) == default_range(item.nominal))
         entries = (
-            ("accuracy", "" if accuracy == self.accuracy else accuracy),
-            ("change", self.spread_text(item, item.change) if self.stated("change", item.name) else ""),
-            ("range", self.range(item) if self.stated("range", item.name) else ""),
+            ("accuracy", self.accuracies[item.name] if item.name in self.own_accuracy else ""),
+            ("change", self.spread_text(item, item.change) if has_change else ""),
+            ("range", self.range(item) if has_range else ""),
             ("suspect", "" if item.suspect else "no"),
         )
         nominal = _value(item.nominal, item.unit)
@@ -149,7 +159,7 @@ class _Writer:
                 ("reads", _scalar(to_text(item.reads))),
                 ("unit", item.unit.text),
                 ("noise", _difference(item.noise, item.unit)),
-                ("column", _scalar(item.column) if self.stated("column", item.name) else ""),
+                ("column", self.column(item)),
             )
         )
 

@@ -23,3 +23,8 @@ MUST_NAME = {  # what the laws of the element must relate
     ElementType.C: ("e", "q"),
     ElementType.I: ("f", "p"),
 }
+
+
+def default_laws(element: ElementType, parameter: str) -> list[str]:
+    """Give the laws of an element with one parameter that states none; empty for sources."""
+    return [law.replace("X", parameter) for law in DEFAULT_LAWS.get(element, ())]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from faultbond.errors import ModelError
 from faultbond.model.defaults import Defaults
-from faultbond.model.elements import DEFAULT_LAWS, MUST_NAME, OWN_SIGNALS
+from faultbond.model.elements import DEFAULT_LAWS, MUST_NAME, OWN_SIGNALS, default_laws
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.parser import arithmetic, parse_expression, parse_relation, to_text
@@ -76,7 +76,7 @@ class LawReader:
             nodes = node.items if isinstance(node, Items) else (node,)
             return [(self.source.text(item, what), item.line) for item in nodes]
         if part.type in DEFAULT_LAWS and len(parameters) == 1:
-            texts = [law.replace("X", parameters[0]) for law in DEFAULT_LAWS[part.type]]
+            texts = default_laws(part.type, parameters[0])
             self.defaults.add("law", " and ".join(texts), part.name)
             return [(text, part.line) for text in texts]
         example = "write `law: e = V`" if part.type is ElementType.SE else "write `law: f = Q`"

@@ -116,7 +116,10 @@ class Source:
         entries = {entry.key: entry for entry in self.table(node, what).entries}
         for key, entry in entries.items():
             if key not in known:
-                raise self.error(entry, f"{what}: unknown key `{shown(key)}`; {choice(key, known)}")
+                advice = choice(key, known)
+                if not NAME.fullmatch(key) and isinstance(entry.value, Text) and not entry.value.value:
+                    advice = "put quotes round a text with a comma"
+                raise self.error(entry, f"{what}: unknown key `{shown(key)}`; {advice}")
         return entries
 
     def name(self, entry: Entry, what: str) -> str:

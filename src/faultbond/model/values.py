@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from faultbond.model.defaults import ACCURACY, CHANGE, Defaults
+from faultbond.model.defaults import ACCURACY, CHANGE, Defaults, default_range
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.graph import Constant, Input, Parameter
 from faultbond.model.parser import number_text
@@ -173,7 +173,7 @@ class ValueReader:
         if "range" not in fields:
             words = "0 or more" if nominal.value > 0 else "0 or less" if nominal.value < 0 else "any"
             self.defaults.add("range", words, name)
-            return (0.0 if nominal.value > 0 else -math.inf), (0.0 if nominal.value < 0 else math.inf)
+            return default_range(nominal.value)
         entry = fields["range"]
         if isinstance(entry.value, Text) and entry.value.value.strip() == "any":
             return -math.inf, math.inf

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -166,6 +167,17 @@ def test_layout_does_not_change_the_text() -> None:
     text = (EXAMPLES / "rc" / "model.yaml").read_text()
     other = "# a comment\n" + text.replace("10 kohm", '"10   kohm"').replace("e = V", "e  =  (V)")
     assert parse_model(other).text == parse_model(text).text
+
+
+def test_changed_graph_writes_what_is_no_default_any_more(tank: BondGraph) -> None:
+    """A fitted parameter keeps its spreads, although they were defaults before."""
+    fitted = [replace(item, nominal=1.1 * item.nominal) if item.name == "K1" else item for item in tank.parameters]
+    again = parse_model(dump_model(replace(tank, parameters=tuple(fitted), max_faults=3)))
+    assert again.parameter("K1").nominal == 1.1 * 2.41e11
+    assert again.parameter("K1").change == tank.parameter("K1").change
+    assert again.parameter("K1").accuracy == tank.parameter("K1").accuracy
+    assert again.max_faults == 3
+    assert dict(again.defaults)["change of K8, K2, K7, K3, K4"] == "200 %"
 
 
 def test_loading_is_fast(tank: BondGraph) -> None:
