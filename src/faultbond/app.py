@@ -22,6 +22,11 @@ from faultbond.runtime.trace import Trace
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice, Method
 
+NO_COMPILER = (
+    "The engine `c` cannot be built: there is no C compiler that works. "
+    "Install gcc or clang, or `pip install 'faultbond[compiler]'`, or take the engine `vm`."
+)
+
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
 
 
@@ -36,7 +41,21 @@ class _Outcome:
 
 def check(model: Path, *, engine: EngineChoice, out: Out) -> None:
     """Tell what was understood of a model."""
-    raise FaultbondError("`check` is not built yet.")
+    graph = load_model(model)
+    title = _engine_title(engine)
+    from faultbond.report.understanding import Understanding, check_record  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.specify import build_spec  # noqa: PLC0415 - loads casadi
+
+    step_model = build_model(graph)
+    seen = Understanding(graph=graph, model=step_model, spec=build_spec(step_model), engine=title)
+    out.record(check_record(seen))
+    if out.text is not None:
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        from faultbond.report.listing import print_check  # noqa: PLC0415 - loads rich
+
+        print_check(Console(file=out.text), seen)
 
 
 def simulate(
@@ -85,11 +104,20 @@ def _build(graph: BondGraph, choice: EngineChoice) -> tuple[EngineSpec, Engine]:
 
     spec, engine = build_engine(graph, compiled=choice is not EngineChoice.MACHINE)
     if choice is EngineChoice.COMPILED and not hasattr(engine, "compiler"):
-        raise GenerationError(
-            "The engine `c` cannot be built: there is no C compiler that works. "
-            "Install gcc or clang, or `pip install 'faultbond[compiler]'`, or take the engine `vm`."
-        )
+        raise GenerationError(NO_COMPILER)
     return spec, engine
+
+
+def _engine_title(choice: EngineChoice) -> str:
+    """Say which engine would be taken, without building it."""
+    from faultbond.synthesis.compile import cache_folder, find_compiler  # noqa: PLC0415 - only for `check`
+
+    compiler = None if choice is EngineChoice.MACHINE else find_compiler()
+    if compiler is not None:
+        return f"compiled C ({compiler[0]}), built at the first run and kept in {cache_folder()}"
+    if choice is EngineChoice.COMPILED:
+        raise GenerationError(NO_COMPILER)
+    return "CasADi virtual machine (no C compiler used)"
 
 
 def _progress(recording: str, out: Out) -> AbstractContextManager[Follow]:

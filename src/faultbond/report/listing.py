@@ -1,0 +1,254 @@
+"""What was understood of a model, as text for people."""
+
+import math
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
+from faultbond.model.parser import to_text
+from faultbond.report.numbers import Notation, duration_text, figure, unit_text
+from faultbond.report.terminal import PLAIN_WIDTH
+from faultbond.report.understanding import METHOD, Understanding, law_text, loops_of, set_sizes, settings_of
+from faultbond.runtime.lanes import plan_lanes
+
+MEANING = {
+    "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
+    "cusum_limit": "CUSUM: limit at which it alarms",
+    "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
+    "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
+    "cost_per_suspect": "cost of each suspect of a set, nats",
+    "group_nats": "sets closer to the best than this are not told apart, nats",
+    "blank_factor": "noise variance of a sensor while an input settles, times",
+    "warm_up_samples": "samples without alarms at the start, with those of the model's warm-up",
+    "history_samples": "samples kept to look back for the onset",
+    "start_samples": "samples gathered to solve an unknown start",
+    "diagnosis_every": "samples from one diagnosis to the next",
+    "change_memory": "changes of an input add up over, s",
+    "first_start": "first starting value of a suspect, nominals; each next one is twice as large",
+    "start_spread": "standard deviation of a start, starts",
+    "reach": "starting values lie within this many `change` of nominal",
+    "coarse_from": "sets of this size and more use two starts for each suspect",
+    "max_candidates": "candidates given in a record, at most",
+    "max_substeps": "substeps of a sample, at most",
+    "newton_steps": "Newton steps for a loop without closed form",
+    "sqrt_width": "smoothing of sqrt(x) at 0, of the size of its terms",
+    "root_width": "smoothing of a square law solved for its flow at 0, of the size of its terms",
+}
+NO_BREAK = "\N{NO-BREAK SPACE}"
+LABELS = 18  # columns left of the texts of a section
+SET_NAMES = {1: "single", 2: "pair", 3: "triple"}
+
+
+def print_check(console: Console, seen: Understanding) -> None:
+    """Print what was understood of a model.
+
+    Parameters
+    ----------
+    console : where to print; one that is no terminal is set to `PLAIN_WIDTH` columns
+    seen : the model and what was made of it
+    """
+    if not console.is_terminal:
+        console.width = PLAIN_WIDTH
+    graph = seen.graph
+    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
+    _print_plant(console, graph)
+    _print_structure(console, seen)
+    _print_signals(console, seen)
+    _print_method(console, seen)
+    _print_defaults(console, seen)
+
+
+def _title(console: Console, title: str) -> None:
+    console.print()
+    console.print(Text(title, style="bold underline"))
+
+
+def _lines(console: Console, lines: Iterable[tuple[str, str]]) -> None:
+    """Print labels and texts that wrap beside them."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for label, text in lines:
+        grid.add_row(Text(label), Text(text))
+    console.print(Padding(grid, (0, 0, 0, 1)))
+
+
+def _table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
+    for name in header:
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)
+
+
+def _print_plant(console: Console, graph: BondGraph) -> None:
+    _title(console, "Components")
+    parts = [
+        (item.name, item.type.value, "\n".join(law_text(item, law) for law in item.laws)) for item in graph.components
+    ]
+    _table(console, ("name", "type", "law"), parts)
+    _title(console, "Parameters")
+    header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
+    _table(console, header, [_parameter(item) for item in graph.parameters])
+    if graph.constants:
+        constants = (f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants)
+        _lines(console, [("constants", ", ".join(constants))])
+
+
+def _parameter(item: Parameter) -> tuple[str, ...]:
+    unit = item.unit
+    healthy, faulty = (
+        figure(unit.difference_from_si(sd), digits=3).number(Notation.FILE) for sd in (item.accuracy, item.change)
+    )
+    lower, upper = (figure(unit.from_si(end)).number(Notation.FILE) for end in (item.lower, item.upper))
+    match (math.isfinite(item.lower), math.isfinite(item.upper)):
+        case (True, True):
+            reach = f"{lower} to {upper}"
+        case (True, False):
+            reach = f"{lower} or more"
+        case (False, True):
+            reach = f"{upper} or less"
+        case _:
+            reach = "any"
+    return (
+        item.name,
+        item.owner,
+        figure(unit.from_si(item.nominal)).number(Notation.FILE),
+        healthy,
+        faulty if item.suspect else "trusted",
+        reach,
+        unit_text(unit.text, Notation.FILE),
+    )
+
+
+def _value(unit: Unit, si: float) -> str:
+    return f"{figure(unit.from_si(si)).number(Notation.FILE)} {unit_text(unit.text, Notation.FILE)}".rstrip()
+
+
+def _spread(unit: Unit, si: float) -> str:
+    if si == 0.0:
+        return "none"
+    return f"{figure(unit.difference_from_si(si)).number(Notation.FILE)} {unit_text(unit.text, Notation.FILE)}".rstrip()
+
+
+def _print_structure(console: Console, seen: Understanding) -> None:
+    graph, causality = seen.graph, seen.model.plant.causality
+    strokes = dict(causality.strokes)
+    bonds = [
+        f"{bond.tail} {'->|' if strokes[k] == bond.head else '|->'} {bond.head}" for k, bond in enumerate(graph.bonds)
+    ]
+    _title(console, "Bonds and causality")
+    _lines(
+        console,
+        [
+            ("junctions", ", ".join(f"{item.name} ({item.type.value})" for item in graph.junctions) or "none"),
+            ("bonds", _wrapped(bonds, console.width - LABELS)),
+            ("", "-> counts power positive; | stands where the effort arrives, the flow at the other end"),
+            ("integral", ", ".join(causality.integral) or "none"),
+            ("derivative", ", ".join(causality.derivative) or "none"),
+            ("chosen freely", ", ".join(causality.free) or "none"),
+            ("states", "\n".join(_states(seen)) or "none: the plant has no memory"),
+            ("loops", "\n".join(_loops(seen)) or "none"),
+        ],
+    )
+
+
+def _wrapped(items: Iterable[str], width: int) -> str:
+    """Put items in lines, none of them broken."""
+    whole = ", ".join(item.replace(" ", NO_BREAK) for item in items)
+    return textwrap.fill(whole, max(width, 1), break_long_words=False, break_on_hyphens=False).replace(NO_BREAK, " ")
+
+
+def _states(seen: Understanding) -> Iterable[str]:
+    stores = seen.model.plant.network.states
+    starts = {item.name: item.start for item in seen.graph.components if item.start is not None}
+    for store, coordinate in zip(stores, seen.model.states, strict=True):
+        start = starts.get(store.component or "")
+        known = "solved from the first samples" if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
+        estimated = "" if coordinate == store.name else f", estimated as {coordinate}"
+        yield f"{store.name}{estimated}; start: {known}"
+
+
+def _loops(seen: Understanding) -> Iterable[str]:
+    for loop in loops_of(seen.model):
+        yield f"{', '.join(loop.signals)} by {', '.join(loop.components)}: {loop.solution}"
+
+
+def _print_signals(console: Console, seen: Understanding) -> None:
+    graph = seen.graph
+    _title(console, "Inputs")
+    inputs = [
+        (
+            *(item.name, item.column, unit_text(item.unit.text, Notation.FILE)),
+            *(_spread(item.unit, item.noise), duration_text(item.settling), _step(seen, k)),
+        )
+        for k, item in enumerate(graph.inputs)
+    ]
+    if inputs:
+        _table(console, ("name", "column", "unit", "noise (sd)", "settling", "a step is more than"), inputs)
+    else:
+        _lines(console, [("", "none")])
+    _title(console, "Sensors")
+    sensors = [
+        (
+            *(item.name, item.column, to_text(item.reads), unit_text(item.unit.text, Notation.FILE)),
+            *(_spread(item.unit, item.noise), ", ".join(graph.inputs[n].name for n in known.direct_inputs)),
+        )
+        for item, known in zip(graph.sensors, seen.spec.outputs, strict=True)
+    ]
+    _table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
+    if graph.slow_errors:
+        _title(console, "Slow errors")
+        rows = [
+            (error.target, _slow_size(graph, error), duration_text(error.memory), "yes" if known.alarms else "no")
+            for error, known in zip(graph.slow_errors, seen.spec.slow_errors, strict=True)
+        ]
+        _table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
+
+
+def _step(seen: Understanding, k: int) -> str:
+    known, unit = seen.spec.inputs[k], seen.graph.inputs[k].unit
+    parts = [_spread(unit, known.step)] if known.step else []
+    parts += [f"{100 * known.step_part:g} % of the largest value"] if known.step_part else []
+    return " and ".join(parts)
+
+
+def _slow_size(graph: BondGraph, error: SlowError) -> str:
+    units = {item.name: item.unit for item in graph.sensors}
+    size = f"{100 * error.sd:g} %" if error.relative else _spread(units.get(error.target, Unit("SI")), error.sd)
+    return f"{size}, more after a change of {', '.join(error.after)}" if error.after else size
+
+
+def _print_method(console: Console, seen: Understanding) -> None:
+    graph, spec = seen.graph, seen.spec
+    step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
+    substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
+    sizes = set_sizes(spec)
+    sets = " and ".join(
+        f"{number} {SET_NAMES.get(size, f'set of {size}')}{'s' if number > 1 else ''}" for size, number in sizes.items()
+    )
+    _title(console, "Engine")
+    _lines(
+        console,
+        [
+            ("sampled", step),
+            ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
+            ("in time", f"{METHOD}; {substeps}"),
+            ("hypotheses", f"{sets or 'none'}; {plan_lanes(spec).n_lanes} filters after an alarm"),
+            ("runs as", seen.engine),
+        ],
+    )
+
+
+def _print_defaults(console: Console, seen: Understanding) -> None:
+    _title(console, "Defaults in force: what the model file does not state")
+    _lines(console, seen.graph.defaults)
+    _title(console, "Settings of the method")
+    _lines(console, [(f"{value:g}", MEANING.get(name, name)) for name, value in settings_of(seen.spec).items()])
