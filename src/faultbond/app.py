@@ -1,33 +1,52 @@
 """What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them."""
 
+import secrets
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
-from faultbond.errors import FaultbondError, GenerationError, RecordingError
+from faultbond.errors import GenerationError, RecordingError
+from faultbond.io.examples import example
 from faultbond.io.faults import FaultRequest
 from faultbond.io.grid import Counts, Grid, GridPoint, Row, on_grid
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
+from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import Sample, State, Status, finish, init, step
+from faultbond.runtime.monitor import START_SAMPLES, Sample, State, Status, finish, init, step
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.runtime.start import solve_start
 from faultbond.runtime.trace import Trace
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice, Method
 
+DEMO_RECORDING = "fault_pipe.csv"
+DEMO_TRUTH = "What was made: at 1500 s the resistance K1 of the pipe rose to 1.85 times its value."
 NO_COMPILER = (
     "The engine `c` cannot be built: there is no C compiler that works. "
     "Install gcc or clang, or `pip install 'faultbond[compiler]'`, or take the engine `vm`."
 )
 
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imperfections:
+    """What a simulated plant has and its model leaves out.
+
+    spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
+    curve: largest error, as a part, of the curve of an input in percent.
+    """
+
+    spread: float = 0.0
+    lag: float = 0.0
+    curve: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +78,43 @@ def check(model: Path, *, engine: EngineChoice, out: Out) -> None:
 
 
 def simulate(
-    model: Path, *, inputs: str, faults: tuple[FaultRequest, ...], seed: int | None, output: Path, out: Out
+    model: Path,
+    *,
+    inputs: str,
+    faults: tuple[FaultRequest, ...],
+    seed: int | None,
+    imperfections: Imperfections,
+    start: Mapping[str, float],
+    output: Path,
+    out: Out,
 ) -> None:
-    """Write a recording of the simulated plant; `inputs` is a path or `-`."""
-    raise FaultbondError("`simulate` is not built yet.")
+    """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state."""
+    graph = load_model(model)
+    points, held = _inputs(graph, inputs)
+    begin = {**_solved_start(graph, inputs), **start}
+    from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
+
+    seed = secrets.randbelow(2**31) if seed is None else seed
+    simulation = plant.simulate(
+        graph,
+        plant.Inputs(time=np.array([point.time for point in points]), values=np.array([point.u for point in points])),
+        [plant.fault_in_si(fault, graph) for fault in faults],
+        seed=seed,
+        effects=plant.Effects(spread=imperfections.spread, lag=imperfections.lag, curve=imperfections.curve),
+        start=begin,
+    )
+    write_recording(output, plant.columns(graph, simulation, digits=9))
+    rows = len(simulation.time)
+    out.record(
+        {"record": "simulate", "model": graph.name, "output": str(output), "samples": rows, "seed": seed}
+        | {"held": held, "start": begin}
+    )
+    out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s; seed {seed}")
+    for name, value in begin.items():
+        source = "as given" if name in start else f"solved from the first rows of {inputs}"
+        out.say(f"start of {name}: {value:.6g} (SI), {source}")
+    if held:
+        out.say(f"{held} samples lacked an input: its last value was held")
 
 
 def run(model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out) -> bool:
@@ -78,7 +130,7 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
         out.record(run_record(spec, method))
         outcome = _watch(spec, built, follow(rows), Grid(spec.sample_time, live=live), trace, out)
     if not outcome.counts.samples:
-        raise RecordingError(f"{recording}: no row has a time that can be read. Check the column and unit of `time`.")
+        raise RecordingError(_no_time(recording))
     detected = outcome.state.alarm >= 0
     reason = _no_verdict(spec, outcome)
     if reason:
@@ -90,7 +142,82 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
 
 def demo(*, report: Path, engine: EngineChoice, out: Out) -> None:
     """Find a fault in the built-in water tank and write the report."""
-    raise FaultbondError("`demo` is not built yet.")
+    folder = example("tank")
+    model, recording = (_near(folder / name) for name in ("model.yaml", DEMO_RECORDING))
+    out.say(f"The built-in water tank: {recording}, 82 minutes, in which a fault was made at 1500 s.")
+    out.say(f"Engine: {_engine_title(engine)}.")
+    out.say()
+    if out.text is not None:
+        out.text.flush()
+    run(model, str(recording), method=Method.BANK, report=report, engine=engine, out=out)
+    out.say(f"\n{DEMO_TRUTH}")
+    out.say(f"Open {report} in a browser. Then try:")
+    program, healthy = _program(), _near(folder / "healthy.csv")
+    out.say(f"  {program} check {model}")
+    out.say(f"  {program} run {model} {healthy}")
+    out.say(f"  {program} simulate {model} --inputs {healthy} --fault K6=x8@2460 --seed 1 -o leak.csv")
+    out.say(f"  {program} run {model} leak.csv --report leak.html")
+
+
+def _program() -> str:
+    """Give how this program is called from here."""
+    if shutil.which("faultbond"):
+        return "faultbond"
+    called = Path(sys.argv[0])
+    return "python -m faultbond" if called.name == "__main__.py" else str(_near(called))
+
+
+def _near(path: Path) -> Path:
+    """Give a path as short as it can be written from here."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
+    """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent."""
+    points: list[GridPoint] = []
+    held = 0
+    last = np.full(len(graph.inputs), np.nan)
+    rows = read_rows(recording, columns_of(graph, sensors=False))
+    for point in on_grid(rows, Grid(graph.sample_time)):
+        absent = ~np.isfinite(point.u)
+        held += bool(absent.any())
+        last = np.where(absent, last, point.u)
+        points.append(replace(point, u=last))
+    if not points:
+        raise RecordingError(_no_time(recording))
+    return points, held
+
+
+def _solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
+    """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
+    known = {item.name for item in graph.components if item.start is not None}
+    try:
+        rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
+        points = list(islice(on_grid(rows, Grid(graph.sample_time)), START_SAMPLES - 1))
+    except RecordingError:  # no sensors in it
+        return {}
+    from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi
+
+    model = build_model(graph)
+    stores = model.plant.network.states
+    if not points or all(store.component in known for store in stores):
+        return {}
+    spec, engine = build_engine(graph, compiled=False)
+    state = init(spec)
+    for point in points:
+        state, _ = step(spec, engine, state, _sample(point))
+    mean, _ = solve_start(spec, engine, state.trail_samples[max(state.begun, 0) : state.index])
+    contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]
+    return {
+        store.name: float(content)
+        for store, content in zip(stores, contents, strict=True)
+        if store.component not in known
+    }
+
+
+def _no_time(recording: str) -> str:
+    return f"{recording}: no row has a time that can be read. Check the column and unit of `time`."
 
 
 def _begun(rows: Iterator[Row]) -> Iterator[Row]:

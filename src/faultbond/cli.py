@@ -4,17 +4,19 @@ import argparse
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Never, Protocol, TypeAlias
 
 from faultbond import app
+from faultbond.app import Imperfections
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.out import STANDARD_OUTPUT, Out, open_out
 from faultbond.io.recording import STANDARD_INPUT
+from faultbond.model.quantities import duration, quantity, spread
 from faultbond.types import EngineChoice, Method
 
 DONE, FAULT_DETECTED, USER_MISTAKE, INTERNAL_ERROR = 0, 1, 2, 3
@@ -36,6 +38,8 @@ class Verbs(Protocol):
         inputs: str,
         faults: tuple[FaultRequest, ...],
         seed: int | None,
+        imperfections: Imperfections,
+        start: Mapping[str, float],
         output: Path,
         out: Out,
     ) -> None:
@@ -188,6 +192,8 @@ def _add_simulate(verbs: Subparsers) -> None:
             inputs=arguments.inputs,
             faults=tuple(parse_fault(text) for text in arguments.fault),
             seed=arguments.seed,
+            imperfections=Imperfections(spread=arguments.spread, lag=arguments.lag, curve=arguments.curve),
+            start=dict(arguments.start),
             output=arguments.output,
             out=out,
         )
@@ -207,7 +213,47 @@ def _add_simulate(verbs: Subparsers) -> None:
         help="NAME=VALUE@TIME in the model's unit, NAME=xFACTOR@TIME, or @TIME..TIME for a ramp; may be repeated",
     )
     parser.add_argument("--seed", metavar="N", type=int, help="make the noise repeatable")
+    parser.add_argument(
+        "--start",
+        metavar="STATE=VALUE",
+        action="append",
+        default=[],
+        type=_start,
+        help="start of a state, such as 'tank.q=0.05 m^3', SI without a unit; may be repeated (default: that of the "
+        "model, else solved from the sensors in REC, else 0)",
+    )
+    zero = "(default: 0)"
+    parser.add_argument(
+        "--spread", metavar="PART", type=_part, default=0.0, help=f"true parameters are off by up to '3 %%' {zero}"
+    )
+    parser.add_argument(
+        "--lag", metavar="TIME", type=_time, default=0.0, help=f"inputs that settle lag behind by '3 s' {zero}"
+    )
+    parser.add_argument(
+        "--curve", metavar="PART", type=_part, default=0.0, help=f"inputs in percent act wrongly by up to '3 %%' {zero}"
+    )
     parser.add_argument("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
+
+
+def _part(text: str) -> float:
+    """Read a percentage as a part of 1."""
+    found = spread(text)
+    if not found.is_relative:
+        raise FaultbondError(f"{text!r} is no percentage. Write it as in --spread '3 %'.")
+    return found.ratio
+
+
+def _time(text: str) -> float:
+    """Read a length of time in seconds."""
+    return duration(text)
+
+
+def _start(text: str) -> tuple[str, float]:
+    """Read the start of a state; SI."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise FaultbondError(f"--start {text!r}: expected STATE=VALUE, such as 'tank.q=0.05 m^3'.")
+    return name.strip(), quantity(value, f"--start {text!r}: ").value
 
 
 def _add_run(verbs: Subparsers) -> None:

@@ -4,11 +4,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 
+from faultbond.app import Imperfections
 from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
@@ -37,11 +38,14 @@ class Spy:
         inputs: str,
         faults: tuple[FaultRequest, ...],
         seed: int | None,
+        imperfections: Imperfections,
+        start: Mapping[str, float],
         output: Path,
         out: Out,
     ) -> None:
         """Note a call of `simulate`."""
         self.seen = {"model": model, "inputs": inputs, "faults": faults, "seed": seed, "output": output}
+        self.seen |= {"imperfections": imperfections, "start": start}
         self.do(out)
 
     def run(
@@ -129,8 +133,19 @@ def test_faults_reach_simulate() -> None:
             FaultRequest(parameter="K6", value=3e-5, factor=None, start=20.0, end=30.0),
         ),
         "seed": 7,
+        "imperfections": Imperfections(),
+        "start": {},
         "output": Path("o.csv"),
     }
+
+
+def test_the_plant_of_simulate() -> None:
+    """Imperfections arrive as parts of 1 and seconds, starts in SI."""
+    spy = Spy()
+    options = ["--spread", "3 %", "--lag", "0.5 min", "--curve", "2%", "--start", "tank.q=50 l", "--start", "L.p=1e-3"]
+    assert main(["simulate", "m.yaml", "--inputs", "i.csv", "-o", "o.csv", *options], spy) == 0
+    assert spy.seen["imperfections"] == Imperfections(spread=0.03, lag=30.0, curve=0.02)
+    assert spy.seen["start"] == pytest.approx({"tank.q": 0.05, "L.p": 1e-3})
 
 
 def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:
@@ -172,6 +187,9 @@ def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["check", "m", "--jso", "x"], "unrecognized arguments: --jso x"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--seed", "x"], "invalid int value: 'x'"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "--fault 'K1': expected PARAMETER=VALUE@TIME"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--spread", "3"], "'3' is no percentage"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--lag", "3"], "`3` needs a time unit"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--start", "x"], "--start 'x': expected STATE=VALUE"),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(
