@@ -213,28 +213,29 @@ def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]
 
 def reference_inputs(plant: Plant) -> FloatArray:
     """Inputs of the nominal run: half range for percent, else one unit of the model file."""
-    return np.array([50.0 if item.unit.text == "percent" else item.unit.factor for item in plant.graph.inputs])
+    return np.array([50.0 if item.unit.text == "percent" else item.unit.to_si(1.0) for item in plant.graph.inputs])
 
 
 def _reference(
     plant: Plant, rates: ca.Function, predict: ca.Function, newton: ca.Function, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Run the nominal plant a while; give its last state, implicit signals, and the fastest rate (1/s) met."""
+    """Run the nominal plant a while; give its last state, implicit signals, and the usual fastest rate (1/s)."""
     graph, n_x = plant.graph, plant.x.numel()
     v, u = start.copy(), reference_inputs(plant)
     z = _first_implicit(plant, newton, v, u)
     step = graph.sample_time if graph.sample_time is not None else 1.0
-    fastest = 0.0
+    fastest: list[float] = []
     for _ in range(_REFERENCE_STEPS if n_x else 0):
         slope = rates(v, u, z)[1].full()[:, :n_x]
         if not np.all(np.isfinite(slope)):
             break
-        fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(slope)))))
+        fastest.append(float(np.max(np.abs(np.linalg.eigvals(slope)))))
         x_next, _, z_next = predict(v, u, z, step)
         if not np.all(np.isfinite(x_next.full())):
             break
         v[:n_x], z = x_next.full()[:, 0], z_next.full()[:, 0]
-    return v[:n_x].copy(), np.asarray(z, dtype=float).reshape(-1), fastest
+    usual = float(np.median(fastest)) if fastest else 0.0
+    return v[:n_x].copy(), np.asarray(z, dtype=float).reshape(-1), usual
 
 
 def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatArray) -> FloatArray:

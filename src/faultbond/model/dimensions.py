@@ -152,6 +152,8 @@ class Checker:
     def _pure(self, expression: Expression, what: str, where: str) -> bool:
         """Demand no dimension; give whether the expression is a bare number."""
         form, free = self.infer(expression, where)
+        if _scaled(expression):
+            return free  # in tanh(f/0.05) the number stands for 0.05 of whatever f is measured in
         if form is not None and not free and not self.solver.equate(form, Form()):
             dimension = self._words(form)
             problem = f"{what}, `{shown(to_text(expression))}`, must be dimensionless but is in {dimension}"
@@ -259,3 +261,13 @@ def _first_failure(demands: Sequence[Demand], checker: Checker) -> tuple[int, Mo
         except ModelError as error:
             return index, error
     return None
+
+
+def _scaled(expression: Expression) -> bool:
+    """Whether a product or quotient holds a bare number, which may then carry any unit."""
+    match expression:
+        case Negative(operand):
+            return _scaled(operand)
+        case Binary("*" | "/", left, right):
+            return isinstance(left, Number) or isinstance(right, Number) or _scaled(left) or _scaled(right)
+    return False
