@@ -133,7 +133,7 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
         raise RecordingError(_no_time(recording))
     detected = outcome.state.alarm >= 0
     reason = _no_verdict(spec, outcome)
-    if reason:
+    if reason and not (out.text is not None and out.text.isatty()):  # there the text says it
         sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
     if trace is not None:
         _tell(graph, spec, built, trace, outcome, reason, report, out)
@@ -164,7 +164,9 @@ def _program() -> str:
     if shutil.which("faultbond"):
         return "faultbond"
     called = Path(sys.argv[0])
-    return "python -m faultbond" if called.name == "__main__.py" else str(_near(called))
+    if called.name == "__main__.py":
+        return "python -m faultbond"
+    return str(_near(called)) if called.name.startswith("faultbond") else "faultbond"
 
 
 def _near(path: Path) -> Path:

@@ -1,0 +1,124 @@
+"""What a run leaves behind for people."""
+
+import numpy as np
+import pytest
+
+from faultbond.runtime.history import Detection, Diagnosis
+from faultbond.runtime.monitor import Report, Sample, Status
+from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
+from faultbond.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
+
+SPEC = EngineSpec(
+    model="m",
+    model_sha256="",
+    version="0",
+    sample_time=1.0,
+    states=(),
+    slow_errors=(
+        SlowErrorSpec(name="line.f", sd=0.02, memory=600.0, alarms=True),
+        SlowErrorSpec(name="level", sd=0.002, memory=40.0, alarms=False),
+    ),
+    parameters=(),
+    inputs=(InputSpec(name="u", noise=0.0, settling=0.0, step=1.0, step_part=0.0),),
+    outputs=tuple(
+        OutputSpec(name=name, noise=1.0, direct_inputs=(), unit="", unit_factor=1.0, unit_offset=0.0)
+        for name in ("flow", "level")
+    ),
+    loops=(),
+    hypotheses=(),
+    thresholds=Thresholds(),
+)
+
+
+def sample(k: int) -> Sample:
+    """Give a sample whose values tell its number."""
+    return Sample(time=float(k), dt=1.0, u=np.array([k + 0.5]), y=np.array([k + 0.1, np.nan]))
+
+
+def report(k: int, detection: Detection | None = None, diagnosis: Diagnosis | None = None) -> Report:
+    """Give a report whose values tell its number."""
+    return Report(
+        status=Status.WATCHING,
+        expected=np.array([k + 0.2, k + 0.3]),
+        variance=np.array([4.0, 9.0]),
+        cusum=np.array([k + 0.4, k + 0.6]),
+        slow=np.array([k + 0.7, k + 0.8]),
+        detection=detection,
+        diagnosis=diagnosis,
+    )
+
+
+def diagnosis(k: int) -> Diagnosis:
+    """Give a diagnosis of a time."""
+    return Diagnosis(time=float(k), candidates=())
+
+
+def test_columns_stand_in_their_places() -> None:
+    """Every value comes back in the field and the row where it belongs; only slow errors that can alarm are kept."""
+    trace = Trace(SPEC)
+    for k in range(3):
+        trace.add(sample(k), report(k))
+    history = trace.history()
+    rows = np.arange(3.0)
+    assert history.time == pytest.approx(rows)
+    assert history.measured[:, 0] == pytest.approx(rows + 0.1)
+    assert np.isnan(history.measured[:, 1]).all()
+    assert history.expected == pytest.approx(np.column_stack([rows + 0.2, rows + 0.3]))
+    assert history.expected_sd == pytest.approx(np.tile([2.0, 3.0], (3, 1)))
+    assert history.inputs[:, 0] == pytest.approx(rows + 0.5)
+    assert history.cusum == pytest.approx(np.column_stack([rows + 0.4, rows + 0.6]))
+    assert history.slow[:, 0] == pytest.approx(rows + 0.7)
+    assert history.slow_names == ("line.f",)
+    assert (history.cusum_limit, history.slow_limit) == (25.0, 1.6)
+
+
+def test_arrays_are_frozen_and_a_run_goes_on() -> None:
+    """A history does not change when more samples come, and nobody can write into it."""
+    trace = Trace(SPEC)
+    trace.add(sample(0), report(0))
+    history = trace.history()
+    trace.add(sample(1), report(1))
+    assert history.time.shape == (1,)
+    with pytest.raises(ValueError, match="read-only"):
+        history.cusum[0, 0] = 1.0
+
+
+def test_detections_and_diagnoses_are_kept_in_order() -> None:
+    """The alarm, the diagnoses and the one given last are all there, none of them twice."""
+    trace = Trace(SPEC)
+    detection = Detection(time=1.0, sample=1, change_time=0.0, signals=("flow",))
+    trace.add(sample(0), report(0))
+    trace.add(sample(1), report(1, detection, diagnosis(1)))
+    trace.conclude(diagnosis(2))
+    history = trace.history()
+    assert history.detections == (detection,)
+    assert [item.time for item in history.diagnoses] == [1.0, 2.0]
+
+
+def test_diagnoses_of_a_long_run_are_thinned() -> None:
+    """However long a run is, a bounded number of evenly spaced diagnoses is kept, the last one always."""
+    trace = Trace(SPEC)
+    for k in range(4 * MAX_DIAGNOSES + 3):
+        trace.conclude(diagnosis(k))
+    times = [item.time for item in trace.history().diagnoses]
+    assert MAX_DIAGNOSES / 2 < len(times) <= MAX_DIAGNOSES + 1
+    assert times[0] == 0.0
+    assert times[-1] == 4 * MAX_DIAGNOSES + 2
+    assert len(set(np.diff(times[:-1]))) == 1
+
+
+def test_without_curves_memory_is_fixed() -> None:
+    """Without curves the first and the last sample and the last diagnosis remain."""
+    trace = Trace(SPEC, curves=False)
+    for k in range(100):
+        trace.add(sample(k), report(k, diagnosis=diagnosis(k)))
+    history = trace.history()
+    assert history.time.tolist() == [0.0, 99.0]
+    assert [item.time for item in history.diagnoses] == [99.0]
+
+
+def test_an_empty_run() -> None:
+    """Without a sample the arrays are empty and have their columns."""
+    history = Trace(SPEC).history()
+    assert history.time.shape == (0,)
+    assert history.measured.shape == (0, 2)
