@@ -1,1 +1,47 @@
-"""Placeholder."""
+"""faultbond: from a bond graph to a fault detection and diagnosis engine.
+
+Here are the names that are quick to load. An engine is built by `faultbond.synthesis.engine.build_engine`, recordings
+are read by `faultbond.io`, plants are simulated by `faultbond.simulate`, pages are made by `faultbond.report`.
+"""
+
+from faultbond.errors import (
+    CausalityError,
+    FaultbondError,
+    GenerationError,
+    ModelError,
+    RecordingError,
+    StructureError,
+)
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import dump_model, load_model, parse_model
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
+from faultbond.runtime.monitor import Report, Sample, State, Status, finish, init, step
+from faultbond.spec import Engine, EngineSpec
+
+__all__ = [
+    "BondGraph",
+    "Candidate",
+    "CausalityError",
+    "Detection",
+    "Diagnosis",
+    "Engine",
+    "EngineSpec",
+    "FaultbondError",
+    "GenerationError",
+    "ModelBuilder",
+    "ModelError",
+    "RecordingError",
+    "Report",
+    "Sample",
+    "State",
+    "Status",
+    "StructureError",
+    "Suspect",
+    "dump_model",
+    "finish",
+    "init",
+    "load_model",
+    "parse_model",
+    "step",
+]

@@ -21,7 +21,7 @@ RECORDS = {
     "run": "model model_sha256 method version sample_time",
     "detection": "time sample change_time signals",
     "diagnosis": "time candidates components parameters nominal estimate sd probability group",
-    "end": "time samples detections missing late duplicate",
+    "end": "time samples watched detections missing late duplicate",
 }
 
 

@@ -10,16 +10,19 @@ from typing import Any
 
 import pytest
 
+import faultbond
 from faultbond import app
 from faultbond.cli import main
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import build_step_model
+from faultbond.io import Grid, columns_of, on_grid, read_rows
 from faultbond.io.out import Out
 from faultbond.model.text import load_model
 from faultbond.report.listing import MEANING
 from faultbond.report.progress import progress_bar
 from faultbond.report.understanding import LoopFound, loops_of, settings_of
 from faultbond.runtime.trace import Trace
+from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -394,3 +397,22 @@ def test_a_bar_is_for_files_on_a_terminal(folder: Path, monkeypatch: pytest.Monk
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
         app._progress(recording, out)
     assert shown == [ROWS]
+
+
+def test_the_python_interface(folder: Path) -> None:
+    """The names of the package run a recording: load, build, init, step, finish."""
+    graph = faultbond.load_model(MODEL)
+    spec, engine = build_engine(graph)
+    state = faultbond.init(spec)
+    reports = []
+    for point in on_grid(read_rows(folder / "faulty.csv", columns_of(graph)), Grid(graph.sample_time)):
+        sample = faultbond.Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
+        state, report = faultbond.step(spec, engine, state, sample)
+        reports.append(report)
+    assert [report.status for report in (reports[0], reports[-1])] == [
+        faultbond.Status.STARTING,
+        faultbond.Status.DIAGNOSING,
+    ]
+    diagnosis = faultbond.finish(spec, state)
+    assert diagnosis is not None
+    assert diagnosis.candidates[0].parameters == ("C",)
