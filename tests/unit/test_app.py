@@ -187,9 +187,12 @@ def test_no_verdict(edit: Edit, reason: str, folder: Path, tmp_path: Path, capsy
     shown = capsys.readouterr()
     assert f"No verdict: {reason}." in shown.out
     assert shown.err == f"faultbond: no verdict: {reason}.\n"
-    assert reason in page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert reason in text
+    assert "no verdict</title>" in text
+    assert 'class="verdict open"' in text
     assert records(target)[-1]["watched"] == 0
-    assert "No fault" not in shown.out + page.read_text(encoding="utf-8")
+    assert "no fault" not in (shown.out + text).lower()
 
 
 @pytest.mark.parametrize(

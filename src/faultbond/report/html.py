@@ -56,7 +56,7 @@ def render_report(
     rows = table_rows(graph, diagnosis, Notation.PRINT) if diagnosis else ()
     return environment.get_template("report.html.j2").render(
         name=graph.name,
-        found=bool(history.detections),
+        state=_state(history, counts),
         verdict=verdict_sentence(graph, history, counts, Notation.PRINT).replace(" %", NO_BREAK + "%"),
         cards=_cards(history, counts),
         facts=_facts(graph, history, engine_title, version),
@@ -73,6 +73,13 @@ def render_report(
         licence=_static("uPlot.LICENSE"),
         script=_static("report.js"),
     )
+
+
+def _state(history: History, counts: Counts) -> str:
+    """Give the kind of verdict, which chooses title and colour of the page."""
+    if history.detections:
+        return "fault"
+    return "open" if counts.no_verdict else "healthy"
 
 
 def _static(name: str) -> str:
