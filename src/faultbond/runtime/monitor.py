@@ -20,7 +20,7 @@ from faultbond.types import BoolArray, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 DIAGNOSIS_EVERY = 20  # samples between diagnoses
-CHANGE_MEMORY = 8.0  # seconds over which changes of an input add up for a sensor's slow error
+CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
 class Status(Enum):
@@ -68,7 +68,7 @@ class State:
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input
     since_step: FloatArray  # s since the last step of each input
-    change: FloatArray  # recent change of each input
+    change: FloatArray  # change of each input that is still felt
     lane: FloatArray  # healthy filter
     cusum: FloatArray  # (2, n_outputs): up, down
     cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
@@ -158,13 +158,13 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     first = not np.all(np.isfinite(state.held))
     before = u if first else state.held
     dt = 0.0 if first else sample.dt
-    moved = np.abs(u - before)
+    moved = u - before
     peak = np.maximum(state.peak, np.abs(u))
     limits = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
-    stepped = (moved > limits) & ~first
+    stepped = (np.abs(moved) > limits) & ~first
     since = np.where(stepped, 0.0, state.since_step + dt)
-    change = state.change * np.exp(-dt / CHANGE_MEMORY)
-    added = change + moved
+    change = state.change * np.exp(-dt / CHANGE_MEMORY) + moved
+    released = 1.0 - np.exp(-2.0 * dt / CHANGE_MEMORY)  # adds up to 1 over the memory of a step
     present = np.isfinite(sample.y)
     packed = np.zeros(spec.n_sample)
     place = spec.sample_fields
@@ -175,10 +175,10 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     packed[place["use"]] = present
     packed[place["scale"]] = np.where(_blanked(spec, since), spec.thresholds.blank_factor, 1.0)
     packed[place["kick"]] = [
-        sum(each**2 * (added[k] ** 2 - change[k] ** 2) for k, each in error.after) for error in spec.slow_errors
+        released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
     begun = state.index if first else state.begun
-    return packed, replace(state, held=u, peak=peak, since_step=since, change=added, begun=begun)
+    return packed, replace(state, held=u, peak=peak, since_step=since, change=change, begun=begun)
 
 
 def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
