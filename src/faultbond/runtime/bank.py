@@ -14,7 +14,8 @@ from faultbond.runtime.lanes import LanePlan, plan_lanes
 from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray
 
-ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm
+ONSET_DENSE = 32  # samples before the alarm of which each is tried as onset
+ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
 _LOWEST = -1e300  # likelihood of a lane that is no number
 _DEEPEST = -700.0  # exponents below this are nothing
 
@@ -46,10 +47,45 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> F
     trials = []
     for onset in _onsets(len(trail.samples) - 1, change):
         before = trail.lanes[onset - 1]
-        lanes = suspect_lanes(spec, plan, _forget_slow_errors(spec, before))
+        lanes = _begin_lanes(spec, engine, plan, _forget_slow_errors(spec, before), trail.samples[onset])
         lanes[-1] = before[-1] - trail.lanes[0][-1]
-        trials.append(engine.advance(lanes, trail.samples[onset:])[0])
+        trials.append(engine.advance(lanes, _without_step(spec, trail.samples[onset:]))[0])
     return _best_onsets(np.stack(trials))
+
+
+def _begin_lanes(
+    spec: EngineSpec, engine: Engine, plan: LanePlan, healthy: FloatArray, sample: FloatArray
+) -> FloatArray:
+    """Give lanes predicted to the sample of the onset, before its measurements.
+
+    The fault came at some moment since the sample before, so the states lie between those of a fault from that sample
+    on (`early`) and of one that comes only now (`late`).
+    """
+    blind = sample[None, :].copy()
+    blind[:, spec.sample_fields["use"]] = 0.0
+    early, _ = engine.advance(suspect_lanes(spec, plan, healthy), blind)
+    later, _ = engine.advance(healthy[:, None], blind)
+    late = suspect_lanes(spec, plan, later[:, 0])
+    n_x = len(spec.states)
+    half = np.nan_to_num(0.5 * (early[:n_x] - late[:n_x]), nan=0.0, posinf=0.0, neginf=0.0)
+    late[:n_x] += half
+    for i in range(n_x):
+        for j in range(i, n_x):
+            late[_place(spec, i, j)] += half[i] * half[j]
+    return late
+
+
+def _place(spec: EngineSpec, i: int, j: int) -> int:
+    """Place of the covariance of i and j >= i in a lane."""
+    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i
+
+
+def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
+    """Let no time pass before the first of these samples: the lanes stand there already."""
+    still = samples.copy()
+    still[0, spec.sample_fields["dt"]] = 0.0
+    still[0, spec.sample_fields["kick"]] = 0.0
+    return still
 
 
 def _onsets(alarm: int, change: int) -> tuple[int, ...]:
@@ -57,7 +93,7 @@ def _onsets(alarm: int, change: int) -> tuple[int, ...]:
     places, back = {change, alarm}, 1
     while back < alarm:
         places.add(alarm - back)
-        back = max(back + 1, round(back * ONSET_RATIO))
+        back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
     return tuple(sorted(place for place in places if place >= 1)) or (alarm,)
 
 
@@ -109,7 +145,8 @@ def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Floa
 def _jump(spec: EngineSpec, plan: LanePlan, state: int, means: FloatArray, full: FloatArray) -> None:
     """Let the effort or flow of a store jump with its suspects where its content goes on; changes `means`, `full`.
 
-    The state x becomes x * factor**exponent, so it is as uncertain as the factor, and correlated with it.
+    The state x becomes x * factor**exponent, and as uncertain as the factor makes it. It is left uncorrelated with the
+    factor: linear correlation over so wide a start would fix the factor, wrongly, at the first measurement of x.
     """
     for index, exponent in spec.states[state].jumps:
         lanes = np.flatnonzero(plan.jumps[:, state] & plan.suspected[index])
@@ -122,5 +159,3 @@ def _jump(spec: EngineSpec, plan: LanePlan, state: int, means: FloatArray, full:
         means[state, lanes] *= scale
         slope = exponent * means[state, lanes] / means[k, lanes]
         full[state, state, lanes] += slope**2 * full[k, k, lanes]
-        full[state, k, lanes] += slope * full[k, k, lanes]
-        full[k, state, lanes] += slope * full[k, k, lanes]

@@ -10,6 +10,7 @@ from faultbond.spec import Engine, EngineSpec, pack
 from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
+_SECANTS = 8
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
 
@@ -47,7 +48,7 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     free = np.flatnonzero(~known)
     if not len(free):
         return mean, np.diag(sd**2)
-    size, _ = _sizes(spec, engine, samples, mean, free)
+    size = _sizes(spec, engine, samples, mean, free)
     best = min(
         (_fit(spec, engine, samples, guess, free, size) for guess in _guesses(mean, free, size)),
         key=lambda found: found[2],
@@ -96,25 +97,21 @@ def _slopes(
     return misfit[:, 0], (misfit[:, 1:] - misfit[:, :1]) / move
 
 
-def _sizes(
-    spec: EngineSpec,
-    engine: Engine,
-    samples: FloatArray,
-    state: FloatArray,
-    free: IntArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Give the size of each free state at which it would explain outputs as large as the measured ones."""
+def _sizes(spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatArray, free: IntArray) -> FloatArray:
+    """Give the size of each free state at which it would explain outputs as large as the measured ones.
+
+    By secants of that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use.
+    """
     fields = spec.sample_fields
     noise = np.array([output.noise for output in spec.outputs])
     measured = samples[:, fields["y"]] * samples[:, fields["use"]] / noise
     total = float(np.linalg.norm(measured)) + np.sqrt(measured.size)
-    move = np.full(len(free), 1e-3)
-    for _ in range(4):  # find differences that show, without leaving the neighbourhood
-        _, slope = _slopes(spec, engine, samples, state, free, move)
-        effect = np.linalg.norm(slope, axis=0)
-        move = np.where(effect > 0.0, 0.1 / np.maximum(effect, 1e-300), move * 1e3)
-    size = np.where(effect > 0.0, _REACH * total / np.maximum(effect, 1e-300), 1.0)
-    return size, move
+    size = np.ones(len(free))
+    for _ in range(_SECANTS):
+        _, slope = _slopes(spec, engine, samples, state, free, size)
+        effect = np.linalg.norm(slope, axis=0) * size
+        size = size * np.clip(total / np.maximum(effect, 1e-300), 1e-3, 1e3)
+    return np.asarray(np.where(effect > 0.0, size * _REACH, 1.0))
 
 
 def _fit(
