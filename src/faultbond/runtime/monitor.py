@@ -31,6 +31,7 @@ class Status(Enum):
     WARMING = "learning the parameters; alarms are off"
     WATCHING = "watching"
     DIAGNOSING = "a fault was detected; the bank is running"
+    LOST = "the healthy filter lost the plant; it starts anew"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,6 +144,9 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     if not state.running:
         return _gather(spec, engine, state)
     lane, innovations = engine.advance(state.lane, packed[None, :])
+    if not np.all(np.isfinite(lane)):
+        lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
+        return lost, _silent(spec, Status.LOST)
     return _judge(spec, engine, _remember(state, lane), packed, innovations[0, :, 0])
 
 
@@ -177,7 +181,7 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
-    begun = state.index if first else state.begun
+    begun = state.index if state.begun < 0 else state.begun
     return packed, replace(state, held=u, peak=peak, since_step=since, change=change, begun=begun)
 
 
@@ -218,10 +222,12 @@ def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, 
     n_y = len(spec.outputs)
     present = packed[spec.sample_fields["use"]] > 0
     measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
+    noise = np.array([output.noise for output in spec.outputs])
+    blank = (packed[spec.sample_fields["scale"]] - 1.0) * noise**2  # no part of what the model expects
     return Report(
         status=status,
         expected=measured - innovations[:n_y],
-        variance=innovations[n_y:],
+        variance=innovations[n_y:] - blank,
         cusum=state.cusum.max(axis=0),
         slow=_slow_ratios(spec, state),
     )

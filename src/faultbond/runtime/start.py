@@ -1,7 +1,8 @@
 """The start of the plant, solved from the first samples where the model does not give it.
 
 Least squares over the first samples with nominal parameters; the engine itself predicts (with every measurement
-switched off), so no other form of the model is needed.
+switched off), so no other form of the model is needed. A state that these samples do not show is taken from where the
+nominal plant would settle under the first inputs, and is as uncertain as it is large.
 """
 
 import numpy as np
@@ -11,6 +12,8 @@ from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
 _SECANTS = 8
+_DOUBLINGS = 12
+_ABSURD = 1e12
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
 
@@ -48,9 +51,10 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     free = np.flatnonzero(~known)
     if not len(free):
         return mean, np.diag(sd**2)
-    size = _sizes(spec, engine, samples, mean, free)
+    centre = _settled(spec, engine, samples[0], mean)
+    size = _sizes(spec, engine, samples, mean, centre, free)
     best = min(
-        (_fit(spec, engine, samples, guess, free, size) for guess in _guesses(mean, free, size)),
+        (_fit(spec, engine, samples, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
         key=lambda found: found[2],
     )
     covariance = np.diag(sd**2)
@@ -58,13 +62,32 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     return best[0], covariance
 
 
-def _guesses(mean: FloatArray, free: IntArray, size: FloatArray) -> list[FloatArray]:
-    guesses = []
+def _guesses(mean: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray) -> list[FloatArray]:
+    """Give first guesses: settled, and away from zero on the positive side."""
+    guesses = [centre]
     for part in (0.0, 0.3, 1.0):
         guess = mean.copy()
         guess[free] += part * size / _REACH
         guesses.append(guess)
     return guesses
+
+
+def _settled(spec: EngineSpec, engine: Engine, sample: FloatArray, mean: FloatArray) -> FloatArray:
+    """Give the states of the nominal plant after a long while under the first inputs; `mean` where they run away."""
+    fields = spec.sample_fields
+    still = sample.copy()
+    still[fields["use"]] = 0.0
+    still[fields["kick"]] = 0.0
+    still[fields["dt"]] = spec.sample_time or 1.0
+    still[fields["u_before"]] = still[fields["u"]]
+    n_x = len(mean)
+    lane = healthy_lane(spec, mean, np.zeros((n_x, n_x)))
+    lane[spec.covariance_slice] = 0.0
+    for _ in range(_DOUBLINGS):  # ever longer steps: the step is L-stable, so this settles what can settle
+        lane, _ = engine.advance(lane, np.repeat(still[None, :], 4, axis=0))
+        still[fields["dt"]] *= 2.0
+    reached = lane[:n_x, 0]
+    return np.where(np.isfinite(reached) & (np.abs(reached) < _ABSURD), reached, mean)
 
 
 def _misfits(spec: EngineSpec, engine: Engine, samples: FloatArray, states: FloatArray) -> FloatArray:
@@ -97,7 +120,9 @@ def _slopes(
     return misfit[:, 0], (misfit[:, 1:] - misfit[:, :1]) / move
 
 
-def _sizes(spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatArray, free: IntArray) -> FloatArray:
+def _sizes(
+    spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatArray, centre: FloatArray, free: IntArray
+) -> FloatArray:
     """Give the size of each free state at which it would explain outputs as large as the measured ones.
 
     By secants of that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use.
@@ -111,7 +136,9 @@ def _sizes(spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatAr
         _, slope = _slopes(spec, engine, samples, state, free, size)
         effect = np.linalg.norm(slope, axis=0) * size
         size = size * np.clip(total / np.maximum(effect, 1e-300), 1e-3, 1e3)
-    return np.asarray(np.where(effect > 0.0, size * _REACH, 1.0))
+    usual = np.abs(centre[free])
+    hidden = (size / total > usual) & (usual > 0.0)  # even its whole settled value would drown in noise
+    return np.asarray(np.where(hidden, usual, size * _REACH))
 
 
 def _fit(
@@ -119,6 +146,7 @@ def _fit(
     engine: Engine,
     samples: FloatArray,
     guess: FloatArray,
+    centre: FloatArray,
     free: IntArray,
     size: FloatArray,
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -128,14 +156,15 @@ def _fit(
 
     def cost_of(trial: FloatArray) -> float:
         misfit = _misfits(spec, engine, samples, trial[:, None])[:, 0]
-        return float(misfit @ misfit + trial[free] @ prior @ trial[free])
+        away = trial[free] - centre[free]
+        return float(misfit @ misfit + away @ prior @ away)
 
     cost = cost_of(state)
     for _ in range(_ITERATIONS):
         move = np.maximum(1e-6 * np.abs(state[free]), 1e-6 * size)
         misfit, slope = _slopes(spec, engine, samples, state, free, move)
         normal = slope.T @ slope + prior
-        gradient = slope.T @ misfit + prior @ state[free]
+        gradient = slope.T @ misfit + prior @ (state[free] - centre[free])
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -gradient)
         trial = state.copy()
         trial[free] += step
