@@ -45,7 +45,7 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     samples : float array, shape (n_samples, n_sample)
         The first packed samples.
     """
-    known = np.array([state.start_sd is not None for state in spec.states])
+    known = np.array([state.start_sd is not None for state in spec.states], dtype=bool)
     mean = np.array([state.start_mean for state in spec.states])
     sd = np.array([state.start_sd or 0.0 for state in spec.states])
     free = np.flatnonzero(~known)

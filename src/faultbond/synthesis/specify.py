@@ -6,7 +6,7 @@ from math import ceil
 
 import numpy as np
 
-from faultbond.dynamics.step import StepModel
+from faultbond.dynamics.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
     EngineSpec,
@@ -23,6 +23,7 @@ _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a s
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
+PROCESS_NOISE = 0.02  # sd added to a state each sample, in noises of the sensor that shows it best
 
 
 def build_spec(model: StepModel) -> EngineSpec:
@@ -79,9 +80,25 @@ def _state(model: StepModel, k: int) -> StateSpec:
         name=model.states[k],
         start_mean=value if start is not None else 0.0,
         start_sd=abs(by_content) * start.sd if start is not None else None,
-        noise=0.0,
+        noise=_process_noise(model, k),
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
     )
+
+
+def _process_noise(model: StepModel, k: int) -> float:
+    """Give the process noise of a state per sample: a small part of the noise of the sensor that shows it best.
+
+    It stands for what no model knows; a state that no sensor reads directly gets none.
+    """
+    n_x = len(model.states)
+    joint = np.zeros(model.v.numel())
+    joint[:n_x] = model.reference_state
+    first = n_x + model.plant.b.numel()
+    for j, item in enumerate(model.plant.graph.parameters):
+        joint[first + j] = item.nominal / model.scales[j]
+    slope = np.abs(model.measure(joint, reference_inputs(model.plant), model.reference_implicit)[1].full()[:, k])
+    shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
+    return float(PROCESS_NOISE * min(shown)) if shown else 0.0
 
 
 def model_hash(graph: BondGraph) -> str:
