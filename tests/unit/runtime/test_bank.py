@@ -1,0 +1,196 @@
+"""The bank: hypotheses do not see each other, onsets are mixed as they should be, and the true fault is found."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from made import plant, recorded, run
+
+from faultbond.runtime.bank import Trail, begin_bank, suspect_lanes
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.monitor import finish
+from faultbond.runtime.start import healthy_lane
+from faultbond.simulate import Fault
+from faultbond.spec import EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
+from faultbond.types import FloatArray
+
+TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)
+MOTOR_FAULT = Fault(parameter="K", factor=0.6, start=2.4)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "kept"),
+    [
+        ("tank", TANK_FAULT, (1, 2, 9, 20)),
+        ("dc_motor", MOTOR_FAULT, (2,)),
+        ("dc_motor_current", MOTOR_FAULT, (24, 3, 7)),
+    ],
+)
+def test_hypotheses_do_not_see_each_other(name: str, fault: Fault, kept: tuple[int, ...]) -> None:
+    """Adding, removing or reordering hypotheses changes no other's numbers, to the last bit, over 300 samples."""
+    _, spec, engine = plant(name)
+    samples = recorded(name, 300, fault)
+    less = replace(spec, hypotheses=tuple(spec.hypotheses[k] for k in kept))
+    full, reports = run(spec, engine, samples)
+    part, part_reports = run(less, engine, samples)
+    assert 0 <= full.alarm < 290
+    assert part.alarm == full.alarm
+    assert np.array_equal(part.lane, full.lane)
+    for new, old in enumerate(kept):
+        here = part.bank[:, plan_lanes(less).hypothesis == new]
+        there = full.bank[:, plan_lanes(spec).hypothesis == old]
+        assert np.all(np.isfinite(there[-1]))
+        assert np.array_equal(here, there)
+    assert [r.detection for r in part_reports] == [r.detection for r in reports]
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "wanted"),
+    [("tank", TANK_FAULT, 3.0 * 2.41e11), ("dc_motor_current", MOTOR_FAULT, 0.6 * 2.0)],
+)
+def test_true_fault_is_found(name: str, fault: Fault, wanted: float) -> None:
+    """The parameter that changed is the best candidate, with its new value within four standard deviations."""
+    _, spec, engine = plant(name)
+    state, _ = run(spec, engine, recorded(name, 330, fault))
+    diagnosis = finish(spec, state)
+    assert diagnosis is not None
+    best = diagnosis.candidates[0]
+    assert best.parameters == (fault.parameter,)
+    assert best.suspects[0].estimate == pytest.approx(wanted, abs=4.0 * best.suspects[0].sd)
+    assert best.suspects[0].sd < 0.3 * wanted
+
+
+def wide_lane(spec: EngineSpec) -> FloatArray:
+    """A healthy lane, shape (n_numbers,), in which everything is correlated and no mean is a round number."""
+    generator = np.random.default_rng(1)
+    lane = healthy_lane(spec, np.full(len(spec.states), 3.0), np.eye(len(spec.states)))[:, 0]
+    root = 0.05 * generator.normal(size=(spec.n_joint, spec.n_joint))
+    lane[spec.covariance_slice] = pack(root @ root.T + 0.01 * np.eye(spec.n_joint))
+    lane[spec.parameter_slice] *= generator.uniform(0.95, 1.05, len(spec.parameters))
+    lane[-1] = -12.5
+    return lane
+
+
+@pytest.mark.parametrize("name", ["tank", "dc_motor_current", "rlc"])
+def test_suspects_begin_at_their_starts(name: str) -> None:
+    """In its lanes a suspect stands at its start, as wide as that and correlated with nothing; the rest is healthy."""
+    _, spec, _ = plant(name)
+    plan, healthy = plan_lanes(spec), wide_lane(spec)
+    lanes, before = suspect_lanes(spec, plan, healthy), unpack(spec, healthy[spec.covariance_slice])
+    first, n_x = spec.parameter_slice.start, len(spec.states)
+    for lane in range(plan.n_lanes):
+        full = unpack(spec, lanes[spec.covariance_slice, lane])
+        chosen = np.flatnonzero(plan.suspected[:, lane])
+        own = first + chosen
+        others = np.setdiff1d(np.arange(spec.n_joint), own)
+        for index, k in zip(chosen, own, strict=True):
+            item = spec.parameters[index]
+            value = np.clip(healthy[k] * plan.values[index, lane], item.lower, item.upper)
+            assert lanes[k, lane] == pytest.approx(value, rel=1e-14)
+            assert full[k, k] == pytest.approx((plan.sds[index, lane] * healthy[k]) ** 2, rel=1e-12)
+            assert not np.any(full[k, others])
+        still = others[others >= n_x]
+        assert np.array_equal(lanes[still, lane], healthy[still])
+        assert np.array_equal(full[np.ix_(still, still)], before[np.ix_(still, still)])
+        if not plan.jumps[lane].any():
+            assert np.array_equal(full[np.ix_(others, others)], before[np.ix_(others, others)])
+            assert np.array_equal(lanes[:n_x, lane], healthy[:n_x])
+        sd = np.sqrt(np.diag(full))
+        assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0
+    rest = spec.n_joint + spec.n_packed
+    assert np.array_equal(lanes[rest:], np.repeat(healthy[rest:, None], plan.n_lanes, axis=1))
+
+
+def test_content_goes_on_where_it_is_kept() -> None:
+    """Where a store keeps its content, its effort or flow moves against its own parameter, and nothing else moves."""
+    _, spec, _ = plant("rlc")
+    plan, healthy = plan_lanes(spec), wide_lane(spec)
+    lanes = suspect_lanes(spec, plan, healthy)
+    names = [item.name for item in spec.parameters]
+    for state, (store, owner) in enumerate((("C.e", "C"), ("L.f", "L"))):
+        assert spec.states[state].name == store
+        index = names.index(owner)
+        jumping = np.flatnonzero(plan.jumps[:, state])
+        assert len(jumping) > 0
+        assert all(plan.suspected[index, lane] for lane in jumping)
+        for lane in jumping:
+            factor = plan.values[index, lane]
+            assert lanes[state, lane] == pytest.approx(healthy[state] / factor, rel=1e-9)
+            assert lanes[1 - state, lane] == healthy[1 - state]
+            # e = content/factor: as uncertain as before, and as the factor (relative sd) makes it
+            before = unpack(spec, healthy[spec.covariance_slice])[state, state] / factor**2
+            place = spec.parameter_slice.start + index
+            relative = plan.sds[index, lane] * healthy[place] / lanes[place, lane]
+            found = unpack(spec, lanes[spec.covariance_slice, lane])[state, state]
+            assert found == pytest.approx(before + (lanes[state, lane] * relative) ** 2, rel=1e-9)
+
+
+@dataclass(frozen=True)
+class ToyEngine:
+    """An engine that adds, at each sample, its output times the lane's first factor to the likelihood."""
+
+    spec: EngineSpec
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "toy"
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Add up."""
+        place, following = self.spec.sample_fields, lanes.copy()
+        for sample in samples:
+            following[-1] += sample[place["use"]] * sample[place["y"]] * lanes[self.spec.parameter_slice.start]
+            following[0] += sample[place["dt"]]
+        return following, np.zeros((len(samples), 2, lanes.shape[1]))
+
+
+def test_onsets_are_mixed() -> None:
+    """A lane's likelihood is the mean over its onsets: healthy up to the onset, then its own; the best goes on."""
+    _, rc, _ = plant("rc")
+    slow = SlowErrorSpec(name="V_C", sd=0.5, memory=10.0, alarms=False)
+    toy = replace(rc, states=(StateSpec(name="x", start_mean=0.0, start_sd=1.0, noise=0.0),), slow_errors=(slow,))
+    engine, n, generator = ToyEngine(toy), 9, np.random.default_rng(4)
+    place = toy.sample_fields
+    samples = np.zeros((n, toy.n_sample))
+    samples[:, place["dt"]], samples[:, place["use"]] = 1.0, 1.0
+    samples[:, place["y"]] = generator.normal(0.0, 3.0, (n, 1))
+    y = samples[:, place["y"]][:, 0]
+    healthy = np.repeat(wide_lane(toy)[:, None], n, axis=1).T
+    healthy[:, -1] = generator.normal(0.0, 5.0, n)  # likelihood of the healthy plant up to each sample
+    healthy[:, 0] = np.arange(n)
+    found = begin_bank(toy, engine, Trail(samples=samples, lanes=healthy), 3)
+    plan = plan_lanes(toy)
+    for lane in range(plan.n_lanes):
+        trials = []
+        for onset in range(1, n):
+            k = toy.parameter_slice.start
+            factor = healthy[onset - 1, k] * plan.values[0, lane]
+            trials.append(healthy[onset - 1, -1] - healthy[0, -1] + factor * y[onset:].sum())
+        assert found[-1, lane] == pytest.approx(np.log(np.mean(np.exp(trials))), rel=1e-12)
+        best = 1 + int(np.argmax(trials))
+        assert found[0, lane] == pytest.approx(healthy[best - 1, 0] + 1.0 + (n - 1 - best))  # no time passes twice
+    full = unpack(toy, found[toy.covariance_slice, 0])
+    assert found[toy.slow_slice, 0] == 0.0  # slow errors are begun anew
+    assert full[1] == pytest.approx([0.0, 0.25, *[0.0] * (toy.n_joint - 2)])
+
+
+def test_bank_has_seen_every_sample() -> None:
+    """Begun on a trail, all lanes are finite, positive and of one age: more data of the trail change all of them."""
+    _, spec, engine = plant("dc_motor")
+    samples = recorded("dc_motor", 200, MOTOR_FAULT)
+    state, _ = run(spec, engine, samples)
+    depth = len(state.trail_times)
+    rows = np.arange(state.begun, state.index) % depth
+    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    kept = trail.samples.copy(), trail.lanes.copy()
+    bank = begin_bank(spec, engine, trail, 118)
+    assert np.array_equal(trail.samples, kept[0])
+    assert np.array_equal(trail.lanes, kept[1])
+    shorter = begin_bank(spec, engine, Trail(samples=trail.samples[:-1], lanes=trail.lanes[:-1]), 118)
+    assert np.all(np.isfinite(bank))
+    assert np.all(bank[-1] != shorter[-1])
+    for lane in bank.T:
+        full = unpack(spec, lane[spec.covariance_slice])
+        sd = np.sqrt(np.diag(full))
+        assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0

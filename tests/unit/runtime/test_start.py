@@ -1,0 +1,110 @@
+"""The start of a plant, found from its first samples."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import TANK_START, plant, recorded, run
+
+from faultbond.runtime.monitor import START_SAMPLES, Sample
+from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.simulate import Inputs, simulate
+from faultbond.spec import Engine, EngineSpec, unpack
+from faultbond.types import FloatArray
+
+
+def packed(spec: EngineSpec, samples: tuple[Sample, ...]) -> FloatArray:
+    """Samples as the engine takes them; missing values are switched off."""
+    rows, place = np.zeros((len(samples), spec.n_sample)), spec.sample_fields
+    u, y = (np.array([getattr(item, field) for item in samples]) for field in "uy")
+    rows[1:, place["dt"]] = np.array([[item.dt] for item in samples[1:]])
+    rows[:, place["u"]], rows[:, place["scale"]] = u, 1.0
+    rows[:, place["u_before"]] = u[[0, *range(len(u) - 1)]]
+    rows[:, place["y"]], rows[:, place["use"]] = np.nan_to_num(y), np.isfinite(y)
+    return rows
+
+
+def started(name: str, start: dict[str, float], seed: int) -> tuple[EngineSpec, Engine, tuple[Sample, ...]]:
+    """The first samples of a nominal plant that begins at `start`."""
+    graph, spec, engine = plant(name)
+    time = np.asarray(np.arange(START_SAMPLES) * (graph.sample_time or 1.0), dtype=np.float64)
+    low = np.array([60.0, 40.0]) if name == "tank" else np.array([6.0])
+    made = simulate(graph, Inputs(time=time, values=np.tile(low, (len(time), 1))), seed=seed, start=start)
+    samples = [Sample(time=t, dt=1.0, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
+    dt = graph.sample_time or 1.0
+    return spec, engine, tuple(replace(item, dt=dt) for item in samples)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("name", "start", "true", "good"),
+    [
+        ("tank", {"tank.q": TANK_START}, [1.3e5 * TANK_START], [180.0]),
+        ("tank", {"tank.q": 0.0}, [0.0], [180.0]),
+        ("dc_motor_current", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, [1.5, -2.0], [0.2, 0.1]),
+        ("dc_motor", {"L.p": 2.5 * 1.5, "J.p": 1.5 * 4.0}, [1.5, 4.0], [1.0, 0.2]),
+        ("rc", {"C.q": 1e-4 * 8.0}, [8.0], [0.2]),
+    ],
+)
+def test_start_is_found(name: str, start: dict[str, float], true: list[float], good: list[float], seed: int) -> None:
+    """The start is within three of its own standard deviations, and these are no larger than the data allow."""
+    spec, engine, samples = started(name, start, seed)
+    mean, covariance = solve_start(spec, engine, packed(spec, samples))
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(mean - true) < 3.0 * sd)
+    assert np.all(sd < 3.0 * np.array(good))
+    assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
+
+
+def test_missing_values_do_not_count() -> None:
+    """What stands in a missing value changes nothing, and the rest is enough."""
+    spec, engine, samples = started("tank", {"tank.q": TANK_START}, 5)
+    rows, place = packed(spec, samples), spec.sample_fields
+    rows[3:17, place["use"]] = 0.0
+    other = rows.copy()
+    other[3:17, place["y"]] = 1e9
+    one, two = solve_start(spec, engine, rows), solve_start(spec, engine, other)
+    assert np.array_equal(one[0], two[0])
+    assert np.array_equal(one[1], two[1])
+    assert one[0][0] == pytest.approx(1.3e5 * TANK_START, abs=3.0 * np.sqrt(one[1][0, 0]))
+
+
+def test_known_start_is_taken_as_it_is() -> None:
+    """A declared start is taken with its declared sd, whatever the samples say; only unknown ones are solved."""
+    spec, engine, samples = started("dc_motor_current", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
+    known = replace(spec.states[0], start_mean=1.4, start_sd=0.3)
+    mean, covariance = solve_start(replace(spec, states=(known, spec.states[1])), engine, packed(spec, samples))
+    assert mean[0] == 1.4
+    assert covariance[0] == pytest.approx([0.09, 0.0])
+    assert mean[1] == pytest.approx(-2.0, abs=3.0 * np.sqrt(covariance[1, 1]) + 0.1)
+    both = replace(spec, states=(known, replace(spec.states[1], start_mean=7.0, start_sd=0.1)))
+    mean, covariance = solve_start(both, engine, packed(spec, samples))
+    assert mean.tolist() == [1.4, 7.0]
+    assert covariance == pytest.approx(np.diag([0.09, 0.01]))
+
+
+def test_healthy_lane_is_laid_out_as_the_engine_wants_it() -> None:
+    """A healthy lane holds the states, no slow error, healthy factors with their accuracy, and input noise."""
+    _, spec, _ = plant("dc_motor_current")
+    covariance = np.array([[0.5, 0.1], [0.1, 0.7]])
+    lane = healthy_lane(spec, np.array([1.0, 2.0]), covariance)
+    assert lane.shape == (spec.n_numbers, 1)
+    assert lane[: spec.n_joint, 0].tolist() == [1.0, 2.0, *[1.0] * 5, 0.0]
+    expected = np.diag([0.0, 0.0, *[0.03**2] * 5, 0.16**2])
+    expected[:2, :2] = covariance
+    assert unpack(spec, lane[spec.covariance_slice, 0]) == pytest.approx(expected, rel=1e-12)
+    assert lane[-1, 0] == 0.0
+
+
+def test_no_output_in_the_first_samples() -> None:
+    """Where the first samples have no output at all, the filter still finds the plant once outputs come."""
+    _, spec, engine = plant("dc_motor_current")
+    samples = list(recorded("dc_motor_current", 400))
+    nothing = np.full(2, np.nan)
+    samples[:40] = [replace(item, y=nothing) for item in samples[:40]]
+    state, reports = run(spec, engine, samples)
+    assert state.alarm < 0
+    sd = np.sqrt(np.diag(unpack(spec, state.lane[spec.covariance_slice, 0])))
+    assert np.all(np.isfinite(sd))
+    assert np.all(sd[:2] < [1.0, 1.0])
+    assert np.all(np.abs(reports[-1].expected - samples[-1].y) < 6.0 * np.sqrt(reports[-1].variance))

@@ -1,0 +1,159 @@
+"""Compiling once, several processes at a time, and doing without a compiler."""
+
+import multiprocessing
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faultbond.errors import GenerationError
+from faultbond.model.text import load_model
+from faultbond.runtime.library import CompiledEngine, load_engine
+from faultbond.runtime.start import healthy_lane
+from faultbond.spec import Engine, EngineSpec
+from faultbond.synthesis.compile import cache_folder, compile_library, find_compiler
+from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.machine import VirtualMachine
+from faultbond.types import FloatArray
+
+RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
+SOURCE = "int answer(void) { return 42; }\n"
+
+needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of its own for each test."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("FAULTBOND_CACHE", str(folder))
+    return folder
+
+
+def counting_compiler(folder: Path) -> tuple[Path, Path]:
+    """A compiler that notes each of its calls in a file; gives both."""
+    real = find_compiler()
+    assert real is not None
+    log, script = folder / "calls", folder / "counting-cc"
+    script.write_text(f'#!/bin/sh\necho called >> "{log}"\nexec {" ".join(real)} "$@"\n')
+    script.chmod(0o755)
+    return script, log
+
+
+def some_steps(spec: EngineSpec, engine: Engine) -> FloatArray:
+    """Numbers of a lane after 50 made-up samples."""
+    lane = healthy_lane(spec, np.array([1.0]), np.array([[0.5]]))
+    samples, place = np.zeros((50, spec.n_sample)), spec.sample_fields
+    samples[:, place["dt"]], samples[:, place["scale"]], samples[:, place["use"]] = 0.02, 1.0, 1.0
+    samples[:, place["u"]] = samples[:, place["u_before"]] = 5.0
+    samples[:, place["y"]] = np.linspace(1.0, 1.5, 50)[:, None]
+    return engine.advance(lane, samples)[0][:, 0]
+
+
+@needs_compiler
+def test_second_build_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    """The same model is compiled once; the second engine comes from the cache and gives the same numbers."""
+    script, log = counting_compiler(tmp_path)
+    monkeypatch.setenv("CC", str(script))
+    first, second = (some_steps(*build_engine(load_model(RC))) for _ in range(2))
+    assert log.read_text().count("called") == 1
+    assert [item.suffix for item in cache.iterdir()] == [".so"]
+    assert np.array_equal(first, second)
+
+
+@needs_compiler
+def test_other_source_is_compiled_anew(cache: Path) -> None:
+    """Another source, or another compiler, has a library of its own."""
+    compiler = find_compiler()
+    assert compiler is not None
+    first = compile_library(SOURCE, compiler)
+    assert compile_library(SOURCE, compiler) == first
+    assert compile_library(SOURCE.replace("42", "43"), compiler) != first
+    assert compile_library(SOURCE, (*compiler, "-DOTHER")) != first
+    assert len(list(cache.iterdir())) == 3
+
+
+def run_in_process(number: int) -> tuple[str, list[float]]:
+    """Build an engine and run it; what a worker process does."""
+    spec, engine = build_engine(load_model(RC))
+    del number
+    return type(engine).__name__, some_steps(spec, engine).tolist()
+
+
+@needs_compiler
+def test_several_processes_at_once(cache: Path) -> None:
+    """Four processes that find an empty cache at the same time all get a working engine, and one library remains."""
+    with multiprocessing.get_context("spawn").Pool(4) as pool:
+        found = pool.map(run_in_process, range(4), chunksize=1)
+    assert {name for name, _ in found} == {CompiledEngine.__name__}
+    assert all(numbers == found[0][1] for _, numbers in found)
+    assert np.all(np.isfinite(found[0][1]))
+    assert [item.suffix for item in cache.iterdir()] == [".so"]
+
+
+def test_broken_compiler_is_as_good_as_none(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    """With a compiler that fails, the interpreter runs the model, and nothing is left in the cache."""
+    monkeypatch.setenv("CC", "/bin/false")
+    spec, engine = build_engine(load_model(RC))
+    assert isinstance(engine, VirtualMachine)
+    assert np.all(np.isfinite(some_steps(spec, engine)))
+    assert not list(cache.iterdir())
+
+
+def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Without any compiler the interpreter runs the model."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("faultbond.synthesis.compile.find_spec", lambda _name: None)
+    assert find_compiler() is None
+    spec, engine = build_engine(load_model(RC))
+    assert isinstance(engine, VirtualMachine)
+    assert np.all(np.isfinite(some_steps(spec, engine)))
+
+
+def test_compiler_can_be_left_out(cache: Path) -> None:
+    """Asked to do without a compiler, the builder compiles nothing."""
+    _, engine = build_engine(load_model(RC), compiled=False)
+    assert isinstance(engine, VirtualMachine)
+    assert not cache.exists()
+
+
+def test_failure_is_reported_with_the_first_message(tmp_path: Path) -> None:
+    """A compiler that fails, or does not exist, gives an error with its name and what it said first."""
+    script = tmp_path / "grumbling-cc"
+    script.write_text("#!/bin/sh\necho 'no such target' >&2\necho more >&2\nexit 1\n")
+    script.chmod(0o755)
+    with pytest.raises(GenerationError, match=r"the C compiler .*grumbling-cc failed: no such target$"):
+        compile_library(SOURCE, (str(script),))
+    with pytest.raises(GenerationError, match=r"the C compiler .*missing-cc did not finish"):
+        compile_library(SOURCE, (str(tmp_path / "missing-cc"),))
+
+
+def test_library_that_cannot_be_loaded_is_named(tmp_path: Path) -> None:
+    """A file that is no library is refused with its path and what to do."""
+    path = tmp_path / "engine.so"
+    path.write_text("nonsense")
+    with pytest.raises(GenerationError, match=r"engine\.so: the compiled engine cannot be loaded .*; remove it"):
+        load_engine(path, 2, "cc")
+
+
+@needs_compiler
+@pytest.mark.xfail(raises=OSError, reason="an unusable cache folder is not taken as a failed compilation")
+def test_cache_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the cache folder cannot be made, the interpreter runs the model."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "file" / "cache"))
+    _, engine = build_engine(load_model(RC))
+    assert isinstance(engine, VirtualMachine)
+
+
+def test_place_of_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The cache is where FAULTBOND_CACHE says, else in the user's cache folder."""
+    assert cache_folder() == Path(os.environ["FAULTBOND_CACHE"])
+    monkeypatch.delenv("FAULTBOND_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "faultbond"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "faultbond"

@@ -1,0 +1,126 @@
+"""The C text of a filter: the same for the same model, and with the meaning of the graph."""
+
+import os
+import subprocess
+import sys
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from faultbond.dynamics.evaluate import evaluate
+from faultbond.errors import GenerationError
+from faultbond.model.expression import FUNCTIONS
+from faultbond.model.parser import parse_expression
+from faultbond.model.text import load_model
+from faultbond.runtime.library import LANES as LANES_LOADED
+from faultbond.runtime.library import load_engine
+from faultbond.synthesis.compile import compile_library, find_compiler
+from faultbond.synthesis.emit import LANES, emit_filter
+from faultbond.synthesis.engine import build_model
+from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.specify import build_spec
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+TEMPLATE = files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+LAWS = {
+    "abs": "abs(x) + abs(s)",
+    "sign": "sign(x)*y",
+    "sqrt": "sqrt(y) + sqrt(s)",
+    "exp": "exp(x) + exp(-s)",
+    "log": "log(y) - log(s)",
+    "sin": "sin(x*s)",
+    "cos": "cos(x) - cos(s)",
+    "tan": "tan(x) + tan(s)",
+    "tanh": "tanh(x*s) + tanh(s)",
+    "min": "min(x, s, y)",
+    "max": "max(x, s) + max(s, 2)",
+    "where": "where(x < 0.1, y**2, s*y) + where(s >= 2, x, y) + where(y <= x, 1, x) + where(s > y, x, s)",
+}
+ARITHMETIC = ("x*y - s/x + 1/y - (-x)", "y**s + y**2.5 + x**3 + x**-2", "2*x + x*x - -3*y + 1e-30*s")
+
+needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+
+
+def text_of(name: str) -> str:
+    """C text of a built-in plant."""
+    model = build_model(load_model(EXAMPLES / name / "model.yaml"))
+    return emit_filter(build_filter(build_spec(model), model), TEMPLATE)
+
+
+def test_same_model_same_text() -> None:
+    """The text of a model is the same byte for byte each time, also in another process that orders sets otherwise."""
+    here = text_of("tank")
+    assert text_of("tank") == here
+    script = (
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from test_emit import text_of; "
+        "print(hashlib.sha256(text_of('tank').encode()).hexdigest())"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "12345", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(Path(__file__).parent)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    assert done.stdout.strip() == sha256(here.encode()).hexdigest()
+
+
+def test_text_depends_on_the_model() -> None:
+    """Another model has another text, and its sizes stand in it."""
+    model = build_model(load_model(EXAMPLES / "rc" / "model.yaml"))
+    spec = build_spec(model)
+    text = text_of("rc")
+    assert text != text_of("rlc")
+    assert f"#define N_NUMBERS {spec.n_numbers}\n" in text
+    assert f"#define N_SAMPLE {spec.n_sample}\n" in text
+    assert f"#define N_INNOVATIONS {2 * len(spec.outputs)}\n" in text
+    assert f"#define LANES {LANES}\n" in text
+    assert LANES == LANES_LOADED
+
+
+def graph_of(texts: tuple[str, ...], *, slopes: bool) -> ca.Function:
+    """A function (lane, sample) -> (lane, innovations) of expressions in x, y (of the lane) and s (of the sample)."""
+    lane, sample = ca.SX.sym("lane", 2), ca.SX.sym("sample", 1)
+    values = {"x": lane[0], "y": lane[1], "s": sample[0]}
+    found = ca.vertcat(*(evaluate(parse_expression(text), values) for text in texts))
+    if slopes:
+        found = ca.vertcat(found, ca.vec(ca.jacobian(found, ca.vertcat(lane, sample))))
+    return ca.Function("filter_step", [lane, sample], [lane, ca.densify(found)], {"cse": True})
+
+
+def test_every_function_of_laws_is_tried_here() -> None:
+    """No function that a law may use is missing from these tests."""
+    assert set(LAWS) == set(FUNCTIONS)
+
+
+@needs_compiler
+def test_every_function_means_the_same_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every function of laws, its slopes, and arithmetic on lanes and scalars give the interpreter's numbers."""
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path))
+    compiler = find_compiler()
+    assert compiler is not None
+    function = graph_of((*LAWS.values(), *ARITHMETIC), slopes=True)
+    library = compile_library(emit_filter(function, TEMPLATE), compiler)
+    engine = load_engine(library, function.numel_out(1), compiler[0])
+    generator = np.random.default_rng(8)
+    lanes = np.array([generator.uniform(-1.4, 1.4, 11), generator.uniform(0.2, 3.0, 11)])
+    samples = np.array([[0.7], [2.0], [3.1]])
+    same, found = engine.advance(lanes, samples)
+    assert np.array_equal(same, lanes)
+    for t, sample in enumerate(samples):
+        for lane in range(lanes.shape[1]):
+            expected = function(lanes[:, lane], sample)[1].full()[:, 0]
+            assert found[t, :, lane] == pytest.approx(expected, rel=1e-12, abs=1e-13)
+
+
+def test_operation_without_a_c_form_is_named() -> None:
+    """An operation that has no C form is refused by its name, not written wrongly."""
+    lane, sample = ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
+    function = ca.Function("filter_step", [lane, sample], [lane, ca.atan2(lane, sample)])
+    with pytest.raises(GenerationError, match="no C form for OP_ATAN2"):
+        emit_filter(function, TEMPLATE)

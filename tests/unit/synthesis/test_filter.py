@@ -1,0 +1,188 @@
+"""The joint filter: missing values, slow errors, bent readings, ranges, and a covariance that stays one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faultbond.dynamics.step import StepModel
+from faultbond.model.text import load_model, parse_model
+from faultbond.runtime.bank import suspect_lanes
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.start import healthy_lane
+from faultbond.simulate import Fault, Inputs, random_steps, simulate
+from faultbond.spec import EngineSpec, pack, unpack
+from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.specify import build_spec
+from faultbond.types import FloatArray
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+RC = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")
+
+
+def built(text: str) -> tuple[EngineSpec, StepModel, VirtualMachine]:
+    """Specification, step and interpreter of a model text."""
+    model = build_model(parse_model(text))
+    spec = build_spec(model)
+    return spec, model, VirtualMachine(build_filter(spec, model))
+
+
+def sample_of(spec: EngineSpec, **fields: float | list[float]) -> FloatArray:
+    """One packed sample; scale is 1 and the rest 0 where it is not given."""
+    packed = np.zeros((1, spec.n_sample))
+    packed[:, spec.sample_fields["scale"]] = 1.0
+    for name, value in fields.items():
+        packed[:, spec.sample_fields[name]] = value
+    return packed
+
+
+def correlated(spec: EngineSpec, seed: int = 0) -> FloatArray:
+    """A healthy lane, shape (n_numbers, 1), with a covariance that is full."""
+    generator = np.random.default_rng(seed)
+    lane = healthy_lane(spec, np.full(len(spec.states), 2.0), np.eye(len(spec.states)))
+    root = 0.05 * generator.normal(size=(spec.n_joint, spec.n_joint))
+    lane[spec.covariance_slice, 0] = pack(root @ root.T + 0.01 * np.eye(spec.n_joint))
+    return lane
+
+
+def test_missing_value_is_a_pure_prediction() -> None:
+    """With its value missing, a sample leaves the predicted mean and covariance and no likelihood."""
+    spec, model, engine = built(RC)
+    lane = correlated(spec)
+    found, _ = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=7.0, y=123.0))
+    mean, slope, _ = model.predict(lane[:4, 0], [5.0], [], 0.02)
+    F = np.eye(4)
+    F[:1], F[3, 3] = slope.full(), 0.0
+    P = F @ unpack(spec, lane[spec.covariance_slice, 0]) @ F.T
+    P[3, 3] += spec.inputs[0].noise ** 2
+    P[0, 0] += spec.states[0].noise ** 2
+    assert found[0, 0] == pytest.approx(float(mean), rel=1e-14)
+    assert found[1:3, 0] == pytest.approx(lane[1:3, 0], rel=1e-14)
+    assert found[3, 0] == 0.0
+    assert unpack(spec, found[spec.covariance_slice, 0]) == pytest.approx(P, rel=1e-12)
+    assert found[-1, 0] == 0.0
+
+
+def test_first_sample_moves_nothing() -> None:
+    """A blind sample of no time leaves states, parameters and their covariance to the last bit."""
+    spec, _, engine = built(RC)
+    lane = correlated(spec)
+    found, _ = engine.advance(lane, sample_of(spec, u_before=5.0, u=5.0))
+    before, after = (unpack(spec, item[spec.covariance_slice, 0]) for item in (lane, found))
+    assert np.array_equal(found[:3], lane[:3])
+    assert np.array_equal(after[:3, :3], before[:3, :3])
+    assert after[3] == pytest.approx([0.0, 0.0, 0.0, 0.01])
+
+
+def test_likelihood_is_that_of_the_prediction() -> None:
+    """The log-likelihood of a value is the normal density of its innovation in units of the sensor's noise."""
+    spec, _, engine = built(RC)
+    lane, noise = correlated(spec), spec.outputs[0].noise
+    found, innovations = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=2.4, use=1.0))
+    error, variance = innovations[0, :, 0]
+    expected = -0.5 * (error**2 / variance + np.log(2.0 * np.pi * variance / noise**2))
+    assert found[-1, 0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_slow_error_forgets_and_is_kicked() -> None:
+    """A slow error decays with its memory towards its declared variance, and a kick adds to it."""
+    spec, _, engine = built(RC + "slow_error: {V_C: 0.3 V over 2 s}\n")
+    lane = correlated(spec)
+    lane[1, 0] = 0.5
+    found, _ = engine.advance(lane, sample_of(spec, dt=0.5, u_before=5.0, u=5.0, kick=0.04))
+    decay = np.exp(-0.5 / 2.0)
+    before, after = (unpack(spec, item[spec.covariance_slice, 0])[1, 1] for item in (lane, found))
+    assert found[1, 0] == pytest.approx(0.5 * decay, rel=1e-12)
+    assert after == pytest.approx(before * decay**2 + 0.3**2 * (1.0 - decay**2) + 0.04, rel=1e-12)
+
+
+def test_bent_reading_is_read_twice() -> None:
+    """Where a reading is not linear, its slope is taken again at the first result, as in the iterated filter."""
+    spec, model, engine = built(RC.replace("reads: C.e", "reads: C.e**2/A") + "constants: {A: 1 V}\n")
+    assert not model.measure_is_linear
+    lane, noise = correlated(spec), spec.outputs[0].noise
+    sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0)
+    blind = sample.copy()
+    blind[:, spec.sample_fields["use"]] = 0.0
+    predicted = engine.advance(lane, blind)[0]
+    m, P = predicted[:4, 0], unpack(spec, predicted[spec.covariance_slice, 0])
+    guess, likelihoods = m.copy(), []
+    for _ in range(2):
+        h = np.array([2.0 * guess[0], 0.0, 0.0, 0.0])
+        S = h @ P @ h + noise**2
+        error = 9.0 - guess[0] ** 2 - h @ (m - guess)
+        likelihoods.append(-0.5 * (error**2 / S + np.log(2.0 * np.pi * S / noise**2)))
+        guess = m + P @ h / S * error
+    found, innovations = engine.advance(lane, sample)
+    assert found[:4, 0] == pytest.approx(guess, rel=1e-10)
+    assert unpack(spec, found[spec.covariance_slice, 0]) == pytest.approx(P - np.outer(P @ h, P @ h) / S, abs=1e-12)
+    assert found[-1, 0] == pytest.approx(likelihoods[0], rel=1e-10)
+    assert innovations[0, 0, 0] == pytest.approx(9.0 - m[0] ** 2, rel=1e-12)
+
+
+def test_parameters_stay_in_their_range() -> None:
+    """A value that no parameter in its range explains leaves every parameter inside its range."""
+    spec, _, engine = built(RC)
+    for y in (-1e4, 1e4):
+        found, _ = engine.advance(correlated(spec), sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=y, use=1.0))
+        factors = found[spec.parameter_slice, 0]
+        assert all(p.lower <= f <= p.upper for p, f in zip(spec.parameters, factors, strict=True))
+        assert any(f in (p.lower, p.upper) for p, f in zip(spec.parameters, factors, strict=True))
+
+
+def test_blanked_value_hardly_counts() -> None:
+    """A value with a large factor on its variance moves the filter by about that much less."""
+    spec, _, engine = built(RC)
+    lane = correlated(spec)
+    moves = []
+    for scale in (1.0, 1e4, 1e8):
+        sample = sample_of(spec, dt=0.0, u_before=5.0, u=5.0, y=9.0, use=1.0, scale=scale)
+        moves.append(abs(engine.advance(lane, sample)[0][0, 0] - 2.0))
+    assert moves[1] < 0.01 * moves[0]
+    assert moves[2] == pytest.approx(1e-4 * moves[1], rel=0.05)
+
+
+def test_lanes_do_not_see_each_other() -> None:
+    """A lane gives the same numbers to the last bit alone and beside others, in any order."""
+    spec, _, engine = built(RC)
+    lanes = np.concatenate([correlated(spec, seed) for seed in range(5)], axis=1)
+    samples = np.repeat(sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=3.0, use=1.0), 20, axis=0)
+    together, seen = engine.advance(lanes, samples)
+    order = [3, 0, 4, 2, 1]
+    mixed, _ = engine.advance(lanes[:, order], samples)
+    assert np.array_equal(mixed, together[:, order])
+    alone, seen_alone = engine.advance(lanes[:, 2:3], samples)
+    assert np.array_equal(alone[:, 0], together[:, 2])
+    assert np.array_equal(seen_alone[:, :, 0], seen[:, :, 2])
+
+
+def test_covariance_stays_positive_over_thousands_of_samples() -> None:
+    """Over 3000 samples of a tank with a fault, every lane stays finite with a positive covariance."""
+    graph = load_model(EXAMPLES / "tank" / "model.yaml")
+    spec, engine = build_engine(graph)
+    if isinstance(engine, VirtualMachine):  # a hundred times slower: the sets of one are enough
+        spec = replace(spec, hypotheses=tuple(item for item in spec.hypotheses if len(item) == 1))
+    rows, generator = 3000, np.random.default_rng(2)
+    time = np.arange(rows, dtype=float)
+    u = np.array([random_steps(time, generator, low=low, high=90, shortest=20, longest=200) for low in (40, 20)]).T
+    fault = Fault(parameter="K1", factor=1.8, start=300.0)
+    made = simulate(graph, Inputs(time=time, values=u), [fault], seed=3, start={"tank.q": 0.2})
+    samples, place = np.repeat(sample_of(spec, dt=1.0, use=1.0), rows, axis=0), spec.sample_fields
+    samples[0, place["dt"]] = 0.0
+    samples[:, place["u"]], samples[:, place["y"]] = made.inputs, made.outputs
+    samples[:, place["u_before"]] = made.inputs[[0, *range(rows - 1)]]
+    healthy = healthy_lane(spec, made.outputs[0, 1:], np.array([[180.0**2]]))
+    lanes = suspect_lanes(spec, plan_lanes(spec), healthy[:, 0])
+    for block in np.split(samples, 6):
+        lanes, innovations = engine.advance(lanes, block)
+        assert np.all(np.isfinite(lanes))
+        assert np.all(np.isfinite(innovations))
+        assert np.all(innovations[:, 2:] > 0.0)
+        full = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in lanes.T])
+        sd = np.sqrt(np.einsum("kii->ki", full))
+        assert np.all(sd > 0.0)
+        smallest = np.linalg.eigvalsh(full / (sd[:, :, None] * sd[:, None, :]))[:, 0]
+        assert smallest.min() > 1e-13
