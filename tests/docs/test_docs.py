@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from insert import PAGES, ROOT, RUN, agree, differences, filled
 
 from faultbond.cli import build_parser
 from faultbond.io.faults import parse_fault
 from faultbond.model import FUNCTIONS, model_schema, parse_model
+from faultbond.synthesis.compile import find_compiler
 from faultbond.types import ElementType
 
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+METHOD = ROOT / "docs" / "method.md"
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 RECORDS = {
@@ -45,16 +46,17 @@ def fences(language: str) -> list[tuple[str, str]]:
     found = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        for match in re.finditer(rf"^```{language}\n(.*?)^```$", text, flags=re.M | re.S):
+        for match in re.finditer(rf"^```{language}(?: [^\n]+)?\n(.*?)^```$", text, flags=re.M | re.S):
             line = text.count("\n", 0, match.start()) + 1
             found.append((f"{page.relative_to(ROOT)}:{line}", match[1]))
     return found
 
 
 def commands() -> list[tuple[str, str]]:
-    """Give (place, command) of every console line that calls faultbond."""
+    """Give (place, command) of every console line that calls faultbond for more than help."""
     lines = [(place, line) for place, text in fences("console") for line in text.replace("\\\n", " ").splitlines()]
-    return [(place, line.removeprefix("$ ")) for place, line in lines if re.match(r"(\$ )?faultbond\b", line)]
+    calls = [(place, line.removeprefix("$ ")) for place, line in lines if re.match(r"(\$ )?faultbond\b", line)]
+    return [(place, call) for place, call in calls if not call.endswith("--help")]
 
 
 def verbs() -> dict[str, argparse.ArgumentParser]:
@@ -144,10 +146,36 @@ def test_models_in_the_pages(place: str) -> None:
 @pytest.mark.parametrize(("place", "command"), commands())
 def test_commands_in_the_pages(place: str, command: str) -> None:
     """A command shown in a page is one that the program takes, and so are the faults in it."""
-    arguments = build_parser().parse_args(shlex.split(command.partition(" | ")[0], comments=True)[1:])
+    arguments = build_parser().parse_args(shlex.split(re.split(r" [|>]|;", command)[0], comments=True)[1:])
     assert arguments.verb in verbs(), place
     faults = [parse_fault(text) for text in getattr(arguments, "fault", [])]
     assert len(faults) == command.count("--fault"), place
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="without a compiler the engine takes minutes")
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if RUN in page.read_text(encoding="utf-8")], ids=lambda page: page.name
+)
+def test_outputs_in_the_pages(page: Path, tmp_path: Path) -> None:
+    """What a page shows as output is what its commands print when they are run in order; `make docs` renews it."""
+    shown = page.read_text(encoding="utf-8")
+    assert differences(shown, filled(shown, tmp_path)) == []
+
+
+def test_agreement_is_of_words_and_numbers() -> None:
+    """Layout and last digits may differ between two outputs, words and sizes may not."""
+    assert agree("K1  4.28e11 \u22123 %", "K1 4.29e11\n\u22123 %")
+    assert not agree("K1 4.28e11", "K1 5e11")
+    assert not agree("K1 4.28e11", "K2 4.28e11")
+    assert agree("-o REC, --output REC  file", "-o, --output REC  file")
+
+
+def test_places_in_the_method() -> None:
+    """Every module and test that the page on the method names is there."""
+    for path, name in re.findall(r"`((?:[\w]+/)*\w+\.(?:py|c\.in))(?:::(\w+))?`", METHOD.read_text(encoding="utf-8")):
+        file = next((root / path for root in (ROOT, ROOT / "src" / "faultbond") if (root / path).is_file()), None)
+        assert file is not None, path
+        assert f"def {name}" in file.read_text(encoding="utf-8") if name else True, f"{path}::{name}"
 
 
 def test_links_between_pages() -> None:
