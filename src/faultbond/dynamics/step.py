@@ -19,7 +19,8 @@ from faultbond.errors import StructureError
 from faultbond.types import FloatArray
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
-NEWTON_STEPS = 6
+NEWTON_STEPS = 8
+NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.5  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
 _REFERENCE_STEPS = 100
@@ -148,7 +149,8 @@ def _with_slope(name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> 
 def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     """Give z with gap = 0 from a first guess, and the squared misfit before and after.
 
-    Each step tries 1, 1/4 and 1/16 of Newton's step and keeps the best.
+    Each step tries parts and multiples of Newton's step and keeps the best: parts, since an exponential is overshot
+    from its flat side, and multiples, since from its steep side Newton's step is ever the same small one.
     """
     v, u, z = arguments
     if not z.numel():
@@ -160,7 +162,7 @@ def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     for _ in range(NEWTON_STEPS):
         move, best = step(v, u, current)
         kept = current
-        for part in (0.0625, 0.25, 1.0):
+        for part in NEWTON_PARTS:
             trial = current + part * move
             misfit = size(v, u, trial)
             better = misfit <= best  # false for nan, so a wild step is never kept

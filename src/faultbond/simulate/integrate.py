@@ -26,9 +26,9 @@ TOLERANCE = 1e-8  # change by the last doubling, relative to the largest size of
 ACCEPTED = 1e-6
 SUBSTEPS_EXPLICIT = (1, 2, 4, 8, 16, 32, 64)
 SUBSTEPS_IMPLICIT = (1, 2, 4, 8, 16)
-_ROOT_STEPS = 40
+_ROOT_STEPS = 15
 _STAGE_STEPS = 8
-_PARTS = (1.0, 0.5, 0.2, 0.05, 0.01, 0.001)  # of a Newton step
+_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0)  # of Newton's step, also beyond it: see dynamics.step
 _ROOT_TOLERANCE = 1e-8  # relative change by the last Newton step; it converges by squares
 
 _S6 = sqrt(6.0)
@@ -178,7 +178,10 @@ class Integrator:
         if not n:
             return first[None, :]
         many = self.step(method).mapaccum(n)
-        s, change = many(first, segments.length[None, :], segments.inputs.T, segments.left.T, segments.right.T)
+        try:
+            s, change = many(first, segments.length[None, :], segments.inputs.T, segments.left.T, segments.right.T)
+        except RuntimeError:  # casadi's word for a singular stage matrix
+            return None
         states = np.vstack([first, s.full().T])
         good = bool(np.all(np.isfinite(states))) and _converged(change.full().T, states)
         return states if good else None
