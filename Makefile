@@ -16,7 +16,7 @@ help:
 	@echo "make test     run all tests"
 	@echo "make lint     check style, format and types"
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
-	@echo "make docs     check the documentation against the program"
+	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
 	@echo "make bench    run the benchmarks"
 
 demo: $(RUNTIME)
@@ -41,7 +41,9 @@ golden: $(DEV)
 	@git --no-pager diff --stat -- tests/golden
 
 docs: $(DEV)
-	@echo "faultbond: documentation"
+	@echo "faultbond: renewing what commands print in the pages, then checking the pages"
+	@$(BIN)/python tests/docs/insert.py
+	@git --no-pager diff --stat -- README.md CONTRIBUTING.md docs
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 
 bench: $(DEV)
