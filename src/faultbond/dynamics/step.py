@@ -20,11 +20,12 @@ from faultbond.types import FloatArray
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
 NEWTON_STEPS = 8
-NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0)
+NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.5  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
 _REFERENCE_STEPS = 100
-_SOLVED = 1e-14  # of the largest squared misfit met
+_SOLVED = 1e-6  # relative size of the next Newton step at a solution; far from one it is large
+_TINY = 1e-9  # a signal smaller than this is zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -147,14 +148,14 @@ def _with_slope(name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> 
 
 
 def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
-    """Give z with gap = 0 from a first guess, and the squared misfit before and after.
+    """Give z with gap = 0 from a first guess, and the size of the step that would come next.
 
     Each step tries parts and multiples of Newton's step and keeps the best: parts, since an exponential is overshot
     from its flat side, and multiples, since from its steep side Newton's step is ever the same small one.
     """
     v, u, z = arguments
     if not z.numel():
-        return ca.Function("newton", arguments, [z, 0, 0])
+        return ca.Function("newton", arguments, [z, 0])
     full = -eliminate(ca.jacobian(gap, z), gap)
     step = ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)])
     size = ca.Function("gap_size", arguments, [ca.sumsqr(gap)])
@@ -168,7 +169,8 @@ def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
             better = misfit <= best  # false for nan, so a wild step is never kept
             kept, best = ca.if_else(better, trial, kept), ca.if_else(better, misfit, best)
         current = kept
-    return ca.Function("newton", arguments, [current, size(v, u, z), size(v, u, current)], {"cse": True})
+    left = ca.norm_1(step(v, u, current)[0])  # not norm_inf: that of nan is 0
+    return ca.Function("newton", arguments, [current, left], {"cse": True})
 
 
 def _measure(readings: ca.Function, newton: ca.Function, arguments: list[ca.SX]) -> ca.Function:
@@ -251,19 +253,14 @@ def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatAr
     n_z = plant.z.numel()
     if not n_z:
         return np.zeros(0)
-    best, best_misfit, worst = np.zeros(n_z), np.inf, 0.0
     for size in (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0))):
-        z, first, misfit = np.full(n_z, size), np.nan, np.nan
+        z, left = np.full(n_z, size), np.inf
         for _ in range(20):
-            found, before, after = newton(v, u, z)
-            first = float(before) if np.isnan(first) else first
-            z, misfit = found.full()[:, 0], float(after)
-        worst = max(worst, first) if np.isfinite(first) else worst
-        if misfit < best_misfit:
-            best, best_misfit = z, misfit
-    if not best_misfit <= _SOLVED * worst:
-        raise StructureError(
-            f"{plant.graph.file}: the loop of {', '.join(plant.implicit)} has no real solution at nominal parameters; "
-            "check the laws in it, or give a known `start`"
-        )
-    return best
+            found, step = newton(v, u, z)
+            z, left = found.full()[:, 0], float(step)
+        if left <= _SOLVED * max(float(np.max(np.abs(z))), _TINY):
+            return z
+    raise StructureError(
+        f"{plant.graph.file}: the loop of {', '.join(plant.implicit)} has no real solution at nominal parameters; "
+        "check the laws in it, or give a known `start`"
+    )

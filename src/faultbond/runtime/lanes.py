@@ -56,7 +56,7 @@ def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
         values = [0.0, *(v for v in (third, -third) if parameter.lower <= v <= parameter.upper)]
         return tuple(Start(value=value, sd=change) for value in values)
     values, value = [], FIRST_START
-    while abs(value - 1.0) <= max(REACH * change, 0.56):
+    while abs(value - 1.0) <= max(REACH * change, 0.56) + 1e-9:
         values.append(value)
         value *= 2.0
     if size >= COARSE_FROM:

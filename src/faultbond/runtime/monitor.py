@@ -267,7 +267,8 @@ def _accumulate(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     use = (packed[place["use"]] > 0) & (packed[place["scale"]] == 1.0)
     grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
     cusum = np.where(use, grown, state.cusum)
-    start = np.where(cusum <= 0.0, float(state.index), state.cusum_start)
+    asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
+    start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
     return replace(state, cusum=cusum, cusum_start=start)
 
 

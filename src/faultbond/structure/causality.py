@@ -58,11 +58,32 @@ class _Assigner:
             bond, node = pending.pop()
             if bond in self.strokes:
                 if self.strokes[bond] != node:
-                    raise _ConflictError(f"bond {_title(self.graph.bonds[bond])} would need a stroke at both ends")
+                    raise _ConflictError(self._contradiction(bond, node))
                 continue
             self.strokes[bond] = node
             tail, head = self.graph.bonds[bond].tail, self.graph.bonds[bond].head
             pending += [*self._follow(tail), *self._follow(head)]
+
+    def _contradiction(self, bond: int, node: str) -> str:
+        """Say which junction would get two causes if `node` received the effort of a bond that is fixed otherwise."""
+        for junction in (self.graph.bonds[bond].tail, self.graph.bonds[bond].head):
+            if junction in self.junctions:
+                strokes = {**self.strokes, bond: node}
+                setters = self._setters(junction, strokes)
+                if len(setters) > 1:
+                    return self._two_causes(junction, setters)
+        return f"bond {_title(self.graph.bonds[bond])} would need a stroke at both ends"
+
+    def _setters(self, junction: str, strokes: Strokes) -> list[int]:
+        """Give the bonds that set the effort of a 0-junction, or the flow of a 1-junction."""
+        zero = self.junctions[junction].type is JunctionType.ZERO
+        return [k for k in self.bonds_at[junction] if k in strokes and (strokes[k] == junction) == zero]
+
+    def _two_causes(self, junction: str, setters: list[int]) -> str:
+        kind = self.junctions[junction].type
+        signal = "effort" if kind is JunctionType.ZERO else "flow"
+        titles = " and by ".join(self.other(k, junction) for k in setters[:2])
+        return f"{kind.value}-junction {junction} has its {signal} set by {titles}; only one bond may set it"
 
     def attempt(self, index: int, receiver: str) -> str | None:
         """Assign; on a conflict restore the strokes and give its description."""
@@ -85,15 +106,10 @@ class _Assigner:
         """Exactly one bond sets the effort of a 0-junction, the flow of a 1-junction."""
         zero = self.junctions[node].type is JunctionType.ZERO
         bonds = self.bonds_at[node]
-        setters = [k for k in bonds if k in self.strokes and (self.strokes[k] == node) == zero]
+        setters = self._setters(node, self.strokes)
         unset = [k for k in bonds if k not in self.strokes]
         if len(setters) > 1:
-            signal = "effort" if zero else "flow"
-            titles = " and by ".join(self.other(k, node) for k in setters[:2])
-            raise _ConflictError(
-                f"{self.junctions[node].type.value}-junction {node} has its {signal} set by {titles}; "
-                f"only one bond may set it"
-            )
+            raise _ConflictError(self._two_causes(node, setters))
         if setters:
             return [(k, self.other(k, node) if zero else node) for k in unset]
         if len(unset) == 1:

@@ -50,7 +50,10 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
     library = folder / f"{key}.so"
     if library.exists():
         return library
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise GenerationError(f"{folder}: the cache cannot be made ({problem}); set FAULTBOND_CACHE") from problem
     with tempfile.TemporaryDirectory(dir=folder) as work:
         text, built = Path(work) / "engine.c", Path(work) / "engine.so"
         text.write_text(source)

@@ -23,6 +23,7 @@ _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a s
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
+_OUTSIDE = 4.0  # accuracies by which an estimate may leave the range about a healthy value at its end
 PROCESS_NOISE = 0.02  # sd added to a state each sample, in noises of the sensor that shows it best
 
 
@@ -108,11 +109,14 @@ def model_hash(graph: BondGraph) -> str:
 
 def _parameter(item: Parameter) -> ParameterSpec:
     size = abs(item.scale)
-    ends = sorted((item.lower / item.scale, item.upper / item.scale))
-    lower, upper = ends
+    lower, upper = sorted((item.lower / item.scale, item.upper / item.scale))
+    healthy, reach = (0.0 if item.nominal == 0.0 else 1.0), _OUTSIDE * item.accuracy / size
     if item.nominal != 0.0:  # keep a division by the parameter away from zero
         lower = _FACTOR_LOW if lower == 0.0 else lower
         upper = min(upper, _FACTOR_HIGH) if np.isinf(upper) and lower >= 0 else upper
+        reach = min(reach, 1.0 - _FACTOR_LOW)
+    # A range is meant for faults: an estimate may scatter about a healthy value that lies at its end.
+    lower, upper = min(lower, healthy - reach), max(upper, healthy + reach)
     return ParameterSpec(
         name=item.name,
         component=item.owner,

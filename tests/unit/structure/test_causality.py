@@ -117,10 +117,6 @@ def test_transformer_passes_and_gyrator_turns() -> None:
         assert receivers(graph, assign_causality(graph))["joint -> end"] == ("joint" if giver == "end" else "end")
 
 
-unnamed = pytest.mark.xfail(raises=AssertionError, reason="the message names the bond, not the junction and its causes")
-
-
-@unnamed
 @pytest.mark.parametrize(
     ("junction", "kind", "law", "signal"), [("0", "Se", "e = 2*V", "effort"), ("1", "Sf", "f = V", "flow")]
 )
@@ -151,7 +147,6 @@ def test_conflict_names_file_line_and_source() -> None:
         assign_causality(graph)
 
 
-@unnamed
 def test_conflict_found_through_a_transformer() -> None:
     """A conflict that a source causes further away is still reported at a line of the file and names its junction."""
     graph = circuit(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import reduce
 from operator import add, mul, sub, truediv
 
 import pytest
@@ -152,20 +153,30 @@ def test_one_way_square(text: str, a: float, b: float, c: float) -> None:
     assert found >= -b / (2.0 * values["a"])
 
 
+def layer(kind: str, inner: Expression, name: str) -> Expression:
+    """An expression around `inner`: a function, or a sum or product with a named coefficient on one side."""
+    if kind in {"exp", "log", "sqrt"}:
+        return Call(kind, (inner,))
+    if kind == "negative":
+        return Negative(inner)
+    other = Name(name)
+    return Binary(kind[-1], other, inner) if kind.startswith("other") else Binary(kind[0], inner, other)
+
+
+LAYERS = [
+    "exp",
+    "log",
+    "sqrt",
+    "negative",
+    *(f"{sign} other" for sign in "+-*/"),
+    *(f"other {sign}" for sign in "+-*/"),
+]
+
+
 def once(signal: Expression) -> st.SearchStrategy[Expression]:
     """Random expressions in which `signal` occurs once, below functions that have an inverse."""
-
-    def larger(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
-        return st.one_of(
-            inner.map(lambda item: Call("exp", (item,))),
-            inner.map(lambda item: Call("log", (item,))),
-            inner.map(lambda item: Call("sqrt", (item,))),
-            inner.map(Negative),
-            st.builds(Binary, st.sampled_from("+-*/"), inner, st.sampled_from(COEFFICIENTS).map(Name)),
-            st.builds(Binary, st.sampled_from("+-*/"), st.sampled_from(COEFFICIENTS).map(Name), inner),
-        )
-
-    return st.recursive(st.just(signal), larger, max_leaves=5).filter(lambda item: item != signal)
+    kinds = st.lists(st.tuples(st.sampled_from(LAYERS), st.sampled_from(COEFFICIENTS)), min_size=1, max_size=5)
+    return kinds.map(lambda chosen: reduce(lambda inner, item: layer(item[0], inner, item[1]), chosen, signal))
 
 
 @given(once(Name("z")), values_of, sizes)
