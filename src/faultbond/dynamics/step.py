@@ -19,7 +19,7 @@ from faultbond.errors import StructureError
 from faultbond.types import FloatArray
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
-NEWTON_STEPS = 8
+NEWTON_STEPS = 10
 NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.5  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
