@@ -10,6 +10,7 @@ covariance P (row by row), the last solutions of implicit relations, and the log
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -99,7 +100,7 @@ class StateSpec:
     jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: what follows from the fields is worked out once
 class EngineSpec:
     """Everything the run time needs to know of a model; names, order, hypotheses, thresholds, hash."""
 
@@ -116,48 +117,58 @@ class EngineSpec:
     hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
     thresholds: Thresholds
 
-    @property
+    @cached_property
     def n_joint(self) -> int:
         """Length of the joint vector z."""
         return len(self.states) + len(self.slow_errors) + len(self.parameters) + len(self.noisy_inputs)
 
-    @property
+    @cached_property
     def noisy_inputs(self) -> tuple[int, ...]:
         """Indices of inputs with declared noise."""
         return tuple(k for k, item in enumerate(self.inputs) if item.noise > 0.0)
 
-    @property
+    @cached_property
+    def output_noise(self) -> FloatArray:
+        """Noise sd of each output, shape (n_outputs,), SI."""
+        return np.array([output.noise for output in self.outputs])
+
+    @cached_property
+    def slow_sizes(self) -> FloatArray:
+        """Declared sd of each slow error, shape (n_slow_errors,)."""
+        return np.array([error.sd for error in self.slow_errors])
+
+    @cached_property
     def n_packed(self) -> int:
         """Length of the packed covariance triangle."""
         return self.n_joint * (self.n_joint + 1) // 2
 
-    @property
+    @cached_property
     def n_numbers(self) -> int:
         """Numbers per lane."""
         return self.n_joint + self.n_packed + len(self.loops) + 1
 
-    @property
+    @cached_property
     def slow_slice(self) -> slice:
         """Where the slow errors stand in z."""
         return slice(len(self.states), len(self.states) + len(self.slow_errors))
 
-    @property
+    @cached_property
     def parameter_slice(self) -> slice:
         """Where the parameters stand in z."""
         first = len(self.states) + len(self.slow_errors)
         return slice(first, first + len(self.parameters))
 
-    @property
+    @cached_property
     def noise_slice(self) -> slice:
         """Where the input noise stands in z."""
         return slice(self.n_joint - len(self.noisy_inputs), self.n_joint)
 
-    @property
+    @cached_property
     def covariance_slice(self) -> slice:
         """Where the packed covariance stands in a lane."""
         return slice(self.n_joint, self.n_joint + self.n_packed)
 
-    @property
+    @cached_property
     def sample_fields(self) -> dict[str, slice]:
         """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick."""
         sizes = {
@@ -175,7 +186,7 @@ class EngineSpec:
             first += size
         return fields
 
-    @property
+    @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
         return 1 + 2 * len(self.inputs) + 3 * len(self.outputs) + len(self.slow_errors)

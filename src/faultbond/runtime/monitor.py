@@ -23,6 +23,9 @@ DIAGNOSIS_EVERY = 20  # samples between diagnoses
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
+Changes = dict[str, Any]  # fields of the state, by name
+
+
 class Status(Enum):
     """What the monitor is doing; the value is the message."""
 
@@ -136,18 +139,18 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     u = np.where(np.isfinite(sample.u), sample.u, state.held)
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
-    packed, state = _pack_sample(spec, state, sample, u)
+    packed, changes = _pack_sample(spec, state, sample, u)
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
-    state = replace(state, trail_samples=samples, trail_times=times, time=sample.time)
+    state = replace(state, trail_samples=samples, trail_times=times, time=sample.time, **changes)
     if not state.running:
         return _gather(spec, engine, state)
     lane, innovations = engine.advance(state.lane, packed[None, :])
     if not np.all(np.isfinite(lane)):
         lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
         return lost, _silent(spec, Status.LOST)
-    return _judge(spec, engine, _remember(state, lane), packed, innovations[0, :, 0])
+    return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -157,8 +160,11 @@ def _silent(spec: EngineSpec, status: Status) -> Report:
     )
 
 
-def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, State]:
-    """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values."""
+def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
+    """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
+
+    Gives the packed sample, and what changes in the state.
+    """
     first = not np.all(np.isfinite(state.held))
     before = u if first else state.held
     dt = 0.0 if first else sample.dt
@@ -182,7 +188,7 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
     begun = state.index if state.begun < 0 else state.begun
-    return packed, replace(state, held=u, peak=peak, since_step=since, change=change, begun=begun)
+    return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
 
 
 def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
@@ -212,55 +218,69 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     return replace(state, index=state.index + 1), report
 
 
-def _remember(state: State, lane: FloatArray) -> State:
+def _remembered(state: State, lane: FloatArray) -> Changes:
     lanes = state.trail_lanes.copy()
     lanes[state.index % len(lanes)] = lane[:, 0]
-    return replace(state, lane=lane, trail_lanes=lanes)
+    return {"lane": lane, "trail_lanes": lanes}
 
 
-def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, innovations: FloatArray) -> Report:
+def _report(
+    spec: EngineSpec,
+    state: State,
+    status: Status,
+    packed: FloatArray,
+    innovations: FloatArray,
+    *,
+    detection: Detection | None = None,
+    diagnosis: Diagnosis | None = None,
+) -> Report:
     n_y = len(spec.outputs)
     present = packed[spec.sample_fields["use"]] > 0
     measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
-    noise = np.array([output.noise for output in spec.outputs])
-    blank = (packed[spec.sample_fields["scale"]] - 1.0) * noise**2  # no part of what the model expects
+    blank = (packed[spec.sample_fields["scale"]] - 1.0) * spec.output_noise**2  # no part of what the model expects
     return Report(
         status=status,
         expected=measured - innovations[:n_y],
         variance=innovations[n_y:] - blank,
         cusum=state.cusum.max(axis=0),
         slow=_slow_ratios(spec, state),
+        detection=detection,
+        diagnosis=diagnosis,
     )
 
 
 def _slow_ratios(spec: EngineSpec, state: State) -> FloatArray:
-    declared = np.array([error.sd for error in spec.slow_errors])
-    return np.asarray(state.lane[spec.slow_slice, 0] / declared)
+    return np.asarray(state.lane[spec.slow_slice, 0] / spec.slow_sizes)
 
 
 def _judge(
-    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, innovations: FloatArray
+    spec: EngineSpec, engine: Engine, state: State, lane: FloatArray, packed: FloatArray, innovations: FloatArray
 ) -> tuple[State, Report]:
     """Update the statistics, raise the alarm, run the bank."""
     warm = state.index - state.begun >= spec.thresholds.warm_up_samples
-    if warm:
-        state = _accumulate(spec, state, packed, innovations)
-    detection = None
-    if state.alarm >= 0:
-        bank, _ = engine.advance(state.bank, packed[None, :])
-        state = replace(state, bank=bank)
+    sums = _accumulated(spec, state, packed, innovations) if warm else {}
+    state = replace(state, **_remembered(state, lane), **sums)
+    detection, alarm, bank = None, state.alarm, state.bank
+    if alarm >= 0:
+        bank, _ = engine.advance(bank, packed[None, :])
     elif warm:
         detection, change = _detect(spec, state)
         if detection is not None:
-            state = replace(state, alarm=state.index, bank=begin_bank(spec, engine, *_cut_trail(state, change)))
-    status = Status.DIAGNOSING if state.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
-    report = _report(spec, state, status, packed, innovations)
-    due = state.alarm >= 0 and (state.index - state.alarm) % DIAGNOSIS_EVERY == 0
-    report = replace(report, detection=detection, diagnosis=rank(spec, state.time, state.bank) if due else None)
-    return replace(state, index=state.index + 1), report
+            alarm, bank = state.index, begin_bank(spec, engine, *_cut_trail(state, change))
+    due = alarm >= 0 and (state.index - alarm) % DIAGNOSIS_EVERY == 0
+    report = _report(
+        spec,
+        state,
+        Status.DIAGNOSING if alarm >= 0 else (Status.WATCHING if warm else Status.WARMING),
+        packed,
+        innovations,
+        detection=detection,
+        diagnosis=rank(spec, state.time, bank) if due else None,
+    )
+    return replace(state, alarm=alarm, bank=bank, index=state.index + 1), report
 
 
-def _accumulate(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> State:
+def _accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
     """Two-sided CUSUM of the normalised innovations; missing and blanked values leave it as it is."""
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
@@ -269,7 +289,7 @@ def _accumulate(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     cusum = np.where(use, grown, state.cusum)
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
     start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
-    return replace(state, cusum=cusum, cusum_start=start)
+    return {"cusum": cusum, "cusum_start": start}
 
 
 def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:

@@ -1,0 +1,50 @@
+"""The verdict on every built-in example, through the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from faultbond.cli import DONE, FAULT_DETECTED, main
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+FAULTS = {  # folder -> fault recording, time of the fault, suspects and their true values, relative error allowed
+    "tank": ("fault_pipe.csv", 1500.0, {"K1": 1.85 * 2.41e11}, 0.10),
+    "dc_motor": ("fault_winding.csv", 20.0, {"R": 6.0}, 0.05),
+    "dc_motor_current": ("fault_triple.csv", 20.0, {"R": 6.0, "L": 5.0, "J": 2.25}, 0.05),
+    "rlc": ("fault_capacitor.csv", 20.0, {"C": 0.067}, 0.05),
+    "rc": ("fault_capacitor.csv", 20.0, {"C": 1.3e-4}, 0.05),
+}
+
+
+def records(capsys: pytest.CaptureFixture[str], folder: str, recording: str, code: int) -> list[dict[str, object]]:
+    """Run a recording of an example and give its records."""
+    place = EXAMPLES / folder
+    assert main(["run", str(place / "model.yaml"), str(place / recording), "--json", "-"]) == code
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+@pytest.mark.parametrize("folder", FAULTS)
+def test_healthy_plant_raises_no_alarm(folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The healthy recording of each example ends without a detection."""
+    found = records(capsys, folder, "healthy.csv", DONE)
+    assert [record["record"] for record in found] == ["run", "end"]
+    assert found[-1]["detections"] == 0
+
+
+@pytest.mark.parametrize("folder", FAULTS)
+def test_fault_is_named_and_measured(folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The fault of each example is detected after it began, ranked first, and its value is right within its margin."""
+    recording, began, truth, margin = FAULTS[folder]
+    found = records(capsys, folder, recording, FAULT_DETECTED)
+    detection = next(record for record in found if record["record"] == "detection")
+    assert isinstance(detection["time"], float)
+    assert detection["time"] >= began
+    last = [record for record in found if record["record"] == "diagnosis"][-1]
+    candidates = last["candidates"]
+    assert isinstance(candidates, list)
+    best = candidates[0]["parameters"]
+    assert set(best) == set(truth)
+    for name, value in truth.items():  # the true plant is off by up to 1.5 % (tank: 3 %) before the fault already
+        assert best[name]["estimate"] == pytest.approx(value, rel=margin)
