@@ -67,6 +67,7 @@ def wide_lane(spec: EngineSpec) -> FloatArray:
     root = 0.05 * generator.normal(size=(spec.n_joint, spec.n_joint))
     lane[spec.covariance_slice] = pack(root @ root.T + 0.01 * np.eye(spec.n_joint))
     lane[spec.parameter_slice] *= generator.uniform(0.95, 1.05, len(spec.parameters))
+    lane[spec.slow_slice] = 0.3
     lane[-1] = -12.5
     return lane
 

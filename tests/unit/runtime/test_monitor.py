@@ -312,6 +312,8 @@ def test_slow_error_beyond_its_size_alarms() -> None:
         assert (report.detection is not None) == expected
         assert report.slow == pytest.approx([0.0, ratio])
         assert step(quiet, still, replace(healthy, lane=lane), sample)[1].detection is None
+        early = replace(healthy, lane=lane, begun=healthy.index - 1)
+        assert step(spec, still, early, sample)[1].detection is None
 
 
 @pytest.mark.parametrize(("name", "rows", "fault"), FAULTY)
@@ -423,3 +425,8 @@ def test_expected_is_what_the_model_says() -> None:
     assert there.expected == pytest.approx(samples[100].y - innovations[0, :2, 0], rel=1e-12)
     assert gone.expected == pytest.approx(there.expected, rel=1e-9)
     assert gone.variance == pytest.approx(there.variance, rel=1e-9)
+    moved = replace(samples[100], u=samples[100].u + np.array([-20.0, 0.0]))
+    plain = replace(spec, thresholds=replace(spec.thresholds, blank_factor=1.0))
+    blanked, open_ = (step(item, engine, state, moved)[1] for item in (spec, plain))
+    assert blanked.expected == pytest.approx(open_.expected, rel=1e-9)
+    assert blanked.variance == pytest.approx(open_.variance, rel=1e-9)

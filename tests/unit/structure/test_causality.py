@@ -117,6 +117,20 @@ def test_transformer_passes_and_gyrator_turns() -> None:
         assert receivers(graph, assign_causality(graph))["joint -> end"] == ("joint" if giver == "end" else "end")
 
 
+def test_choice_that_leads_to_a_contradiction_is_undone() -> None:
+    """Two inertias tied by two transformers cannot integrate; each choice that fails leaves no stroke behind."""
+    law = 'law: ["e1 = X{0}*e2", "f2 = X{0}*f1"], parameters: {{X{0}: 2}}'
+    graph = circuit(
+        f"  T1: {{type: TF, {law.format(1)}}}\n  T2: {{type: TF, {law.format(2)}}}\n"
+        "  M1: {type: I, parameters: {M1: 1}}\n  M2: {type: I, parameters: {M2: 1}}\n"
+        "  R: {type: R, parameters: {R: 1}}",
+        "one: 1, two: 1, other: 1",
+        "one -> M1, two -> M2, one -> T1 -> two, two -> T2 -> one, source -> other -> R",
+        "R.f",
+    )
+    assert assign_causality(graph).derivative == ("M1", "M2")
+
+
 @pytest.mark.parametrize(
     ("junction", "kind", "law", "signal"), [("0", "Se", "e = 2*V", "effort"), ("1", "Sf", "f = V", "flow")]
 )
