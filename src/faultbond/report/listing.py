@@ -14,7 +14,7 @@ from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
-from faultbond.report.understanding import METHOD, Understanding, law_text, loops_of, set_sizes, settings_of
+from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
 from faultbond.runtime.lanes import plan_lanes
 
 MEANING = {
@@ -151,13 +151,19 @@ def _print_structure(console: Console, seen: Understanding) -> None:
             ("junctions", ", ".join(f"{item.name} ({item.type.value})" for item in graph.junctions) or "none"),
             ("bonds", _wrapped(bonds, console.width - LABELS)),
             ("", "-> counts power positive; | stands where the effort arrives, the flow at the other end"),
-            ("integral", ", ".join(causality.integral) or "none"),
-            ("derivative", ", ".join(causality.derivative) or "none"),
-            ("chosen freely", ", ".join(causality.free) or "none"),
+            ("integral", _located(causality.integral, seen)),
+            ("derivative", _located(causality.derivative, seen)),
+            ("chosen freely", _located(causality.free, seen)),
             ("states", "\n".join(_states(seen)) or "none: the plant has no memory"),
             ("loops", "\n".join(_loops(seen)) or "none"),
         ],
     )
+
+
+def _located(parts: Iterable[str], seen: Understanding) -> str:
+    """Name parts, each with its line in the model file."""
+    lines = lines_of(seen.graph)
+    return ", ".join(f"{name} (line {lines[name]})" if lines.get(name) else name for name in parts) or "none"
 
 
 def _wrapped(items: Iterable[str], width: int) -> str:
@@ -178,7 +184,7 @@ def _states(seen: Understanding) -> Iterable[str]:
 
 def _loops(seen: Understanding) -> Iterable[str]:
     for loop in loops_of(seen.model):
-        yield f"{', '.join(loop.signals)} by {', '.join(loop.components)}: {loop.solution}"
+        yield f"{', '.join(loop.signals)} by {_located(loop.components, seen)}: {loop.solution}"
 
 
 def _print_signals(console: Console, seen: Understanding) -> None:

@@ -35,6 +35,11 @@ class LoopFound:
     solution: str
 
 
+def lines_of(graph: BondGraph) -> dict[str, int]:
+    """Give the line of the model file at which each component and junction stands; 0 for a model made in Python."""
+    return {item.name: item.line for item in graph.components} | {item.name: item.line for item in graph.junctions}
+
+
 def loops_of(model: StepModel) -> tuple[LoopFound, ...]:
     """Give the algebraic loops of a model."""
     implicit = set(model.plant.implicit)
@@ -143,6 +148,7 @@ def _structure(seen: Understanding) -> Record:
     causality = seen.model.plant.causality
     strokes = dict(causality.strokes)
     return {
+        "lines": lines_of(seen.graph),
         "bonds": [
             {"tail": bond.tail, "head": bond.head, "stroke": strokes[k]} for k, bond in enumerate(seen.graph.bonds)
         ],
