@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import TANK_START, plant, recorded, run
+from made import TANK_START, plant, recorded, run, samples_of
 
-from faultbond.runtime.monitor import START_SAMPLES, Sample
+from faultbond.runtime.monitor import START_SAMPLES, Sample, Status
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.simulate import Inputs, simulate
 from faultbond.spec import Engine, EngineSpec, unpack
@@ -108,3 +108,18 @@ def test_no_output_in_the_first_samples() -> None:
     assert np.all(np.isfinite(sd))
     assert np.all(sd[:2] < [1.0, 1.0])
     assert np.all(np.abs(reports[-1].expected - samples[-1].y) < 6.0 * np.sqrt(reports[-1].variance))
+
+
+@pytest.mark.xfail(reason="a state that nothing shows, in a plant at rest, is taken to be as wide as 1e24")
+@pytest.mark.parametrize("name", ["dc_motor", "dc_motor_current", "rlc"])
+def test_plant_at_rest_without_outputs(name: str) -> None:
+    """Where the inputs are zero and the first outputs are missing, the covariance is still one once outputs come."""
+    graph, spec, engine = plant(name)
+    time = np.asarray(np.arange(46) * (graph.sample_time or 1.0), dtype=np.float64)
+    made = simulate(graph, Inputs(time=time, values=np.zeros((46, 1))), seed=1)
+    outputs = np.where(np.arange(46)[:, None] < 40, np.nan, made.outputs)
+    state, reports = run(spec, engine, samples_of(time, np.zeros((46, 1)), outputs))
+    assert all(report.status is not Status.LOST for report in reports)
+    full = unpack(spec, state.lane[spec.covariance_slice, 0])
+    sd = np.sqrt(np.diag(full))
+    assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 1e-9
