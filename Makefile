@@ -47,8 +47,13 @@ docs: $(DEV)
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 
 bench: $(DEV)
-	@echo "faultbond: benchmarks"
-	@set -e; for script in $(sort $(wildcard benchmarks/*.py)); do echo "-- $$script"; $(BIN)/python "$$script"; done
+	@echo "faultbond: figures (a quarter of an hour)"
+	@$(BIN)/python -m benchmarks.figures
+	@echo "faultbond: speed"
+	@$(BIN)/python -m benchmarks.speed
+	@if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
+	  else set -e; for script in $(wildcard benchmarks/recordings.py benchmarks/watersafe.py); do \
+	    echo "faultbond: $$script"; $(BIN)/python "$$script"; done; fi
 
 $(RUNTIME): pyproject.toml
 	@echo "faultbond: setting up .venv (once) ..."

@@ -28,7 +28,9 @@ class Case:
     recording: Simulation
 
 
-def case(folder: str, seed: int, faults: Sequence[Fault] = (), *, seconds: float) -> Case:
+def case(
+    folder: str, seed: int, faults: Sequence[Fault] = (), *, seconds: float, plant: BondGraph | None = None
+) -> Case:
     """Simulate an example plant by its own recipe.
 
     Parameters
@@ -37,10 +39,11 @@ def case(folder: str, seed: int, faults: Sequence[Fault] = (), *, seconds: float
     seed : of the plant's parameters, its inputs and the noise
     faults : what goes wrong
     seconds : length of the recording
+    plant : what is simulated, where it is not the model itself; same parameters, inputs and sensors
     """
     graph = load_model(EXAMPLES / folder / "model.yaml")
     rows = round(seconds / (graph.sample_time or 1.0))
-    return Case(graph=graph, recording=_recipe(folder)(graph, seed, faults, rows))
+    return Case(graph=graph, recording=_recipe(folder)(plant or graph, seed, faults, rows))
 
 
 def tank_case(seed: int, faults: Sequence[Fault] = (), *, seconds: float = 4920.0) -> Case:
