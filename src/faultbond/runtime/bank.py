@@ -7,17 +7,18 @@ best onset of each lane goes on. Design evidence, bank items 4, 7 and 12, begins
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from faultbond.runtime.lanes import LanePlan, plan_lanes
+from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
 from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray
 
 ONSET_DENSE = 32  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
+ONSET_FINER = 16  # onsets tried between the likeliest one and each neighbour
 _LOWEST = -1e300  # likelihood of a lane that is no number
-_DEEPEST = -700.0  # exponents below this are nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,7 +29,16 @@ class Trail:
     lanes: FloatArray
 
 
-def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> FloatArray:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mixture:
+    """Lanes over several onsets: the numbers of the best onset of each, its likelihood, and that of all together."""
+
+    lanes: FloatArray
+    best: FloatArray
+    total: FloatArray
+
+
+def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, plan: LanePlan | None = None) -> FloatArray:
     """Give the lanes of all hypotheses, having seen all samples of the trail.
 
     Parameters
@@ -38,19 +48,45 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int) -> F
         Its last sample is that of the alarm.
     change : int
         Index in the trail of the onset that the detector estimates; one of the onsets tried.
+    plan : LanePlan
+        The lanes to begin; those of the specification if not given.
 
     Returns
     -------
     float array, shape (n_numbers, n_lanes)
     """
-    plan = plan_lanes(spec)
-    trials = []
-    for onset in _onsets(len(trail.samples) - 1, change):
+    chosen = plan_lanes(spec) if plan is None else plan
+
+    def begun(onset: int) -> FloatArray:
         before = trail.lanes[onset - 1]
-        lanes = _begin_lanes(spec, engine, plan, _forget_slow_errors(spec, before), trail.samples[onset])
-        lanes[-1] = before[-1] - trail.lanes[0][-1]
-        trials.append(engine.advance(lanes, _without_step(spec, trail.samples[onset:]))[0])
-    return _best_onsets(np.stack(trials))
+        lanes = _begin_lanes(spec, engine, chosen, _forget_slow_errors(spec, before), trail.samples[onset])
+        lanes[-1] = before[-1]
+        return engine.advance(lanes, _without_step(spec, trail.samples[onset:]))[0]
+
+    mixture: Mixture | None = None
+    tops: dict[int, float] = {}
+    for onset, width in _onsets(len(trail.samples) - 1, change):
+        lanes = begun(onset)
+        tops[onset] = float(_likelihoods(lanes).max())
+        mixture = _mix(mixture, lanes, width)
+    for onset in _between(tops):
+        mixture = _mix(mixture, begun(onset), 1.0)
+    return _reduced(spec, mixture)
+
+
+def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
+    """Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
+
+    A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
+    nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier.
+    """
+    plan = plan_lanes(spec)
+    best, worst = extremes(plan, bank[-1])
+    again = begin_bank(spec, engine, trail, len(trail.samples) - 1, found_lanes(spec, plan, bank, best))
+    better = _likelihoods(again) > _likelihoods(bank[:, worst])
+    renewed = bank.copy()
+    renewed[:, worst[better]] = again[:, better]
+    return renewed
 
 
 def _begin_lanes(
@@ -88,23 +124,51 @@ def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     return still
 
 
-def _onsets(alarm: int, change: int) -> tuple[int, ...]:
-    """Give places for the onset: dense before the alarm, where strong faults begin, and sparse far back."""
+def _onsets(alarm: int, change: int) -> list[tuple[int, float]]:
+    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far back."""
     places, back = {change, alarm}, 1
     while back < alarm:
         places.add(alarm - back)
         back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
-    return tuple(sorted(place for place in places if place >= 1)) or (alarm,)
+    chosen = sorted(place for place in places if place >= 1) or [alarm]
+    edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
+    return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
 
 
-def _best_onsets(trials: FloatArray) -> FloatArray:
-    """Reduce shape (n_onsets, n_numbers, n_lanes) to the best onset of each lane, with the mean likelihood."""
-    likelihood = np.where(np.isfinite(trials[:, -1]), trials[:, -1], _LOWEST)
-    best = likelihood.argmax(axis=0)
-    chosen = np.take_along_axis(trials, best[None, None, :], axis=0)[0]
-    top = likelihood.max(axis=0)
-    chosen[-1] = top + np.log(np.mean(np.exp(np.maximum(likelihood - top, _DEEPEST)), axis=0))
-    return np.ascontiguousarray(chosen)
+def _between(tops: dict[int, float]) -> list[int]:
+    """Give onsets about the likeliest one where its neighbours are far: to a strong fault a few samples matter."""
+    places = sorted(tops)
+    best = places.index(max(places, key=tops.__getitem__))
+    finer: list[int] = []
+    for a, b in pairwise(places[max(best - 1, 0) : best + 2]):
+        finer += range(a + 1, b, max(1, (b - a) // ONSET_FINER))
+    return finer
+
+
+def _likelihoods(lanes: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(lanes[-1]), lanes[-1], _LOWEST)
+
+
+def _mix(mixture: Mixture | None, lanes: FloatArray, width: float) -> Mixture:
+    """Add lanes of one more onset to the mixture."""
+    likelihood = _likelihoods(lanes)
+    if mixture is None:
+        return Mixture(lanes=lanes, best=likelihood, total=likelihood + np.log(width))
+    better = likelihood > mixture.best
+    return Mixture(
+        lanes=np.where(better, lanes, mixture.lanes),
+        best=np.where(better, likelihood, mixture.best),
+        total=np.logaddexp(mixture.total, likelihood + np.log(width)),
+    )
+
+
+def _reduced(spec: EngineSpec, mixture: Mixture | None) -> FloatArray:
+    """Give the best onset of each lane, with the mean likelihood over the onsets."""
+    if mixture is None:
+        raise AssertionError("there is always an onset to try")
+    lanes = mixture.lanes.copy()
+    lanes[-1] = mixture.total - np.log(spec.thresholds.history_samples)
+    return lanes
 
 
 def _forget_slow_errors(spec: EngineSpec, numbers: FloatArray) -> FloatArray:

@@ -94,3 +94,30 @@ def plan_lanes(spec: EngineSpec) -> LanePlan:
         first=np.array(first, dtype=np.intp),
         sizes=np.array([len(chosen) for chosen in spec.hypotheses], dtype=float),
     )
+
+
+def extremes(plan: LanePlan, likelihoods: FloatArray) -> tuple[IntArray, IntArray]:
+    """Give the likeliest and the least likely lane of each hypothesis, shape (n_hypotheses,) each."""
+    finite = np.where(np.isfinite(likelihoods), likelihoods, -np.inf)
+    ends = np.append(plan.first[1:], plan.n_lanes)
+    best = [first + int(np.argmax(finite[first:end])) for first, end in zip(plan.first, ends, strict=True)]
+    worst = [first + int(np.argmin(finite[first:end])) for first, end in zip(plan.first, ends, strict=True)]
+    return np.array(best, dtype=np.intp), np.array(worst, dtype=np.intp)
+
+
+def found_lanes(spec: EngineSpec, plan: LanePlan, bank: FloatArray, best: IntArray) -> LanePlan:
+    """Give a plan of one lane per hypothesis that starts at the estimates of its best lane."""
+    estimates = bank[spec.parameter_slice][:, best]
+    suspected = plan.suspected[:, best]
+    changes = np.array([max(item.change, 0.05) for item in spec.parameters])[:, None]
+    additive = np.array([item.healthy == 0.0 for item in spec.parameters])[:, None]
+    sds = np.where(additive, 0.5 * changes, np.minimum(START_SPREAD * np.abs(estimates), changes))
+    return LanePlan(
+        hypothesis=np.arange(len(best), dtype=np.intp),
+        suspected=suspected,
+        values=np.where(suspected, estimates, 1.0),
+        sds=np.where(suspected, sds, 0.0),
+        jumps=plan.jumps[best],
+        first=np.arange(len(best), dtype=np.intp),
+        sizes=plan.sizes,
+    )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from faultbond.runtime.bank import Trail, begin_bank
+from faultbond.runtime.bank import Trail, begin_bank, renew_bank
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.ranking import rank
@@ -19,6 +19,8 @@ from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
+START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
+RENEWALS = (30, 100, 200)  # samples after the alarm at which the bank begins again from what it has found
 DIAGNOSIS_EVERY = 20  # samples between diagnoses
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
@@ -202,7 +204,7 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     """Collect the first samples, then solve the start and filter what was collected."""
     count = state.index - state.begun + 1
     needed = START_SAMPLES if any(item.start_sd is None for item in spec.states) else 1
-    if count < needed:
+    if count < needed or (needed > 1 and count < START_PATIENCE and not _all_seen(spec, state)):
         return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
     chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
     samples = state.trail_samples[chosen]
@@ -216,6 +218,12 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     state = replace(state, lane=lane, trail_lanes=lanes, running=1)
     report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
     return replace(state, index=state.index + 1), report
+
+
+def _all_seen(spec: EngineSpec, state: State) -> bool:
+    """Whether every output has had a value among the samples gathered."""
+    chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
+    return bool(np.all(np.any(state.trail_samples[chosen][:, spec.sample_fields["use"]] > 0, axis=0)))
 
 
 def _remembered(state: State, lane: FloatArray) -> Changes:
@@ -263,6 +271,8 @@ def _judge(
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
         bank, _ = engine.advance(bank, packed[None, :])
+        if state.index - alarm in RENEWALS:
+            bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank)
     elif warm:
         detection, change = _detect(spec, state)
         if detection is not None:

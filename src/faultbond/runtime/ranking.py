@@ -46,7 +46,7 @@ def _suspects(spec: EngineSpec, plan: LanePlan, lanes: FloatArray, hypothesis: i
     """Estimates of the best start."""
     first = plan.first[hypothesis]
     own = slice(first, first + int(np.sum(plan.hypothesis == hypothesis)))
-    best = first + int(np.argmax(np.nan_to_num(lanes[-1, own], nan=-np.inf)))
+    best = first + int(np.argmax(np.nan_to_num(lanes[-1, own], nan=-np.inf, posinf=-np.inf)))
     suspects = []
     for index in spec.hypotheses[hypothesis]:
         parameter = spec.parameters[index]

@@ -51,12 +51,13 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     free = np.flatnonzero(~known)
     if not len(free):
         return mean, np.diag(sd**2)
-    centre = _settled(spec, engine, samples[0], mean)
-    size = _sizes(spec, engine, samples, mean, centre, free)
-    best = min(
-        (_fit(spec, engine, samples, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
-        key=lambda found: found[2],
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd values are possible, and lose
+        centre = _settled(spec, engine, samples[0], mean)
+        size = _sizes(spec, engine, samples, mean, centre, free)
+        best = min(
+            (_fit(spec, engine, samples, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
+            key=lambda found: found[2],
+        )
     covariance = np.diag(sd**2)
     covariance[np.ix_(free, free)] = _WIDER**2 * best[1]
     return best[0], covariance
@@ -138,7 +139,8 @@ def _sizes(
         size = size * np.clip(total / np.maximum(effect, 1e-300), 1e-3, 1e3)
     usual = np.abs(centre[free])
     hidden = (size / total > usual) & (usual > 0.0)  # even its whole settled value would drown in noise
-    return np.asarray(np.where(hidden, usual, size * _REACH))
+    unseen = np.where(usual > 0.0, usual, 1.0)
+    return np.asarray(np.where(effect <= 0.0, unseen, np.where(hidden, usual, size * _REACH)))
 
 
 def _fit(

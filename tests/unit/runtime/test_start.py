@@ -110,7 +110,6 @@ def test_no_output_in_the_first_samples() -> None:
     assert np.all(np.abs(reports[-1].expected - samples[-1].y) < 6.0 * np.sqrt(reports[-1].variance))
 
 
-@pytest.mark.xfail(reason="a state that nothing shows, in a plant at rest, is taken to be as wide as 1e24")
 @pytest.mark.parametrize("name", ["dc_motor", "dc_motor_current", "rlc"])
 def test_plant_at_rest_without_outputs(name: str) -> None:
     """Where the inputs are zero and the first outputs are missing, the covariance is still one once outputs come."""
