@@ -15,9 +15,8 @@ from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
 from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray
 
-ONSET_DENSE = 32  # samples before the alarm of which each is tried as onset
+ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
-ONSET_FINER = 16  # onsets tried between the likeliest one and each neighbour
 _LOWEST = -1e300  # likelihood of a lane that is no number
 
 
@@ -64,13 +63,8 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, plan
         return engine.advance(lanes, _without_step(spec, trail.samples[onset:]))[0]
 
     mixture: Mixture | None = None
-    tops: dict[int, float] = {}
     for onset, width in _onsets(len(trail.samples) - 1, change):
-        lanes = begun(onset)
-        tops[onset] = float(_likelihoods(lanes).max())
-        mixture = _mix(mixture, lanes, width)
-    for onset in _between(tops):
-        mixture = _mix(mixture, begun(onset), 1.0)
+        mixture = _mix(mixture, begun(onset), width)
     return _reduced(spec, mixture)
 
 
@@ -133,16 +127,6 @@ def _onsets(alarm: int, change: int) -> list[tuple[int, float]]:
     chosen = sorted(place for place in places if place >= 1) or [alarm]
     edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
     return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
-
-
-def _between(tops: dict[int, float]) -> list[int]:
-    """Give onsets about the likeliest one where its neighbours are far: to a strong fault a few samples matter."""
-    places = sorted(tops)
-    best = places.index(max(places, key=tops.__getitem__))
-    finer: list[int] = []
-    for a, b in pairwise(places[max(best - 1, 0) : best + 2]):
-        finer += range(a + 1, b, max(1, (b - a) // ONSET_FINER))
-    return finer
 
 
 def _likelihoods(lanes: FloatArray) -> FloatArray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made import plant, recorded, run
 
-from faultbond.runtime.bank import Trail, begin_bank, suspect_lanes
-from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.bank import Trail, begin_bank, renew_bank, suspect_lanes
+from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.start import healthy_lane
 from faultbond.simulate import Fault
@@ -167,8 +167,9 @@ def test_onsets_are_mixed() -> None:
         for onset in range(1, n):
             k = toy.parameter_slice.start
             factor = healthy[onset - 1, k] * plan.values[0, lane]
-            trials.append(healthy[onset - 1, -1] - healthy[0, -1] + factor * y[onset:].sum())
-        assert found[-1, lane] == pytest.approx(np.log(np.mean(np.exp(trials))), rel=1e-12)
+            trials.append(healthy[onset - 1, -1] + factor * y[onset:].sum())
+        mean = np.log(np.sum(np.exp(trials)) / toy.thresholds.history_samples)
+        assert found[-1, lane] == pytest.approx(mean, rel=1e-12)
         best = 1 + int(np.argmax(trials))
         assert found[0, lane] == pytest.approx(healthy[best - 1, 0] + 1.0 + (n - 1 - best))  # no time passes twice
     full = unpack(toy, found[toy.covariance_slice, 0])
@@ -195,3 +196,22 @@ def test_bank_has_seen_every_sample() -> None:
         full = unpack(spec, lane[spec.covariance_slice])
         sd = np.sqrt(np.diag(full))
         assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0
+
+
+def test_renewal_replaces_the_least_likely_lane_only() -> None:
+    """Begun again, each hypothesis gains at most one lane, which is likelier than the one whose place it takes."""
+    _, spec, engine = plant("dc_motor")
+    samples = recorded("dc_motor", 200, MOTOR_FAULT)
+    state, _ = run(spec, engine, samples)
+    depth = len(state.trail_times)
+    rows = np.arange(state.begun, state.index) % depth
+    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    bank = begin_bank(spec, engine, trail, 118)
+    renewed = renew_bank(spec, engine, trail, bank)
+    plan = plan_lanes(spec)
+    changed = np.flatnonzero(np.any(renewed != bank, axis=0))
+    assert len(changed) > 0
+    assert len(set(plan.hypothesis[changed])) == len(changed)
+    _, worst = extremes(plan, bank[-1])
+    assert set(changed) <= set(worst)
+    assert np.all(renewed[-1, changed] > bank[-1, changed])
