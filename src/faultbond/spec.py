@@ -76,7 +76,7 @@ class OutputSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thresholds:
-    """Settings of detection and ranking; `check` prints them. Source: design evidence, bank items 2-7."""
+    """Settings of detection and ranking; `check` prints them, docs/method.md explains them."""
 
     cusum_drift: float = 0.3
     cusum_limit: float = 25.0

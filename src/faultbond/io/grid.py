@@ -1,7 +1,7 @@
 """Rows of a recording, put on the grid of times at which the engine steps.
 
 Nothing about a row's time is an error: rows may be missing, late, repeated or between two grid points, and each case
-has one defined outcome that is counted. Source: architecture page, "Recordings".
+has one defined outcome that is counted. Source: docs/commands.md.
 """
 
 import heapq

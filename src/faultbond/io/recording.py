@@ -1,7 +1,7 @@
 """Recordings: rows of CSV or Parquet, or of standard input, in SI units.
 
 Only the columns that the model names are read. A value that is empty, unreadable or not finite is nan in its row; a
-file that is no recording is one `RecordingError`. Source: architecture page, "Recordings".
+file that is no recording is one `RecordingError`. Source: docs/commands.md.
 """
 
 import csv

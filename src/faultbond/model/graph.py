@@ -2,7 +2,7 @@
 
 Every field is resolved: laws carry full signal names (`pipe.f`, not `f`), defaults are filled in and listed in
 `BondGraph.defaults`, units are checked. Made by `faultbond.model.text` or `faultbond.model.builder` only.
-Source: thesis 3.2 (bond graphs); architecture page, "Model file".
+Source: thesis 3.2 (bond graphs); docs/model-file.md (keys and rules).
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,7 @@
 The onset is not known, so every lane is begun at several places before the alarm, from the healthy filter as it stood
 there; up to its onset a lane's likelihood is that of the healthy plant, after it its own. All onsets have thus seen the
 same samples, and the likelihood of a lane is the mean over its onsets (a change-point mixture); from the alarm on, the
-best onset of each lane goes on. Design evidence, bank items 4, 7 and 12, begins all lanes at one guessed onset.
+best onset of each lane goes on. Reasons and figures: docs/decisions/006-onset-mixture.md.
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,7 @@
 A store whose own parameter changes may keep its content (charge, volume, momentum) or its effort or flow (a level, a
 speed); both happen and both are tried, as further starts.
 
-Source: design evidence, bank items 5 and 7: a faulty parameter keeps a linear factor; single starts fail for parameters
+A faulty parameter keeps a linear factor, since its logarithm overshoots. Single starts fail for parameters
 that act by their inverse, so each suspect starts from several sizes, and the likelihoods of the starts are averaged.
 """
 

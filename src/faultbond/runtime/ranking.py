@@ -1,7 +1,7 @@
 """Ranking: posterior probabilities of the hypotheses, their estimates, and which cannot yet be told apart.
 
 score = mean likelihood over the starts (in logarithm) - cost per suspect * size; posterior = exp(score) normalised;
-hypotheses within 3 nats of the best are one group. Source: design evidence, bank item 6.
+hypotheses within 3 nats of the best are one group. Source: Magill, IEEE Trans. Automatic Control 10 (1965).
 """
 
 import numpy as np
