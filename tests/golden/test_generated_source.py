@@ -4,6 +4,9 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
+import casadi as ca
+import pytest
+
 from faultbond.model.text import load_model
 from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.engine import build_model
@@ -14,6 +17,7 @@ HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"
 
 
+@pytest.mark.skipif(not ca.__version__.startswith("3.8"), reason="another CasADi may order operations differently")
 def test_source_of_the_rc_circuit() -> None:
     """The generated source of the RC circuit is the one that was read and kept."""
     model = build_model(load_model(EXAMPLES / "rc" / "model.yaml"))
