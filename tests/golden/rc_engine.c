@@ -43,9 +43,8 @@ static inline lanes v_both(lanes a, lanes b) { return truth((a != 0.0) & (b != 0
 static inline lanes v_either(lanes a, lanes b) { return truth((a != 0.0) | (b != 0.0)); }
 static inline lanes v_where_true(lanes a, lanes b) { return choose(a != 0.0, b, broadcast(0.0)); }
 
-/* One sample of eight filters. */
-static void filter_step(const lanes *restrict lane, const double *restrict sample, lanes *restrict next,
-                        lanes *restrict innovation)
+static void part_0(const lanes *restrict lane, const double *restrict sample,
+                   lanes *restrict next, lanes *restrict innovation, lanes *restrict kept)
 {
     const double v3 = 1.5 * sample[0];
     const lanes v6 = sample[1] + lane[3];
@@ -313,6 +312,14 @@ static void filter_step(const lanes *restrict lane, const double *restrict sampl
     const lanes v296 = v291 + v295;
     const lanes v297 = v296 + v186;
     innovation[1] = v297;
+}
+
+/* One sample of eight filters; `kept` passes values from part to part. */
+static void filter_step(const lanes *restrict lane, const double *restrict sample, lanes *restrict next,
+                        lanes *restrict innovation)
+{
+    lanes kept[1];
+    part_0(lane, sample, next, innovation, kept);
 }
 
 /* numbers: [N_NUMBERS][n_lanes], samples: [n_samples][N_SAMPLE], innovations: [n_samples][N_INNOVATIONS][n_lanes];

@@ -19,6 +19,7 @@ from faultbond.types import BoolArray, FloatArray, IntArray
 FIRST_START = 0.45  # the lowest start, in healthy values; each next one is twice as large
 START_SPREAD = 0.35  # sd of a start, in starts
 REACH = 1.3  # starts lie within this many `change` of nominal
+MANY_LANES = 2500  # with more, pairs are tested coarsely too
 COARSE_FROM = 3  # sets of this size and more use only the two inner starts of each suspect
 
 
@@ -48,8 +49,8 @@ class LanePlan:
         return len(self.hypothesis)
 
 
-def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
-    """Give the starts of a suspect in a set of `size` suspects."""
+def starts_of(parameter: ParameterSpec, size: int, coarse_from: int = COARSE_FROM) -> tuple[Start, ...]:
+    """Give the starts of a suspect in a set of `size` suspects; sets of `coarse_from` and more get the inner two."""
     change = parameter.change
     if parameter.healthy == 0.0:
         third = change / 3.0
@@ -59,21 +60,29 @@ def starts_of(parameter: ParameterSpec, size: int) -> tuple[Start, ...]:
     while abs(value - 1.0) <= max(REACH * change, 0.56) + 1e-9:
         values.append(value)
         value *= 2.0
-    if size >= COARSE_FROM:
+    if size >= coarse_from:
         values = values[1:3]
     return tuple(Start(value=value, sd=min(START_SPREAD * value, max(change, 0.05))) for value in values)
 
 
 @lru_cache(maxsize=8)
 def plan_lanes(spec: EngineSpec) -> LanePlan:
-    """Give the lane plan of a specification."""
+    """Give the lane plan of a specification: fine starts where that is affordable, else coarse ones for pairs too."""
+    fine = _plan(spec, COARSE_FROM)
+    return fine if fine.n_lanes <= MANY_LANES else _plan(spec, 2)
+
+
+def _plan(spec: EngineSpec, coarse_from: int) -> LanePlan:
     hypothesis: list[int] = []
     starts: list[tuple[tuple[int, Start], ...]] = []
     first: list[int] = []
     jumps: list[tuple[bool, ...]] = []
     for k, chosen in enumerate(spec.hypotheses):
         first.append(len(starts))
-        options = [[(index, start) for start in starts_of(spec.parameters[index], len(chosen))] for index in chosen]
+        options = [
+            [(index, start) for start in starts_of(spec.parameters[index], len(chosen), coarse_from)]
+            for index in chosen
+        ]
         own = [any(index in chosen for index, _ in state.jumps) for state in spec.states]
         for combination in product(*options):
             for choice in product(*([False, True] if mine else [False] for mine in own)):

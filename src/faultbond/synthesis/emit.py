@@ -5,6 +5,7 @@ extension), so the same text runs eight hypotheses, or eight assets, per call.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from string import Template
 
 import casadi as ca
@@ -12,6 +13,7 @@ import casadi as ca
 from faultbond.errors import GenerationError
 
 LANES = 8
+PART_LENGTH = 1500  # statements in one C function; compilers take far longer than in proportion for more
 
 _BINARY = {"OP_ADD": "+", "OP_SUB": "-", "OP_MUL": "*", "OP_DIV": "/"}
 _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for vectors
@@ -48,16 +50,30 @@ def emit_filter(function: ca.Function, template: str) -> str:
     GenerationError
         Where the graph holds an operation that has no C form here.
     """
+    parts, n_kept = _parts(list(_statements(function)))
+    calls = "\n".join(f"    part_{k}(lane, sample, next, innovation, kept);" for k in range(len(parts)))
     return Template(template).substitute(
         lanes=LANES,
         n_numbers=function.numel_in(0),
         n_sample=function.numel_in(1),
         n_innovations=function.numel_out(1),
-        body="\n".join(_statements(function)),
+        n_kept=max(n_kept, 1),
+        parts="\n".join(_part(k, statements) for k, statements in enumerate(parts)),
+        calls=calls,
     )
 
 
-def _statements(function: ca.Function) -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One operation: what it defines (None: an output), whether that is a vector, and its text."""
+
+    defines: str | None
+    wide: bool
+    uses: tuple[str, ...]
+    text: str
+
+
+def _statements(function: ca.Function) -> Iterator[Statement]:
     value: dict[int, str] = {}  # work slot -> C name
     vector: dict[str, bool] = {}
     outputs = ("next", "innovation")
@@ -73,15 +89,62 @@ def _statements(function: ca.Function) -> Iterator[str]:
         elif operation == "OP_OUTPUT":
             name = value[inputs[0]]
             text = name if vector[name] else f"broadcast({name})"
-            yield f"    {outputs[results[0]]}[{results[1]}] = {text};"
+            yield Statement(None, True, (name,), f"{outputs[results[0]]}[{results[1]}] = {text};")
         elif operation == "OP_ASSIGN":
             value[results[0]] = value[inputs[0]]
         else:
             arguments = [value[slot] for slot in inputs]
             wide = any(vector[name] for name in arguments)
             name = f"v{k}"
-            yield f"    const {'lanes' if wide else 'double'} {name} = {_term(operation, arguments, vector, wide)};"
+            yield Statement(name, wide, tuple(arguments), _term(operation, arguments, vector, wide))
             value[results[0]], vector[name] = name, wide
+
+
+def _parts(statements: list[Statement]) -> tuple[list[list[str]], int]:
+    """Cut the statements in functions that compilers handle in linear time; give them, and how many values pass on."""
+    home = {item.defines: k // PART_LENGTH for k, item in enumerate(statements) if item.defines}
+    wide = {item.defines: item.wide for item in statements if item.defines}
+    crossing = {
+        name: None
+        for k, item in enumerate(statements)
+        for name in item.uses
+        if home.get(name, k // PART_LENGTH) != k // PART_LENGTH
+    }
+    place = {name: k for k, name in enumerate(crossing)}
+    parts = []
+    for first in range(0, len(statements), PART_LENGTH):
+        chunk = statements[first : first + PART_LENGTH]
+        used = dict.fromkeys(name for item in chunk for name in item.uses)
+        fetched = [name for name in used if name in place and home[name] != first // PART_LENGTH]
+        kept = [item.defines for item in chunk if item.defines in place]
+        parts.append(
+            [
+                *(
+                    _definition(name, wide[name], f"kept[{place[name]}]{'' if wide[name] else '[0]'}")
+                    for name in fetched
+                ),
+                *(
+                    item.text if item.defines is None else _definition(item.defines, item.wide, item.text)
+                    for item in chunk
+                ),
+                *(f"kept[{place[name]}] = {name if wide[name] else f'broadcast({name})'};" for name in kept if name),
+            ]
+        )
+    return parts, len(place)
+
+
+def _definition(name: str, wide: bool, text: str) -> str:
+    return f"const {'lanes' if wide else 'double'} {name} = {text};"
+
+
+def _part(number: int, lines: list[str]) -> str:
+    body = "\n".join(f"    {line}" for line in lines)
+    return f"""static void part_{number}(const lanes *restrict lane, const double *restrict sample,
+                   lanes *restrict next, lanes *restrict innovation, lanes *restrict kept)
+{{
+{body}
+}}
+"""
 
 
 def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: bool) -> str:
