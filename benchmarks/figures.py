@@ -1,6 +1,6 @@
 """The table of figures: what is asked of faultbond, what it does, and whether that is enough.
 
-    python -m benchmarks.figures [--seeds 30] [--first-seed 600] [--only ROW,...] [--json FILE] [--markdown FILE]
+    python -m benchmarks.figures [--seeds 30] [--first-seed 700] [--only ROW,...] [--json FILE] [--markdown FILE]
 
 The plants are simulated and are not quite their models: see `benchmarks.plants`. ROW is a scenario, `tank.K1`, or the
 first words of several, `tank` or `time`. `--markdown` puts the table into a page, between its marks.
