@@ -76,7 +76,8 @@ def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray)
     """
     plan = plan_lanes(spec)
     best, worst = extremes(plan, bank[-1])
-    again = begin_bank(spec, engine, trail, len(trail.samples) - 1, found_lanes(spec, plan, bank, best))
+    starts = found_lanes(spec, plan, bank, best, trail.lanes[0][spec.parameter_slice])
+    again = begin_bank(spec, engine, trail, len(trail.samples) - 1, starts)
     better = _likelihoods(again) > _likelihoods(bank[:, worst])
     renewed = bank.copy()
     renewed[:, worst[better]] = again[:, better]

@@ -114,17 +114,23 @@ def extremes(plan: LanePlan, likelihoods: FloatArray) -> tuple[IntArray, IntArra
     return np.array(best, dtype=np.intp), np.array(worst, dtype=np.intp)
 
 
-def found_lanes(spec: EngineSpec, plan: LanePlan, bank: FloatArray, best: IntArray) -> LanePlan:
-    """Give a plan of one lane per hypothesis that starts at the estimates of its best lane."""
+def found_lanes(spec: EngineSpec, plan: LanePlan, bank: FloatArray, best: IntArray, healthy: FloatArray) -> LanePlan:
+    """Give a plan of one lane per hypothesis that starts at the estimates of its best lane.
+
+    `healthy` (n_parameters,): factors of the healthy plant, to which starts are relative.
+    """
     estimates = bank[spec.parameter_slice][:, best]
     suspected = plan.suspected[:, best]
     changes = np.array([max(item.change, 0.05) for item in spec.parameters])[:, None]
     additive = np.array([item.healthy == 0.0 for item in spec.parameters])[:, None]
-    sds = np.where(additive, 0.5 * changes, np.minimum(START_SPREAD * np.abs(estimates), changes))
+    reference = np.where((healthy == 0.0) & ~additive[:, 0], 1.0, healthy)[:, None]
+    starts = np.where(additive, estimates - reference, estimates / np.where(additive, 1.0, reference))
+    least = np.where(additive, np.array([item.accuracy for item in spec.parameters])[:, None], 0.0)
+    sds = np.clip(START_SPREAD * np.abs(starts), np.minimum(least, changes), changes)
     return LanePlan(
         hypothesis=np.arange(len(best), dtype=np.intp),
         suspected=suspected,
-        values=np.where(suspected, estimates, 1.0),
+        values=np.where(suspected, starts, 1.0),
         sds=np.where(suspected, sds, 0.0),
         jumps=plan.jumps[best],
         first=np.arange(len(best), dtype=np.intp),
