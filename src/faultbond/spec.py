@@ -130,12 +130,12 @@ class EngineSpec:
     @cached_property
     def output_noise(self) -> FloatArray:
         """Noise sd of each output, shape (n_outputs,), SI."""
-        return np.array([output.noise for output in self.outputs])
+        return _still(np.array([output.noise for output in self.outputs]))
 
     @cached_property
     def slow_sizes(self) -> FloatArray:
         """Declared sd of each slow error, shape (n_slow_errors,)."""
-        return np.array([error.sd for error in self.slow_errors])
+        return _still(np.array([error.sd for error in self.slow_errors]))
 
     @cached_property
     def n_packed(self) -> int:
@@ -214,6 +214,12 @@ class Engine(Protocol):
             Per sample: measured minus predicted output for each output, then the variance of each of these
             differences; SI.
         """
+
+
+def _still(array: FloatArray) -> FloatArray:
+    """Make an array read-only: a frozen class does not freeze what it holds."""
+    array.setflags(write=False)
+    return array
 
 
 def unpack(spec: EngineSpec, packed: FloatArray) -> FloatArray:

@@ -7,9 +7,10 @@ from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, ranking
+from faultbond.runtime import bank, lanes, monitor, ranking
 from faultbond.spec import EngineSpec
 from faultbond.structure.sequence import Loop
+from faultbond.synthesis.specify import PROCESS_NOISE
 
 Record = dict[str, object]
 
@@ -78,10 +79,16 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         "start_samples": monitor.START_SAMPLES,
         "diagnosis_every": monitor.DIAGNOSIS_EVERY,
         "change_memory": monitor.CHANGE_MEMORY,
+        "start_patience": monitor.START_PATIENCE,
+        "first_renewal": monitor.RENEWALS[0],
+        "last_renewal": monitor.RENEWALS[-1],
+        "onset_dense": bank.ONSET_DENSE,
+        "process_noise": PROCESS_NOISE,
         "first_start": lanes.FIRST_START,
         "start_spread": lanes.START_SPREAD,
         "reach": lanes.REACH,
         "coarse_from": lanes.COARSE_FROM,
+        "many_lanes": lanes.MANY_LANES,
         "max_candidates": ranking.MAX_CANDIDATES,
         "max_substeps": MAX_SUBSTEPS,
         "newton_steps": NEWTON_STEPS,
