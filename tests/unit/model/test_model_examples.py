@@ -180,8 +180,8 @@ def test_changed_graph_writes_what_is_no_default_any_more(tank: BondGraph) -> No
     assert dict(again.defaults)["change of K8, K2, K7, K3, K4"] == "200 %"
 
 
-def test_loading_is_fast(tank: BondGraph) -> None:
-    """A plant of seven elements loads in a few milliseconds once pint is there."""
-    begun = time.perf_counter()
+def test_loading_does_not_blow_up(tank: BondGraph) -> None:
+    """A plant of seven elements loads in no more than seconds of processor time, however slow the machine."""
+    begun = time.process_time()
     parse_model(tank.text)
-    assert time.perf_counter() - begun < 0.3
+    assert time.process_time() - begun < 3.0
