@@ -170,7 +170,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick."""
+        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, again, bound."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # held since the previous sample
@@ -179,6 +179,8 @@ class EngineSpec:
             "use": len(self.outputs),  # 1: use this value, 0: it is missing
             "scale": len(self.outputs),  # factor on the measurement variance
             "kick": len(self.slow_errors),  # variance added to a slow error
+            "again": 1,  # 1: update a second time, linearised at the first result
+            "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
         }
         fields, first = {}, 0
         for name, size in sizes.items():
@@ -189,7 +191,7 @@ class EngineSpec:
     @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
-        return 1 + 2 * len(self.inputs) + 3 * len(self.outputs) + len(self.slow_errors)
+        return int(self.sample_fields["bound"].stop)
 
 
 class Engine(Protocol):

@@ -55,17 +55,31 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, plan
     float array, shape (n_numbers, n_lanes)
     """
     chosen = plan_lanes(spec) if plan is None else plan
+    samples = _relinearised(spec, trail.samples)
 
     def begun(onset: int) -> FloatArray:
         before = trail.lanes[onset - 1]
-        lanes = _begin_lanes(spec, engine, chosen, _forget_slow_errors(spec, before), trail.samples[onset])
+        lanes = _begin_lanes(spec, engine, chosen, _forget_slow_errors(spec, before), samples[onset])
         lanes[-1] = before[-1]
-        return engine.advance(lanes, _without_step(spec, trail.samples[onset:]))[0]
+        return engine.advance(lanes, _without_step(spec, samples[onset:]))[0]
 
     mixture: Mixture | None = None
     for onset, width in _onsets(len(trail.samples) - 1, change):
         mixture = _mix(mixture, begun(onset), width)
     return _reduced(spec, mixture)
+
+
+def advance_bank(spec: EngineSpec, engine: Engine, bank: FloatArray, packed: FloatArray) -> FloatArray:
+    """Give the lanes after one more packed sample, shape (n_sample,)."""
+    return engine.advance(bank, _relinearised(spec, packed[None, :]))[0]
+
+
+def _relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
+    """Let filters that may be far from the truth linearise twice, and learn from innovations of any size."""
+    again = samples.copy()
+    again[:, spec.sample_fields["again"]] = 1.0
+    again[:, spec.sample_fields["bound"]] = 0.0
+    return again
 
 
 def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from faultbond.runtime.bank import Trail, begin_bank, renew_bank
+from faultbond.runtime.bank import Trail, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.ranking import rank
@@ -190,6 +190,8 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
     begun = state.index if state.begun < 0 else state.begun
+    if state.index - begun >= spec.thresholds.warm_up_samples:
+        packed[place["bound"]] = spec.thresholds.cusum_clip
     return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
 
 
@@ -270,7 +272,7 @@ def _judge(
     state = replace(state, **_remembered(state, lane), **sums)
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
-        bank, _ = engine.advance(bank, packed[None, :])
+        bank = advance_bank(spec, engine, bank, packed)
         if state.index - alarm in RENEWALS:
             bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank)
     elif warm:

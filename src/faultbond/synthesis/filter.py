@@ -12,6 +12,7 @@ import numpy as np
 from faultbond.dynamics.step import StepModel
 from faultbond.spec import EngineSpec
 
+_NO_BOUND = 1e6  # standard deviations
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
@@ -86,19 +87,29 @@ def _time_update(
 def _measurement_update(
     spec: EngineSpec, model: StepModel, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Iterated update with all sensors, one after the other; missing ones have use = 0."""
-    likelihood, innovations = ca.SX(0), ca.SX(0, 1)
-    guess, spread = mean, covariance
-    for iteration in range(1 if model.measure_is_linear else 2):
-        reading, slope, implicit = model.measure(guess, fields["u"], implicit)
-        expected = reading + slope @ (mean - guess)
-        if iteration == 0:
-            innovations = _marginal_innovations(spec, fields, expected, slope, covariance)
-        guess, spread, gain = _sequential(spec, fields, mean, covariance, expected, slope)
-        if iteration == 0:
-            likelihood = gain
-        guess = _clip(spec, guess)
-    return guess, spread, implicit, likelihood, innovations
+    """Update with all sensors, one after the other; missing ones have use = 0.
+
+    Where the readings are not linear, lanes of the bank (`again`) update a second time, linearised at the first result.
+    The healthy lane does not: after a fault the first result lies far off, and there the readings depend on parameters
+    along which the covariance is still wide, so that a second update would explain any fault away.
+    """
+    reading, slope, implicit = model.measure(mean, fields["u"], implicit)
+    innovations = _marginal_innovations(spec, fields, reading, slope, covariance)
+    guess, spread, likelihood = _sequential(spec, fields, mean, covariance, reading, slope)
+    guess = _clip(spec, guess)
+    if model.measure_is_linear:
+        return guess, spread, implicit, likelihood, innovations
+    reading, slope, better = model.measure(guess, fields["u"], implicit)
+    expected = reading + slope @ (mean - guess)
+    second, spread_2, _ = _sequential(spec, fields, mean, covariance, expected, slope)
+    again = fields["again"] > 0
+    return (
+        ca.if_else(again, _clip(spec, second), guess),
+        ca.if_else(again, spread_2, spread),
+        ca.if_else(again, better, implicit) if implicit.numel() else implicit,
+        likelihood,
+        innovations,
+    )
 
 
 def _marginal_innovations(
@@ -115,7 +126,11 @@ def _marginal_innovations(
 def _sequential(
     spec: EngineSpec, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Scalar updates; gives mean, covariance and the gain in log-likelihood."""
+    """Scalar updates; gives mean, covariance and the gain in log-likelihood.
+
+    Once warm, the healthy lane learns from an innovation no more than the CUSUM counts of it (Huber's bound): a fault,
+    or a wild value, must not drag it along before the alarm. Lanes of the bank take all.
+    """
     shift = ca.SX.zeros(spec.n_joint)
     likelihood = ca.SX(0)
     for j, output in enumerate(spec.outputs):
@@ -125,7 +140,8 @@ def _sequential(
         innovation = fields["y"][j] - expected[j] - row @ shift
         use = fields["use"][j]
         weight = cross * (use / variance)
-        shift = shift + weight * innovation
+        most = ca.if_else(fields["bound"] > 0, fields["bound"], _NO_BOUND) * ca.sqrt(variance)
+        shift = shift + weight * ca.fmin(ca.fmax(innovation, -most), most)
         covariance = ca.triu2symm(ca.triu(covariance - weight @ cross.T))
         # In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit.
         relative = variance / output.noise**2

@@ -1,6 +1,7 @@
 """The `EngineSpec` of a model: what the on-line part must know, in array order."""
 
 from hashlib import sha256
+from importlib.metadata import version
 from itertools import combinations
 from math import ceil
 
@@ -18,7 +19,7 @@ from faultbond.spec import (
     Thresholds,
 )
 
-VERSION = "0.1.0"
+VERSION = version("faultbond")
 _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a step
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals

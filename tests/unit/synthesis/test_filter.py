@@ -104,7 +104,7 @@ def test_bent_reading_is_read_twice() -> None:
     spec, model, engine = built(RC.replace("reads: C.e", "reads: C.e**2/A") + "constants: {A: 1 V}\n")
     assert not model.measure_is_linear
     lane, noise = correlated(spec), spec.outputs[0].noise
-    sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0)
+    sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0, again=1.0)
     blind = sample.copy()
     blind[:, spec.sample_fields["use"]] = 0.0
     predicted = engine.advance(lane, blind)[0]
@@ -121,6 +121,19 @@ def test_bent_reading_is_read_twice() -> None:
     assert unpack(spec, found[spec.covariance_slice, 0]) == pytest.approx(P - np.outer(P @ h, P @ h) / S, abs=1e-12)
     assert found[-1, 0] == pytest.approx(likelihoods[0], rel=1e-10)
     assert innovations[0, 0, 0] == pytest.approx(9.0 - m[0] ** 2, rel=1e-12)
+
+
+def test_bounded_innovation_counts_so_far() -> None:
+    """With a bound, a far-off value moves the mean as far as one at the bound; the likelihood sees all of it."""
+    spec, _, engine = built(RC)
+    lane, common = correlated(spec), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0}
+    blind, found = engine.advance(lane, sample_of(spec, **common | {"use": 0.0}))
+    expected, sd = -found[0, 0, 0], np.sqrt(found[0, 1, 0])
+    at_bound, _ = engine.advance(lane, sample_of(spec, **common, y=expected + 3.0 * sd))
+    beyond, _ = engine.advance(lane, sample_of(spec, **common, y=expected + 30.0 * sd, bound=3.0))
+    assert beyond[: spec.n_joint, 0] == pytest.approx(at_bound[: spec.n_joint, 0], rel=1e-9)
+    assert np.any(beyond[: spec.n_joint, 0] != blind[: spec.n_joint, 0])
+    assert beyond[-1, 0] == pytest.approx(at_bound[-1, 0] - 0.5 * (30.0**2 - 3.0**2), rel=1e-9)
 
 
 def test_parameters_stay_in_their_range() -> None:
