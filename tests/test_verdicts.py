@@ -67,7 +67,7 @@ sensors: {v: {reads: n.e, unit: V, noise: 10 mV}}
 
 
 def test_fault_is_not_explained_away(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A step of 30 noises in a plant without memory alarms, though its parameters could explain it, and all share it."""
+    """A step of 30 noises in a plant without memory alarms, though its parameters could explain it; they share it."""
     (tmp_path / "model.yaml").write_text(DIVIDER)
     noise = np.random.default_rng(1).normal(0.0, 0.01, 600)
     lines = ["time,V,v"]
