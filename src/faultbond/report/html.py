@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from faultbond.model.graph import BondGraph
 from faultbond.report.charts import payload, sections
 from faultbond.report.drawing import draw
-from faultbond.report.numbers import Notation, clock_text, duration_text
+from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text
 from faultbond.report.verdict import (
     Counts,
     component_probabilities,
@@ -57,7 +57,7 @@ def render_report(
     return environment.get_template("report.html.j2").render(
         name=graph.name,
         state=_state(history, counts),
-        verdict=verdict_sentence(graph, history, counts, Notation.PRINT).replace(" %", NO_BREAK + "%"),
+        verdict=_unbroken(verdict_sentence(graph, history, counts, Notation.PRINT)),
         cards=_cards(history, counts),
         facts=_facts(graph, history, engine_title, version),
         diagnosed_at=clock_text(diagnosis.time) if diagnosis else "",
@@ -73,6 +73,11 @@ def render_report(
         licence=_static("uPlot.LICENSE"),
         script=_static("report.js"),
     )
+
+
+def _unbroken(sentence: str) -> str:
+    """Keep a number and its power of ten, and a number and its per cent sign, on one line."""
+    return sentence.replace(" %", f"{NO_BREAK}%").replace(f" {TIMES} ", f"{NO_BREAK}{TIMES}{NO_BREAK}")
 
 
 def _state(history: History, counts: Counts) -> str:
