@@ -67,7 +67,8 @@ def traces(found: Page, chart: int) -> dict[str, list[float | None]]:
 def test_verdict_is_the_headline(history: History) -> None:
     """The page's headline names the component."""
     headline = "".join(page(history).texts["h1"])
-    assert headline.startswith("Most likely the pipe changed: K1 rose from 2.41 \N{MULTIPLICATION SIGN} 10¹¹")
+    number = "2.41\N{NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NO-BREAK SPACE}10¹¹"
+    assert headline.startswith(f"Most likely the pipe changed: K1 rose from {number}")
 
 
 def test_all_sections_of_a_faulty_run(history: History) -> None:
