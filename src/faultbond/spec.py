@@ -81,6 +81,7 @@ class Thresholds:
     cusum_drift: float = 0.3
     cusum_limit: float = 25.0
     cusum_clip: float = 3.0
+    learning_bound: float = 6.0
     slow_error_limit: float = 1.6
     cost_per_suspect: float = 5.0
     group_nats: float = 3.0

@@ -21,6 +21,7 @@ MEANING = {
     "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
     "cusum_limit": "CUSUM: limit at which it alarms",
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
+    "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
     "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
     "cost_per_suspect": "cost of each suspect of a set, nats",
     "group_nats": "sets closer to the best than this are not told apart, nats",

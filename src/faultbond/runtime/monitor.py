@@ -191,7 +191,7 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     ]
     begun = state.index if state.begun < 0 else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
-        packed[place["bound"]] = spec.thresholds.cusum_clip
+        packed[place["bound"]] = spec.thresholds.learning_bound
     return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
 
 

@@ -128,8 +128,8 @@ def _sequential(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Scalar updates; gives mean, covariance and the gain in log-likelihood.
 
-    Once warm, the healthy lane learns from an innovation no more than the CUSUM counts of it (Huber's bound): a fault,
-    or a wild value, must not drag it along before the alarm. Lanes of the bank take all.
+    Once warm, the healthy lane learns from an innovation only up to a bound (Huber's): a fault, or a wild value, must
+    not drag it along before the alarm. Lanes of the bank take all.
     """
     shift = ca.SX.zeros(spec.n_joint)
     likelihood = ca.SX(0)
