@@ -120,6 +120,9 @@ def test_bent_reading_is_read_twice() -> None:
     assert found[:4, 0] == pytest.approx(guess, rel=1e-10)
     assert unpack(spec, found[spec.covariance_slice, 0]) == pytest.approx(P - np.outer(P @ h, P @ h) / S, abs=1e-12)
     assert found[-1, 0] == pytest.approx(likelihoods[0], rel=1e-10)
+    once, _ = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0))
+    h = np.array([2.0 * m[0], 0.0, 0.0, 0.0])
+    assert once[:4, 0] == pytest.approx(m + P @ h / (h @ P @ h + noise**2) * (9.0 - m[0] ** 2), rel=1e-10)
     assert innovations[0, 0, 0] == pytest.approx(9.0 - m[0] ** 2, rel=1e-12)
 
 

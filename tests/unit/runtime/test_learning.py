@@ -1,0 +1,77 @@
+"""What the healthy filter and the bank learn from a sample: the engine is asked differently for each."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from made import plant, recorded, run
+
+from faultbond.runtime import monitor
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.simulate import Fault
+from faultbond.spec import Engine, EngineSpec
+from faultbond.types import FloatArray
+
+FAULT = Fault(parameter="R", factor=2.0, start=2.4)
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """An engine that keeps what it was asked: (number of lanes, samples)."""
+
+    inner: Engine
+    calls: list[tuple[int, FloatArray]] = field(default_factory=list)
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "recorder"
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Keep and pass on."""
+        self.calls.append((lanes.shape[1], samples.copy()))
+        return self.inner.advance(lanes, samples)
+
+
+def asked(rows: int) -> tuple[EngineSpec, monitor.State, list[tuple[int, FloatArray]]]:
+    """Run a motor with a fault; give what the engine was asked."""
+    _, spec, engine = plant("dc_motor")
+    recorder = Recorder(engine)
+    state, _ = run(spec, recorder, recorded("dc_motor", rows, FAULT))
+    assert state.alarm >= 0
+    return spec, state, recorder.calls
+
+
+def test_bank_linearises_twice_without_bound() -> None:
+    """Every sample that lanes of the bank see asks for a second update and sets no bound on innovations."""
+    spec, _, calls = asked(300)
+    place = spec.sample_fields
+    bank = [samples for lanes, samples in calls if lanes == plan_lanes(spec).n_lanes]
+    assert len(bank) > 100
+    assert all(np.all(samples[:, place["again"]] == 1.0) for samples in bank)
+    assert all(np.all(samples[:, place["bound"]] == 0.0) for samples in bank)
+
+
+def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
+    """The monitor's own lane never updates twice; its innovations are bounded once the warm-up is over."""
+    spec, state, _ = asked(300)
+    place, depth = spec.sample_fields, len(state.trail_times)
+    warm = state.begun + spec.thresholds.warm_up_samples
+    for index in range(state.begun, state.index):
+        packed = state.trail_samples[index % depth]
+        assert packed[place["again"]] == 0.0
+        assert packed[place["bound"]] == (spec.thresholds.learning_bound if index >= warm else 0.0)
+
+
+def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bank begins again exactly at the samples that are set for it, counted from the alarm."""
+    renewed = []
+
+    def renew(*arguments: object) -> object:
+        renewed.append(len(arguments))
+        return arguments[-1]
+
+    monkeypatch.setattr(monitor, "renew_bank", renew)
+    _, spec, engine = plant("dc_motor")
+    state, _ = run(spec, engine, recorded("dc_motor", 400, FAULT))
+    assert len(renewed) == sum(state.alarm + wait < state.index for wait in monitor.RENEWALS) > 1

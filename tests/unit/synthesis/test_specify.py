@@ -1,0 +1,27 @@
+"""The contract of a model: what is not stated in its file is worked out here."""
+
+from pathlib import Path
+
+import pytest
+
+from faultbond.model.text import parse_model
+from faultbond.synthesis.engine import build_model
+from faultbond.synthesis.specify import build_spec
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+MOTOR = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+
+
+def test_states_that_a_sensor_reads_get_process_noise() -> None:
+    """A state gets a fiftieth of the noise of the sensor that reads it; one that no sensor reads gets none."""
+    noise = {state.name: state.noise for state in build_spec(build_model(parse_model(MOTOR))).states}
+    assert noise == {"armature.f": 0.0, "shaft.f": pytest.approx(0.02 * 0.06)}
+
+
+def test_healthy_value_may_scatter_about_the_end_of_its_range() -> None:
+    """A healthy value at an end of its range may be estimated four accuracies beyond; elsewhere the range holds."""
+    text = MOTOR.replace("{R: 3 ohm}", "{R: {nominal: 3 ohm, range: [3 ohm, 9 ohm]}}")
+    limits = {item.name: item for item in build_spec(build_model(parse_model(text))).parameters}
+    assert limits["R"].lower == pytest.approx(1.0 - 4.0 * 0.03)
+    assert limits["R"].upper == pytest.approx(3.0)
+    assert (limits["L"].lower, limits["L"].upper) == (0.02, 50.0)
