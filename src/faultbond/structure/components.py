@@ -1,7 +1,7 @@
 """The component network: what holds within one time frame, and from a frame to the one before.
 
-Frame 0 is the newest sample, frame 1 the sample before it, and so on. An equation stands once in every frame; it relates
-signals of its own frame and, in the sum of a store, of the frame before: `shaft.f@1` is `shaft.f` one frame earlier.
+Frame 0 is the newest sample, frame 1 the sample before it, and so on. An equation stands once in every frame; it
+relates signals of its own frame and, in the sum of a store, of the frame before: `shaft.f@1` is one frame earlier.
 Stores follow backward Euler, as in the thesis. The parameter of a linear store acts on the rate of its effort or flow:
 `L.e = L*L.rate`, and `L.sum` is `L.rate*dt = i - i@1`. Any other store sums its content: `tank.sum` is
 `dt*tank.f = tank.q - tank.q@1`. Measured signals carry the name of their input or sensor.
@@ -180,8 +180,8 @@ def _signal_order(residual: Expression, law: Constraint, graph: BondGraph) -> tu
     """At a junction what leads on to another part comes first; in a law the effort comes before the flow."""
     used = names(residual)
     if law.owner in {item.name for item in graph.junctions}:
-        through = {item.name for item in graph.components if item.type.n_ports == 2}
-        through |= {item.name for item in graph.junctions}
+        two_ports = {item.name for item in graph.components if item.type.n_ports == 2}
+        through = two_ports | {item.name for item in graph.junctions}
         return tuple(sorted(used, key=lambda name: name.partition(".")[0] not in through))
     return tuple(sorted(used, key=lambda name: not name.partition(".")[2].startswith("e")))
 
