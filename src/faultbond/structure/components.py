@@ -143,7 +143,7 @@ def _aliases(graph: BondGraph, network: ConstraintNetwork) -> tuple[dict[str, st
                 signal, source = (two, one) if one in inputs else (one, two)
                 if signal in network.signals:
                     aliases.setdefault(signal, source)
-    taken = inputs | {item.name for item in (*graph.parameters, *graph.constants)}
+    taken = inputs | {item.name for item in graph.parameters} | {item.name for item in graph.constants}
     states = {store.name for store in (*network.states, *network.dependent)}
     redundant = []
     for sensor, reading in zip(graph.sensors, network.readings, strict=True):
