@@ -185,7 +185,7 @@ def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_
     v, u, z = arguments
     dt = ca.SX.sym("dt")
     h = dt / substeps
-    x, rest = v[:n_x], v[n_x:]
+    x, rest = ca.vertsplit(v, [0, n_x, v.numel()])  # slicing a scalar would turn it
     slope = ca.horzcat(ca.SX.eye(n_x), ca.SX(n_x, rest.numel()))  # of x by v
     still = ca.horzcat(ca.SX(rest.numel(), n_x), ca.SX.eye(rest.numel()))  # of rest by v
     solved = z

@@ -280,3 +280,17 @@ def test_coordinates_and_contents_are_inverse() -> None:
     contents = model.contents(x, theta).full()[:, 0]
     assert contents == pytest.approx([C * x[0], L * x[1]], rel=1e-12)
     assert model.coordinates(contents, theta).full()[:, 0] == pytest.approx(x, rel=1e-12)
+
+
+def test_plant_of_two_sources_has_a_step() -> None:
+    """One parameter and no state: the joint vector is a scalar and still passes."""
+    model = build_step_model(
+        build_plant(
+            parse_model(
+                "name: p\nsample_time: 1 s\ninputs: {V: {unit: V}}\ncomponents:\n  source: {type: Se, law: e = V}\n"
+                "  sink: {type: Sf, law: f = Q, parameters: {Q: 3 A}}\njunctions: {line: 0}\n"
+                "bonds: [source -> line, line -> sink]\nsensors: {i: {reads: sink.f, unit: A, noise: 1 mA}}\n"
+            )
+        )
+    )
+    assert model.measure([2.0], [5.0], [])[0] == 2.0 * 3.0
