@@ -41,6 +41,7 @@ LATE_IMPORTS = (
     ("model", "pint"),
     ("io", "pyarrow"),
     ("synthesis", "casadi"),
+    ("app", "faultbond.analysis"),  # loads casadi and sympy
     ("app", "faultbond.synthesis"),  # loads casadi
     ("app", "faultbond.simulate"),  # loads casadi and scipy
     ("app", "faultbond.structure"),  # loads scipy
