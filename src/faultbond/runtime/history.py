@@ -18,16 +18,20 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A tested set of suspects with its posterior probability; `group`: cannot be told from the best."""
+    """A tested set of suspects with its posterior probability; `group`: cannot be told from the best.
+
+    blocks: suspected parts that have no parameter, such as gates; they behave in a way that is not known.
+    """
 
     suspects: tuple[Suspect, ...]
     probability: float
     group: bool
+    blocks: tuple[str, ...] = ()
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Owners of the suspects, each once."""
-        return tuple(dict.fromkeys(suspect.component for suspect in self.suspects))
+        """Owners of the suspects and suspected blocks, each once."""
+        return tuple(dict.fromkeys((*(suspect.component for suspect in self.suspects), *self.blocks)))
 
     @property
     def parameters(self) -> tuple[str, ...]:
