@@ -1,0 +1,91 @@
+"""Runs on which a plant is judged: random ones near its nominal behaviour, and a recording.
+
+A random run excites all that the plant has: inputs jump at every sample, over decades and in both signs, and the steps
+in time range from the fastest to the slowest time constant, so that no mode hides. The rank of what is seen does not
+depend on such choices, except by accident; several runs guard against accidents.
+"""
+
+from math import ceil
+
+import numpy as np
+
+from faultbond.analysis.sensitivity import Experiment, Recursion
+from faultbond.dynamics.step import StepModel, reference_inputs
+from faultbond.model.graph import BondGraph, Parameter
+from faultbond.types import FloatArray
+
+PARAMETER_SPREAD = 0.05  # of nominal; of `scale` where the nominal is 0
+START_SPREAD = 0.1
+PERCENT_RANGE = (20.0, 100.0)
+# Decades of the sizes of other inputs, in units of the model file, and whether they change sign.
+INPUT_KINDS = (((-0.5, 1.0), False), ((-0.5, 1.0), True), ((1.0, 2.0), False), ((-4.0, -1.0), True))
+_LEAST_SAMPLES, _MOST_SAMPLES = 25, 600
+_SPARE = 1.5  # readings per unknown
+_STEP_RANGE = (0.3, 3.0)  # of the fastest and the slowest time constant
+_FAR = 1e5  # a time constant so many samples long or short is none
+_NO_MODE = 10.0  # samples per step where the plant only integrates
+
+
+def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) -> tuple[Experiment, ...]:
+    """Give one random run for each of `INPUT_KINDS`, all of the same length."""
+    graph = model.plant.graph
+    rng = np.random.default_rng(seed)
+    n_unknown = len(graph.parameters) + len(model.states)
+    n = int(np.clip(ceil((_SPARE * n_unknown + 10) / len(graph.sensors)), _LEAST_SAMPLES, _MOST_SAMPLES))
+    nominal = np.array([item.nominal for item in graph.parameters])
+    reference = model.contents(model.reference_state, nominal).full()[:, 0]
+    shortest, longest = _step_range(model, recursion, reference)
+    found = []
+    for decades, signed in INPUT_KINDS:
+        dt = np.exp(rng.uniform(np.log(shortest), np.log(longest), n))
+        dt[0] = 0.0
+        theta = np.array([_near(item, rng) for item in graph.parameters])
+        found.append(
+            Experiment(
+                start=reference * (1.0 + START_SPREAD * rng.standard_normal(len(reference))),
+                inputs=_random_inputs(graph, rng, n, decades, signed),
+                dt=dt,
+                theta=theta,
+                implicit=model.reference_implicit,
+            )
+        )
+    return tuple(found)
+
+
+def _near(item: Parameter, rng: np.random.Generator) -> float:
+    """Give a value near the nominal, inside the range."""
+    value = item.nominal + PARAMETER_SPREAD * item.scale * rng.standard_normal()
+    return float(np.clip(value, item.lower, item.upper))
+
+
+def _random_inputs(
+    graph: BondGraph, rng: np.random.Generator, n: int, decades: tuple[float, float], signed: bool
+) -> FloatArray:
+    """Give inputs, shape (n, n_inputs), that jump at every sample; percent is drawn from `PERCENT_RANGE`."""
+    columns = []
+    for item in graph.inputs:
+        if item.unit.text == "percent":
+            columns.append(rng.uniform(*PERCENT_RANGE, n))
+            continue
+        sizes = 10.0 ** rng.uniform(*decades, n)
+        values = sizes * rng.choice([-1.0, 1.0], n) if signed else sizes
+        columns.append(np.array([item.unit.to_si(float(value)) for value in values]))
+    return np.array(columns).T.reshape(n, len(graph.inputs))
+
+
+def _step_range(model: StepModel, recursion: Recursion, reference: FloatArray) -> tuple[float, float]:
+    """Give the shortest and the longest step that the plant's time constants ask for, in seconds."""
+    graph = model.plant.graph
+    grid = graph.sample_time if graph.sample_time is not None else 1.0
+    n_x = len(model.states)
+    nominal = np.array([item.nominal for item in graph.parameters])
+    u, z = reference_inputs(model.plant), model.reference_implicit
+    slope = recursion.misfit(reference, z, reference, u, nominal, 1.0)[1].full()
+    matrix = np.eye(n_x) - slope[:n_x, :n_x]
+    if len(z):
+        matrix = matrix + slope[:n_x, n_x:] @ np.linalg.lstsq(slope[n_x:, n_x:], slope[n_x:, :n_x], rcond=None)[0]
+    speeds = np.abs(np.linalg.eigvals(matrix)) if np.all(np.isfinite(matrix)) else np.zeros(0)
+    constants = 1.0 / speeds[(speeds * grid < _FAR) & (speeds * grid > 1.0 / _FAR)]
+    if not len(constants):
+        constants = np.array([_NO_MODE * grid])
+    return _STEP_RANGE[0] * float(constants.min()), _STEP_RANGE[1] * float(constants.max())

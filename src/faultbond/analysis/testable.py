@@ -1,0 +1,128 @@
+"""Which sets of suspects are worth testing.
+
+A set is identifiable where its sensitivities are independent: data then fix the values of all its parameters. It is
+falsifiable where the plant as a whole can show more than the set can explain: data then can contradict it. Testable is
+what is both. Source: thesis 4.6, 6.1.2 (sets that explain anything); rank by automatic differentiation instead of
+solving.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, islice
+from math import comb
+
+from faultbond.analysis.experiment import random_experiments
+from faultbond.analysis.ranks import Rank, Reduced, near_border, reduce, smallest_values
+from faultbond.analysis.sensitivity import Recursion, build_recursion, sensitivities
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import StructureError
+
+MOST_SETS = 20_000  # sets judged, small ones first
+EXPLAINS_ANYTHING = "explains anything"
+NOT_IDENTIFIABLE = "not identifiable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What data can tell of a set of suspects, given by their positions in `BondGraph.parameters`.
+
+    uncertain: the sensitivities are so nearly dependent that rounding decides; the set then counts as identifiable.
+    """
+
+    parameters: tuple[int, ...]
+    identifiable: bool
+    falsifiable: bool
+    uncertain: bool
+
+    @property
+    def testable(self) -> bool:
+        """Whether data can both fix the parameters and contradict the set."""
+        return self.identifiable and self.falsifiable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """The verdict on every set up to a size; `left_out` sets, the largest, were not judged."""
+
+    rank: Rank
+    verdicts: tuple[Verdict, ...]
+    left_out: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """Sets for the bank to test, and those dropped with the reason."""
+
+    sets: tuple[tuple[int, ...], ...]
+    dropped: tuple[tuple[tuple[int, ...], str], ...]
+
+
+def generic_sensitivities(model: StepModel, recursion: Recursion | None = None) -> Reduced:
+    """Give what a plant can show when everything is excited: of several random runs, the one of the largest rank.
+
+    Raises
+    ------
+    StructureError
+        Where the equations have no finite solution along any of the runs.
+    """
+    recursion = recursion if recursion is not None else build_recursion(model.plant)
+    runs = sensitivities(recursion, random_experiments(model, recursion))
+    found = [reduce(run) for run in runs if run is not None]
+    if not found:
+        graph = model.plant.graph
+        raise StructureError(
+            f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
+            "check the laws, their units and the nominal values"
+        )
+    return max(found, key=lambda item: (item.rank.least, item.rank.clear, item.rank.kept))
+
+
+def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
+    """Give the verdict on every set of suspects of at most `largest` members.
+
+    Parameters
+    ----------
+    reduced : what the plant shows, generic or on a recording
+    suspects : positions of parameters
+    largest : size of a set
+    """
+    verdicts: list[Verdict] = []
+    total = sum(comb(len(suspects), size) for size in range(1, largest + 1))
+    for size in range(1, min(largest, len(suspects)) + 1):
+        sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
+        if not sets:
+            break
+        counts, unsure = near_border(reduced, smallest_values(reduced, sets))
+        for chosen, identifiable, uncertain in zip(sets, counts, unsure, strict=True):
+            verdicts.append(
+                Verdict(
+                    parameters=chosen,
+                    identifiable=bool(identifiable),
+                    falsifiable=size < reduced.rank.value if identifiable else False,
+                    uncertain=bool(uncertain) or not reduced.rank.clear,
+                )
+            )
+    return Judgement(rank=reduced.rank, verdicts=tuple(verdicts), left_out=total - len(verdicts))
+
+
+def testable_sets(judgement: Judgement) -> Choice:
+    """Choose the sets for the bank: the testable ones.
+
+    Where none is testable, as in a circuit of which only one time constant shows, the smallest identifiable sets are
+    chosen, else the single suspects: the bank then has at least something to estimate.
+    """
+    verdicts = judgement.verdicts
+    sets = tuple(item.parameters for item in verdicts if item.testable)
+    for fallback in ([item for item in verdicts if item.identifiable], verdicts):
+        if not sets and fallback:
+            smallest = min(len(item.parameters) for item in fallback)
+            sets = tuple(item.parameters for item in fallback if len(item.parameters) == smallest)
+    kept = set(sets)
+    return Choice(
+        sets=sets,
+        dropped=tuple(
+            (item.parameters, EXPLAINS_ANYTHING if item.identifiable else NOT_IDENTIFIABLE)
+            for item in verdicts
+            if item.parameters not in kept
+        ),
+    )
