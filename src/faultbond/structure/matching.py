@@ -42,18 +42,22 @@ class Decomposition:
     under: Part
 
 
-def match(equations: Equations, n_variables: int) -> tuple[int, ...]:
+def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> tuple[int, ...]:
     """Give for each variable the equation that determines it, or -1: as many as possible.
+
+    start: a matching of the first variables, such as of a model that has grown since.
 
     Earlier equations come first: an equation that is left over could not be matched without unmatching one before it.
     (Models of more than 20 000 entries are matched in C without this preference.)
     """
     if sum(map(len, equations)) > _LARGE:
         return _match_large(equations, n_variables)
-    matched = [-1] * n_variables
-    held = [-1] * len(equations)  # the variable that an equation determines
+    matched = [*start, *[-1] * (n_variables - len(start))]
+    held = holdings(equations, matched)
     lost: set[int] = set()  # variables from which no path leads to a free one, now and later
     for equation, variables in enumerate(equations):
+        if held[equation] >= 0:
+            continue
         for variable in variables:
             if matched[variable] < 0:
                 matched[variable], held[equation] = equation, variable

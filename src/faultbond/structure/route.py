@@ -26,7 +26,8 @@ class Question:
     known : further signals known in one frame, such as a state at the start or a rate
     hidden : observed signals that must not be used in one frame, such as the output that is predicted
     suspended : equations that must not be used, in any frame
-    frames : frames that may be opened, frame 0 included
+    frames : frames that may be opened, the newest included
+    newest : frame to begin with; equations of newer frames are not used
     causal : whether signals may only be found by the component that causes them (thesis 4.2.4)
     title : in words, for a heading
     """
@@ -38,6 +39,7 @@ class Question:
     hidden: frozenset[SignalAt] = frozenset()
     suspended: frozenset[str] = frozenset()
     frames: int = MAX_FRAMES
+    newest: int = 0
     causal: bool = False
     title: str = ""
 

@@ -1,0 +1,186 @@
+"""Routes by matching: polynomial, with the fewest frames.
+
+Frames are added until the equations fix every target (Dulmage and Mendelsohn 1958: it has left the under-determined
+part). Of the equations that could be spared the deepest are left out first. What the targets then need along the
+matching is the route: no part of it gives them, since as many equations as unknowns are needed whichever way they are
+matched. Sources: thesis 4.4.1 (what a route is); Pothen and Fan 1990.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from faultbond.errors import StructureError
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.matching import closure, match, redundant, undetermined
+from faultbond.structure.route import Question, Route, Step
+from faultbond.structure.unroll import (
+    Unrolled,
+    assemble,
+    causes,
+    check_question,
+    frame_limit,
+    in_words,
+    open_targets,
+    unroll,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solvable:
+    """Frames that fix every target, and a matching that is as large as possible."""
+
+    unrolled: Unrolled
+    matched: tuple[int, ...]
+    n_targets: int
+
+    @property
+    def targets(self) -> range:
+        """Indices of the targets among the unknowns."""
+        return range(self.n_targets)
+
+
+def find_route(network: ComponentNetwork, question: Question) -> Route:
+    """Give a route with the fewest frames.
+
+    A causal question is answered along causality where that is possible, otherwise in any direction.
+
+    Raises
+    ------
+    StructureError
+        Where no number of frames fixes the targets; names what stays undetermined.
+    """
+    check_question(network, question)
+    if question.causal:
+        route = _along_causality(network, question)
+        if route is not None:
+            return route
+    found = fewest_frames(network, question)
+    kept = spare(found)
+    return route_of(network, question, found, kept)
+
+
+def fewest_frames(network: ComponentNetwork, question: Question) -> Solvable:
+    """Add frames until every target is fixed.
+
+    Raises
+    ------
+    StructureError
+        Names a target and the unknown that nothing fixes.
+    """
+    n_targets = len(open_targets(question))
+    unrolled: Unrolled | None = None
+    matched: tuple[int, ...] = ()
+    for frames in range(1, frame_limit(network, question) + 1):
+        unrolled = unroll(network, question, frames, unrolled)
+        matched = match(unrolled.equations, len(unrolled.unknowns), matched)
+        if _is_fixed(range(n_targets), unrolled.equations, matched):
+            return Solvable(unrolled=unrolled, matched=matched, n_targets=n_targets)
+    raise _not_found(network, question, unrolled, matched)
+
+
+def _is_fixed(targets: Sequence[int], equations: Sequence[Sequence[int]], matched: Sequence[int]) -> bool:
+    """Whether no alternating path leads from an unknown without equation to a target."""
+    return all(matched[k] >= 0 for k in closure(targets, equations, matched)[1])
+
+
+def _not_found(
+    network: ComponentNetwork, question: Question, unrolled: Unrolled | None, matched: tuple[int, ...]
+) -> StructureError:
+    if unrolled is None:
+        raise AssertionError("there is at least one frame")
+    free = undetermined(unrolled.equations, len(unrolled.unknowns), matched)
+    lost = [unrolled.unknowns[k] for k in range(len(open_targets(question))) if k in free]
+    missing = dict.fromkeys(
+        unknown[0]
+        for k, unknown in enumerate(unrolled.unknowns)
+        if k in free and not isinstance(unknown, str) and unknown not in question.hidden
+    )
+    helpful = [name for name in missing if name not in question.observed]
+    advice = f"; a sensor of {' or '.join(helpful[:3])} may help" if helpful else ""
+    known = ", ".join(sorted(question.observed)) or "no measured signal"
+    return StructureError(
+        f"{network.file}: {', '.join(in_words(item) for item in lost)} cannot be found from {known}: "
+        f"it stays undetermined with {unrolled.frames} samples{advice}"
+    )
+
+
+def spare(found: Solvable) -> tuple[int, ...]:
+    """Leave out equations that the targets can do without, the deepest first; give the matching of the others."""
+    equations = found.unrolled.equations
+    matched = list(found.matched)
+    active = set(range(len(equations)))
+    while True:
+        rows = [row if e in active else () for e, row in enumerate(equations)]
+        needed, _ = closure(found.targets, equations, matched)
+        extra = [e for e in redundant(rows, matched) & set(needed) if rows[e]]
+        if not extra:
+            return tuple(matched)
+        worst = max(extra, key=lambda e: (found.unrolled.places[e][1], e))
+        active.discard(worst)
+        rows[worst] = ()
+        start = [-1 if e == worst else e for e in matched]
+        matched = list(match(rows, len(matched), start))
+
+
+def route_of(network: ComponentNetwork, question: Question, found: Solvable, matched: Sequence[int]) -> Route:
+    """Give the route along a matching: from the targets to what is known, breadth first."""
+    unrolled = found.unrolled
+    steps = []
+    queue = dict.fromkeys(found.targets)
+    order = list(queue)
+    for unknown in order:
+        name, frame = unrolled.places[matched[unknown]]
+        steps.append(Step(equation=name, frame=frame, finds=unrolled.unknowns[unknown]))
+        for other in unrolled.equations[matched[unknown]]:
+            if other not in queue:
+                queue[other] = None
+                order.append(other)
+    return assemble(network, question, steps)
+
+
+def _along_causality(network: ComponentNetwork, question: Question) -> Route | None:
+    """Give the route in which every signal is found by the equation that causes it; None if there is none."""
+    caused = causes(network)
+    unrolled: Unrolled | None = None
+    n_targets = len(open_targets(question))
+    for frames in range(1, frame_limit(network, question) + 1):
+        unrolled = unroll(network, question, frames, unrolled)
+        rows = [
+            tuple(k for k in row if _may_find(caused[name], frame, unrolled.unknowns[k]))
+            for (name, frame), row in zip(unrolled.places, unrolled.equations, strict=True)
+        ]
+        matched = match(rows, len(unrolled.unknowns))
+        if _is_fixed(range(n_targets), unrolled.equations, matched):
+            found = Solvable(unrolled=unrolled, matched=matched, n_targets=n_targets)
+            return route_of(network, question, found, matched)
+    return None
+
+
+def _may_find(caused: frozenset[str], frame: int, unknown: object) -> bool:
+    return isinstance(unknown, str) or (isinstance(unknown, tuple) and unknown[0] in caused and unknown[1] == frame)
+
+
+def earlier(route: Route, frames: int = 1) -> Route:
+    """Give the same route some frames earlier: what it found then, from what was known then."""
+    question = route.question
+    shifted = replace(
+        question,
+        targets=tuple(t if isinstance(t, str) else (t[0], t[1] + frames) for t in question.targets),
+        known=frozenset((name, frame + frames) for name, frame in question.known),
+        hidden=frozenset((name, frame + frames) for name, frame in question.hidden),
+        newest=question.newest + frames,
+    )
+    return replace(
+        route,
+        question=shifted,
+        steps=tuple(
+            Step(
+                equation=step.equation,
+                frame=step.frame + frames,
+                finds=step.finds if isinstance(step.finds, str) else (step.finds[0], step.finds[1] + frames),
+            )
+            for step in route.steps
+        ),
+        samples=tuple((name, frame + frames) for name, frame in route.samples),
+        known=tuple((name, frame + frames) for name, frame in route.known),
+    )
