@@ -11,7 +11,7 @@ IntArray = NDArray[np.intp]
 
 
 class ElementType(Enum):
-    """Bond graph element of a component. Source: thesis 3.2.2."""
+    """What a component is: a bond graph element (thesis 3.2.2), or a block between signals (thesis 3.4)."""
 
     R = "R"
     C = "C"
@@ -20,6 +20,7 @@ class ElementType(Enum):
     GY = "GY"
     SE = "Se"
     SF = "Sf"
+    BLOCK = "block"
 
     @property
     def is_store(self) -> bool:
@@ -33,7 +34,9 @@ class ElementType(Enum):
 
     @property
     def n_ports(self) -> int:
-        """Number of bonds that the element needs."""
+        """Number of bonds that the element needs; a block has none."""
+        if self is ElementType.BLOCK:
+            return 0
         return 2 if self in (ElementType.TF, ElementType.GY) else 1
 
 
@@ -45,10 +48,11 @@ class JunctionType(Enum):
 
 
 class TimeGrid(Enum):
-    """How the engine steps through time."""
+    """How the engine steps through time; NONE: it does not, each row is an observation by itself."""
 
     FIXED = "fixed"
     VARIABLE = "variable"
+    NONE = "none"
 
 
 class Method(Enum):

@@ -3,7 +3,7 @@
 Smoothing, and its width: `sqrt(x)` is p / sqrt(p + w), p = max(x, 0), w = 1e-12 of the sizes of the terms of x. The
 root of a z|z| + b z + c = 0 uses sqrt(c^2 + w^2) for |c|, w = 1e-6 of the sizes of the terms of c, so a turbulent flow
 is laminar below about a thousandth of its usual size. `sign`, `abs`, `min`, `max`, `where` are exact; their derivative
-at the kink is that of one side, or 0 for `sign`.
+at the kink is that of one side, or 0 for `sign`. Logic is arithmetic of 0 and 1: `a & b` is a b, `~a` is 1 - a.
 """
 
 from collections.abc import Callable, Mapping
@@ -67,6 +67,12 @@ def _binary(operator: str, left: Expression, right: Expression, values: Mapping[
             return two < one
         case ">=":
             return two <= one
+        case "&":
+            return one * two
+        case "|":
+            return one + two - one * two
+        case "^":
+            return one + two - 2 * one * two
     raise AssertionError(operator)
 
 
@@ -95,6 +101,8 @@ def _call(function: str, arguments: tuple[Expression, ...], values: Mapping[str,
             for part in parts[1:]:
                 result = ca.fmin(result, part) if function == "min" else ca.fmax(result, part)
             return result
+        case "not":
+            return 1 - parts[0]
         case "where":
             return ca.if_else(parts[0], parts[1], parts[2])
         case "signed_root":

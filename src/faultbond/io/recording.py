@@ -41,18 +41,22 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """All that a model needs of a recording; `sample_time` gives rows their time where there is no time column."""
+    """All that a model needs of a recording.
+
+    sample_time: gives rows their time where there is no time column; None, as of a static network, is taken as 1 s.
+    """
 
     time: TimeColumn
     inputs: tuple[Column, ...]
     outputs: tuple[Column, ...]
     sample_time: float | None
 
-    @property
-    def needed(self) -> tuple[Column, ...]:
-        """Every column to look for: time, where there is one, then inputs, then outputs."""
-        clock = () if self.time.column is None else (Column(header=self.time.column, unit=self.time.unit, role="time"),)
-        return (*clock, *self.inputs, *self.outputs)
+    def needed(self, header: Sequence[str]) -> tuple[Column, ...]:
+        """Give every column to look for: time, where there is one, then inputs, then outputs."""
+        column = self.time.column
+        if column is None or (self.time.optional and column not in header):
+            return (*self.inputs, *self.outputs)
+        return (Column(header=column, unit=self.time.unit, role="time"), *self.inputs, *self.outputs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +130,7 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
     if not any(header):
         raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
     place = _locate(columns, header, title)
-    clock = _clock(columns)
+    clock = _clock(columns, by_number=place.time is None)
     number = 0
     for number, (line, values) in enumerate(records, start=1):
         moment = clock(number - 1, None if place.time is None else _field(values, place.time))
@@ -160,9 +164,9 @@ def _number(value: object) -> float:
     return number if math.isfinite(number) and not (isinstance(value, str) and "_" in value) else math.nan
 
 
-def _clock(columns: Columns) -> Callable[[int, object], float]:
+def _clock(columns: Columns, *, by_number: bool) -> Callable[[int, object], float]:
     """Give the function that tells the time of a row, in seconds, from its number and its time field."""
-    if columns.time.column is None:
+    if by_number:
         step = columns.sample_time or 1.0
         return lambda number, _: number * step
     unit = columns.time.unit
@@ -181,11 +185,12 @@ def _clock(columns: Columns) -> Callable[[int, object], float]:
 
 def _locate(columns: Columns, header: list[str], title: str) -> _Place:
     """Find the needed columns in the header."""
-    for column in columns.needed:
+    needed = columns.needed(header)
+    for column in needed:
         if header.count(column.header) != 1:
             raise RecordingError(_no_column(column, header, title))
     return _Place(
-        time=None if columns.time.column is None else header.index(columns.time.column),
+        time=header.index(needed[0].header) if needed and needed[0].role == "time" else None,
         inputs=tuple(header.index(column.header) for column in columns.inputs),
         outputs=tuple(header.index(column.header) for column in columns.outputs),
     )
@@ -291,7 +296,7 @@ def _parquet_records(path: Path, columns: Columns) -> Iterator[tuple[int, Sequen
             file = pyarrow.parquet.ParquetFile(path)
             found = file.schema_arrow.names
             yield 0, found
-            wanted = [column.header for column in columns.needed]
+            wanted = [column.header for column in columns.needed(found)]
             number = 0
             for batch in file.iter_batches(columns=wanted):
                 by_name = {name: _python_values(batch.column(name), pyarrow) for name in wanted}

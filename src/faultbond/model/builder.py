@@ -21,7 +21,7 @@ class ModelBuilder:
     Parameters
     ----------
     name : the model's name, which starts every error message
-    sample_time : `1 s`, or `variable`
+    sample_time : `1 s`, or `variable`, or `none` for a static block network
     max_faults, accuracy, warm_up, time : as in the model file; None leaves the default in force
 
     Example
@@ -83,6 +83,20 @@ class ModelBuilder:
         """Add an element, its law (two for TF and GY) and the parameters that it owns."""
         return self._add("components", name, {"type": type, "law": law, "parameters": parameters, "start": start})
 
+    def block(
+        self,
+        name: str,
+        law: str | Sequence[str],
+        *,
+        parameters: Mapping[str, Value | Fields] | None = None,
+        signals: Sequence[str] | None = None,
+        start: Mapping[str, Value] | None = None,
+        suspect: bool | None = None,
+    ) -> Self:
+        """Add a block: its laws, `y = K*x`, the parameters that it owns, and unknowns that no law defines."""
+        fields: Fields = {"law": law, "parameters": parameters, "signals": signals, "start": start, "suspect": suspect}
+        return self._add("blocks", name, fields)
+
     def junction(self, name: str, type: Value) -> Self:
         """Add a 0- or 1-junction."""
         return self._add("junctions", name, type)
@@ -93,9 +107,9 @@ class ModelBuilder:
         return self
 
     def sensor(
-        self, name: str, reads: str, *, noise: Value, unit: str | None = None, column: str | None = None
+        self, name: str, reads: str, *, noise: Value | None = None, unit: str | None = None, column: str | None = None
     ) -> Self:
-        """Add a measured output: a law of signals, and the standard deviation of its noise."""
+        """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
         return self._add("sensors", name, {"reads": reads, "unit": unit, "noise": noise, "column": column})
 
     def slow_error(
@@ -115,7 +129,8 @@ class ModelBuilder:
         entries = [Entry(key, self._node(value, key)) for key, value in self._settings.items() if value is not None]
         for key, section in self._sections.items():
             entries.append(Entry(key, Table(tuple(Entry(name, value) for name, value in section.items()))))
-        entries.append(Entry("bonds", Items(tuple(self._bonds))))
+        if self._bonds or "blocks" not in self._sections:
+            entries.append(Entry("bonds", Items(tuple(self._bonds))))
         return resolve(Table(tuple(entries)), self._source, "model")
 
     def _add(self, section: str, name: str, value: "Value | Sequence[Value] | Fields") -> Self:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import RATE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import constant_value, to_text
 from faultbond.model.source import shown
 from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
@@ -88,9 +88,11 @@ class Checker:
         self.regions = regions(plant)
 
     def _name(self, name: str) -> Form:
-        if "." not in name:
+        if name in self.values.measures:
             measure = self.values.measures[name]
             return Form(measure.dimension) if measure else Form(unknown=((name, ONE),))
+        if "." not in name:
+            return Form(unknown=((f"s:{name}", ONE),))  # a signal of a block network
         part, _, signal = name.partition(".")
         port = f"{part}.{signal[1:]}" if signal[1:] else part
         effort = Form(unknown=((f"e:{self.regions[port]}", ONE),))
@@ -145,6 +147,8 @@ class Checker:
         if function in _PURE:
             return Form(), self._pure(arguments[0], f"the argument of {function}()", where)
         form, free = self.infer(arguments[0], where)
+        if function == RATE:
+            return (None if form is None else form / Form(SECOND)), free
         if function == "sqrt":
             return (None if form is None else form ** Fraction(1, 2)), free
         return Form(), free

@@ -10,9 +10,20 @@ from faultbond.errors import ModelError
 from faultbond.model.defaults import ACCURACY, CHANGE, MAX_FAULTS, default_range, in_force
 from faultbond.model.elements import OWN_SIGNALS, default_laws
 from faultbond.model.expression import rename
-from faultbond.model.graph import BondGraph, Component, Input, Parameter, Sensor, SlowError, TimeColumn, Unit
+from faultbond.model.graph import (
+    LOGIC_UNIT,
+    BondGraph,
+    Component,
+    Input,
+    Parameter,
+    Sensor,
+    SlowError,
+    TimeColumn,
+    Unit,
+)
 from faultbond.model.parser import number_text, to_text
 from faultbond.model.units import measure
+from faultbond.types import ElementType, TimeGrid
 
 _PLAIN = re.compile(r"-?[A-Za-z0-9_.](?:[A-Za-z0-9_ .+\-*/^()=<>%]*[A-Za-z0-9_.+*/^()=<>%])?")
 
@@ -44,7 +55,7 @@ class _Writer:
     """Writes one graph."""
 
     def __init__(self, graph: BondGraph) -> None:
-        self.graph, self.defaults = graph, in_force(graph.defaults)
+        self.graph, self.defaults, self.static = graph, in_force(graph.defaults), graph.grid is TimeGrid.NONE
         self.parameters = {item.name: item for item in graph.parameters}
         self.accuracies = {item.name: self.spread_text(item, item.accuracy) for item in graph.parameters}
         own = [item.name for item in graph.parameters if self.stated_spread("accuracy", item, item.accuracy, ACCURACY)]
@@ -64,10 +75,12 @@ class _Writer:
         yield from self.head()
         yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.constants))
         yield from _section("inputs", ((item.name, self.input(item)) for item in graph.inputs))
-        yield from _section("components", ((item.name, self.component(item)) for item in graph.components))
+        parts = ((item.name, self.component(item)) for item in graph.components)
+        yield from _section("blocks" if graph.is_block_network else "components", parts)
         yield from _section("junctions", ((item.name, item.type.value) for item in graph.junctions))
-        yield "bonds:"
-        yield from (f"  - {bond.tail} -> {bond.head}" for bond in graph.bonds)
+        if not graph.is_block_network:
+            yield "bonds:"
+            yield from (f"  - {bond.tail} -> {bond.head}" for bond in graph.bonds)
         yield from _section("sensors", ((item.name, self.sensor(item)) for item in graph.sensors))
         yield from _section("slow_error", ((item.target, self.slow_error(item)) for item in graph.slow_errors))
 
@@ -75,38 +88,41 @@ class _Writer:
         graph = self.graph
         if self.stated("name"):
             yield f"name: {_scalar(graph.name)}"
-        yield f"sample_time: {'variable' if graph.sample_time is None else _seconds(graph.sample_time)}"
+        yield f"sample_time: {graph.grid.value if graph.sample_time is None else _seconds(graph.sample_time)}"
         if self.stated("max_faults", is_default=graph.max_faults == MAX_FAULTS):
             yield f"max_faults: {graph.max_faults}"
         if self.accuracy:
             yield f"accuracy: {self.accuracy}"
-        if self.stated("warm_up"):
+        if not self.static and self.stated("warm_up"):
             yield f"warm_up: {_seconds(graph.warm_up)}"
         if graph.time.column is None:
             yield "time: none"
-        elif self.stated("time", is_default=graph.time == TimeColumn()):
+        elif self.stated("time", is_default=graph.time == TimeColumn(optional=self.static)):
             column = _scalar(graph.time.column) if self.stated("time column") else ""
             unit = graph.time.unit.text if self.stated("time unit") else ""
             yield f"time: {_flow((('column', column), ('unit', unit)))}"
 
     def input(self, item: Input) -> str:
-        has_noise = self.stated("noise", item.name, is_default=item.noise == 0)
         has_settling = self.stated("settling", item.name, is_default=item.settling == 0)
         return _flow(
             (
                 ("unit", item.unit.text),
                 ("column", self.column(item)),
-                ("noise", _difference(item.noise, item.unit) if has_noise else ""),
-                ("settling", _seconds(item.settling) if has_settling else ""),
+                ("noise", self.noise(item)),
+                ("settling", _seconds(item.settling) if has_settling and not self.static else ""),
             )
         )
+
+    def noise(self, item: Input | Sensor) -> str:
+        has_noise = item.unit != LOGIC_UNIT and self.stated("noise", item.name, is_default=item.noise == 0)
+        return _difference(item.noise, item.unit) if has_noise else ""
 
     def column(self, item: Input | Sensor) -> str:
         stated = self.stated("column", item.name, is_default=item.column == item.name)
         return _scalar(item.column) if stated else ""
 
     def component(self, item: Component) -> str:
-        own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS[item.type]}
+        own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS.get(item.type, ())}
         sides = [
             [rename(side, lambda name: own.get(name, name)) for side in (law.left, law.right)] for law in item.laws
         ]
@@ -116,14 +132,16 @@ class _Writer:
         owned = ((name, self.parameter(self.parameters[name])) for name in item.parameters)
         start = ""
         if item.start is not None:
-            key = "q" if item.type.value == "C" else "p"
+            key = {"C": "q", "I": "p"}.get(item.type.value) or next(law.store for law in item.laws if law.store)
             start = f"{{{key}: {number_text(item.start.mean)}, sd: {number_text(item.start.sd)}}}"
         return _flow(
             (
-                ("type", item.type.value),
+                ("type", "" if item.type is ElementType.BLOCK else item.type.value),
                 ("law", law if self.stated("law", item.name, is_default=is_default) else ""),
                 ("parameters", _flow(owned) if item.parameters else ""),
+                ("signals", f"[{', '.join(item.signals)}]" if item.signals else ""),
                 ("start", start),
+                ("suspect", "" if item.suspect else "no"),
             )
         )
 
@@ -158,7 +176,7 @@ class _Writer:
             (
                 ("reads", _scalar(to_text(item.reads))),
                 ("unit", item.unit.text),
-                ("noise", _difference(item.noise, item.unit)),
+                ("noise", self.noise(item)),
                 ("column", self.column(item)),
             )
         )

@@ -16,14 +16,9 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """A name: parameter, constant or input (`K1`), or a signal (`pipe.f`)."""
+    """A name: parameter, constant or input (`K1`), or a signal: `pipe.f` of a bond graph, `x` of a block network."""
 
     text: str
-
-    @property
-    def is_signal(self) -> bool:
-        """Whether the name is `part.signal`."""
-        return "." in self.text
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +30,7 @@ class Negative:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """`left operator right`; operator one of `+ - * / **` or a comparison `< <= > >=`."""
+    """`left operator right`; operator one of `+ - * / **`, a comparison `< <= > >=`, or logic `& ^ |`."""
 
     operator: str
     left: "Expression"
@@ -44,13 +39,17 @@ class Binary:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function of the table `FUNCTIONS` applied to its arguments."""
+    """A function of the table `FUNCTIONS` applied to its arguments; in block networks also `not` and `der`."""
 
     function: str
     arguments: tuple["Expression", ...]
 
 
 Expression = Number | Name | Negative | Binary | Call
+
+LOGIC = ("&", "^", "|")  # operators between logic signals, the strongest first
+NOT = "not"  # Call(NOT, (x,)) is `~x`
+RATE = "der"  # Call(RATE, (Name("y"),)) is `der(y)`, the left side of a law that makes y a store
 
 FUNCTIONS: dict[str, int] = {  # name -> number of arguments; -1: two or more
     "abs": 1,

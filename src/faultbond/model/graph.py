@@ -1,13 +1,14 @@
-"""The bond graph as the user states it: names, laws, units, lines. All numbers are SI; percent stays percent.
+"""The bond graph, or the block network, as the user states it: names, laws, units, lines.
 
-Every field is resolved: laws carry full signal names (`pipe.f`, not `f`), defaults are filled in and listed in
-`BondGraph.defaults`, units are checked. Made by `faultbond.model.text` or `faultbond.model.builder` only.
-Source: thesis 3.2 (bond graphs); docs/model-file.md (keys and rules).
+All numbers are SI; percent stays percent. Every field is resolved: laws carry full signal names (`pipe.f`, not `f`;
+signals of blocks have no dot), defaults are filled in and listed in `BondGraph.defaults`, units are checked. Made by
+`faultbond.model.text` or `faultbond.model.builder` only.
+Source: thesis 3.2 (bond graphs), 3.4 to 3.9 (blocks); docs/model-file.md (keys and rules).
 """
 
 from dataclasses import dataclass
 
-from faultbond.model.expression import Expression
+from faultbond.model.expression import RATE, Call, Expression, Name
 from faultbond.types import ElementType, JunctionType, TimeGrid
 
 
@@ -30,6 +31,9 @@ class Unit:
     def difference_from_si(self, value: float) -> float:
         """Convert an SI difference (a standard deviation, say) to this unit."""
         return value / self.factor
+
+
+LOGIC_UNIT = Unit("logic")  # of a signal that is 0 or 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,16 +81,32 @@ class Input:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relation:
-    """A constitutive relation `left = right`; signals by full name. Units of the sides agree, or are undetermined."""
+    """A constitutive relation `left = right`; signals by full name. Units of the sides agree, or are undetermined.
+
+    The law of a block has a signal on the left, which it defines, or the rate of one, or it is an equation of any form.
+    """
 
     left: Expression
     right: Expression
     line: int = 0
 
+    @property
+    def store(self) -> str | None:
+        """The signal whose rate the law of a block gives, `y` of `der(y) = x/P`; None of any other law."""
+        match self.left:
+            case Call(function, (Name(text),)) if function == RATE:
+                return text
+        return None
+
+    @property
+    def signal(self) -> str | None:
+        """The signal that the law of a block defines, itself or by its rate; None of an equation of another form."""
+        return self.left.text if isinstance(self.left, Name) else self.store
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Known start of a store: SI mean and standard deviation of `q` or `p`."""
+    """Known start of a store: SI mean and standard deviation of `q` or `p`, or of the signal of a block."""
 
     mean: float
     sd: float
@@ -94,9 +114,11 @@ class Start:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """An element with its laws.
+    """An element, or a block, with its laws.
 
     Port signals: `name.e name.f`, or `name.e1 name.f1 name.e2 name.f2` (TF, GY); stores add `name.q` (C), `name.p` (I).
+    A block has no ports; `signals` are the unknowns that it states beside those which its laws define. `suspect` is
+    False for a block that is trusted.
     """
 
     name: str
@@ -104,6 +126,8 @@ class Component:
     laws: tuple[Relation, ...]
     parameters: tuple[str, ...] = ()
     start: Start | None = None
+    signals: tuple[str, ...] = ()
+    suspect: bool = True
     line: int = 0
 
 
@@ -142,7 +166,7 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowError:
-    """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or of a sensor (its name).
+    """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or, with `is_sensor`, of a sensor (its name).
 
     `sd` is relative (0.02) when `relative`, else SI. After a change of an input in `after` by D (SI) the sd is larger
     by `each` * D for a while. `memory` in seconds.
@@ -154,27 +178,27 @@ class SlowError:
     memory: float
     after: tuple[str, ...] = ()
     each: float = 0.0
+    is_sensor: bool = False
     line: int = 0
-
-    @property
-    def is_sensor(self) -> bool:
-        """Whether a sensor, not a signal of the plant, is in error."""
-        return "." not in self.target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeColumn:
-    """Where time stands in a recording; `column` None: row number times sample time."""
+    """Where time stands in a recording; `column` None: row number times sample time.
+
+    optional: where a recording has no such column, the row number serves.
+    """
 
     column: str | None = "time"
     unit: Unit = Unit("s")
+    optional: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BondGraph:
-    """A plant, complete and checked.
+    """A plant, complete and checked: a bond graph, or a block network, whose components are blocks without bonds.
 
-    `sample_time` is None where `grid` is VARIABLE. `defaults` lists (thing, value) for every default in force.
+    `sample_time` is None unless `grid` is FIXED. `defaults` lists (thing, value) for every default in force.
     """
 
     name: str
@@ -194,6 +218,37 @@ class BondGraph:
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`
+
+    @property
+    def is_block_network(self) -> bool:
+        """Whether the components are blocks, not elements joined by bonds."""
+        return any(item.type is ElementType.BLOCK for item in self.components)
+
+    @property
+    def is_logic(self) -> bool:
+        """Whether the signals are 0 or 1 and the laws logic; a network is all logic or all numbers."""
+        return any(item.unit == LOGIC_UNIT for item in self.sensors)
+
+    @property
+    def block_signals(self) -> tuple[str, ...]:
+        """Signals of a block network in the order of the file: defined by a law, or stated as unknown."""
+        return tuple(
+            name
+            for item in self.components
+            for name in (*(law.signal for law in item.laws if law.signal is not None), *item.signals)
+            if item.type is ElementType.BLOCK
+        )
+
+    @property
+    def suspect_blocks(self) -> tuple[str, ...]:
+        """Blocks that are suspects themselves: those without `suspect: no`, in a network without a suspect parameter.
+
+        Where any parameter is a suspect, the parameters are the suspects and blocks without one are structure.
+        Source: thesis 3.6 and 6.4.1 (blocks without parameters), 3.7 (parameters).
+        """
+        if not self.is_block_network or any(item.suspect for item in self.parameters):
+            return ()
+        return tuple(item.name for item in self.components if item.suspect)
 
     def parameter(self, name: str) -> Parameter:
         """Give the parameter of that name; KeyError if there is none."""

@@ -10,7 +10,7 @@ from faultbond.model.elements import DEFAULT_LAWS, MUST_NAME, OWN_SIGNALS, defau
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.parser import arithmetic, parse_expression, parse_relation, to_text
-from faultbond.model.quantities import Quantity, quantity, spread
+from faultbond.model.quantities import quantity, spread
 from faultbond.model.source import Entry, Items, Source, closest, shown
 from faultbond.model.units import Measure
 from faultbond.model.values import Values, same_unit
@@ -34,6 +34,10 @@ class LawReader:
         self.source, self.plant, self.values, self.defaults = source, plant, values, defaults
         self.nominals = values.nominals
         self.starts: list[StartEntry] = []
+
+    def is_signal(self, name: str) -> bool:
+        """Whether a resolved name is that of a signal."""
+        return "." in name
 
     def components(self) -> tuple[Component, ...]:
         """Give all components with their laws."""
@@ -70,11 +74,8 @@ class LawReader:
 
     def _law_texts(self, part: Part, parameters: tuple[str, ...]) -> list[tuple[str, int]]:
         """Give the laws as texts with their lines; the default ones where none is stated."""
-        what = f"law of {part.name}"
         if "law" in part.fields:
-            node = part.fields["law"].value
-            nodes = node.items if isinstance(node, Items) else (node,)
-            return [(self.source.text(item, what), item.line) for item in nodes]
+            return stated_laws(self.source, part)
         if part.type in DEFAULT_LAWS and len(parameters) == 1:
             texts = default_laws(part.type, parameters[0])
             self.defaults.add("law", " and ".join(texts), part.name)
@@ -152,33 +153,44 @@ class LawReader:
         if not part.type.is_store:
             raise self.source.error(entry, f"{what}: only C and I elements have a start; remove it")
         key = "q" if part.type is ElementType.C else "p"
-        fields = self.source.fields(entry.value, what, (key, "sd"))
-        for needed in (key, "sd"):
-            if needed not in fields:
-                problem = f"`{needed}` is missing; write `start: {{{key}: .., sd: ..}}`"
-                raise self.source.error(entry, f"{what}: {problem}")
-        mean = self._start_quantity(fields[key], what)
-        deviation = spread(*self._text_of(fields["sd"], f"{what}: sd"), mean.measure)
-        measure = mean.measure
-        if deviation.quantity is not None and measure is not None:
-            same_unit(self.source, fields["sd"], f"{what}: sd", deviation.quantity, measure)
-        elif deviation.quantity is not None:
-            measure = deviation.quantity.measure
-        self.starts.append(StartEntry(f"{part.name}.{key}", measure, entry.line))
-        return Start(mean=mean.value, sd=deviation.difference(mean.value))
+        start, found = read_start(self.source, entry, what, key)
+        self.starts.append(StartEntry(f"{part.name}.{key}", found, entry.line))
+        return start
 
-    def _start_quantity(self, entry: Entry, what: str) -> Quantity:
-        return quantity(*self._text_of(entry, what))
 
-    def _text_of(self, entry: Entry, what: str) -> tuple[str, str]:
-        return self.source.text(entry.value, what), f"{self.source.at(entry)}{what}: "
+def stated_laws(source: Source, part: Part) -> list[tuple[str, int]]:
+    """Give the laws under the key `law` as texts with their lines; none if there is no such key."""
+    if "law" not in part.fields:
+        return []
+    node = part.fields["law"].value
+    nodes = node.items if isinstance(node, Items) else (node,)
+    return [(source.text(item, f"law of {part.name}"), item.line) for item in nodes]
 
-    def check_used(self, used: set[str]) -> None:
-        """Refuse a parameter that no law and no sensor names: it could never be diagnosed."""
-        for item in self.values.parameters:
-            if item.name not in used:
-                problem = f"no law and no sensor names parameter `{item.name}`; use it or remove it"
-                raise self.source.error(item.line, f"component {item.owner}: {problem}")
+
+def read_start(source: Source, entry: Entry, what: str, key: str) -> tuple[Start, Measure | None]:
+    """Give the start of a store, `{key: .., sd: ..}`, and the measure in which it was stated."""
+    fields = source.fields(entry.value, what, (key, "sd"))
+    for needed in (key, "sd"):
+        if needed not in fields:
+            problem = f"`{needed}` is missing; write `start: {{{key}: .., sd: ..}}`"
+            raise source.error(entry, f"{what}: {problem}")
+    mean = quantity(source.text(fields[key].value, what), f"{source.at(fields[key])}{what}: ")
+    where = f"{source.at(fields['sd'])}{what}: sd: "
+    deviation = spread(source.text(fields["sd"].value, f"{what}: sd"), where, mean.measure)
+    found = mean.measure
+    if deviation.quantity is not None and found is not None:
+        same_unit(source, fields["sd"], f"{what}: sd", deviation.quantity, found)
+    elif deviation.quantity is not None:
+        found = deviation.quantity.measure
+    return Start(mean=mean.value, sd=deviation.difference(mean.value)), found
+
+
+def check_used(source: Source, plant: Wiring, values: Values, used: set[str]) -> None:
+    """Refuse a parameter that no law and no sensor names: it could never be diagnosed."""
+    for item in values.parameters:
+        if item.name not in used:
+            problem = f"no law and no sensor names parameter `{item.name}`; use it or remove it"
+            raise source.error(item.line, f"{plant.parts[item.owner].title}: {problem}")
 
 
 def _article(element: ElementType) -> str:

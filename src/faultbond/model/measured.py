@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from faultbond.errors import ModelError
+from faultbond.model.blocks import BlockReader
 from faultbond.model.defaults import Defaults
 from faultbond.model.dump import shared_factor
 from faultbond.model.expression import Name, names
 from faultbond.model.graph import Input, Sensor, SlowError
+from faultbond.model.kind import Kind
 from faultbond.model.laws import LawReader
 from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread, spread_over
 from faultbond.model.source import Entry, Source, Text, closest, shown
@@ -32,8 +34,8 @@ class Measured:
 class MeasuredReader:
     """Reads `sensors` and `slow_error`."""
 
-    def __init__(self, source: Source, laws: LawReader, defaults: Defaults) -> None:
-        self.source, self.laws, self.defaults = source, laws, defaults
+    def __init__(self, source: Source, laws: LawReader | BlockReader, defaults: Defaults, kind: Kind) -> None:
+        self.source, self.laws, self.defaults, self.kind = source, laws, defaults, kind
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
         self.sensor_measures: dict[str, Measure | None] = {}
         self.noise_measures: dict[str, Measure | None] = {}
@@ -56,31 +58,45 @@ class MeasuredReader:
         if name in self.inputs:
             raise self.source.error(entry, f"{what}: an input has this name too; rename one and state its `column`")
         fields = self.source.fields(entry.value, what, SENSOR_KEYS)
-        for key, example in (("reads", "reads: vessel.e"), ("noise", "noise: 180 Pa")):
-            if key not in fields:
+        signal = "y" if self.kind.blocks else "vessel.e"
+        for key, example in (("reads", f"reads: {signal}"), ("noise", "noise: 180 Pa")):
+            if key not in fields and not (key == "noise" and self.kind.static):
                 meaning = "its standard deviation" if key == "noise" else "a law of signals"
                 raise self.source.error(entry, f"{what}: `{key}` is missing; state {meaning}, such as `{example}`")
-        measure = read_unit(self.source, fields, what)
+        measure = read_unit(self.source, fields, what, self.kind, entry)
         self.sensor_measures[name] = measure
         if measure is None:
             self.defaults.add("unit", "SI", name)
         text = self.source.text(fields["reads"].value, f"{what}: reads")
         reads = self.laws.expression(text, fields["reads"].line, f"{what}: reads")
-        if not any(Name(item).is_signal for item in names(reads)):
-            raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `vessel.e`")
-        noise = self._sensor_spread(fields["noise"], f"{what}: noise", measure)
-        needs_size(self.source, fields["noise"], f"{what}: noise", noise)
-        self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
-        if noise.difference() <= 0:
-            raise self.source.error(fields["noise"], f"{what}: noise must be above 0; state its standard deviation")
+        if not any(self.laws.is_signal(item) for item in names(reads)):
+            raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `{signal}`")
+        if self.laws.is_signal(name) and reads != Name(name):
+            problem = f"a signal has this name too, and the sensor reads `{shown(text)}`; rename one and state `column`"
+            raise self.source.error(entry, f"{what}: {problem}")
         return Sensor(
             name=name,
             column=read_column(self.source, fields, what, name, self.defaults),
             unit=measure.unit if measure else NO_UNIT,
             reads=reads,
-            noise=noise.difference(),
+            noise=self._noise(fields, name, measure),
             line=entry.line,
         )
+
+    def _noise(self, fields: Mapping[str, Entry], name: str, measure: Measure | None) -> float:
+        """Give the SI standard deviation of a sensor; only in a static network may it be 0, which is the default."""
+        if "noise" not in fields:
+            if not self.kind.logic:
+                self.defaults.add("noise", "0", name)
+            self.noise_measures[name] = None
+            return 0.0
+        entry, what = fields["noise"], f"sensor {name}: noise"
+        noise = self._sensor_spread(entry, what, measure)
+        needs_size(self.source, entry, what, noise)
+        self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
+        if noise.difference() <= 0 and not self.kind.static:
+            raise self.source.error(entry, f"{what} must be above 0; state its standard deviation")
+        return noise.difference()
 
     def _sensor_spread(self, entry: Entry, what: str, measure: Measure | None) -> Spread:
         """Give a standard deviation of a sensor; one that states no unit is in SI, and what it reads decides."""
@@ -116,19 +132,32 @@ class MeasuredReader:
             memory=memory,
             after=after,
             each=self._each(fields["each"], what, after, sd, default) if "each" in fields else 0.0,
+            is_sensor=target in self.sensor_measures,
             line=entry.line,
         )
 
     def _target_measure(self, entry: Entry, what: str) -> Measure | None:
         """Check the target, a signal or a sensor; give the measure of a sensor."""
         target = entry.key
-        if "." in target:
-            self.laws.signal(target, f"{self.source.at(entry)}{what}: ")
+        if self.laws.is_signal(target):
+            self._check_signal(entry, what)
             return None
         if target not in self.sensor_measures:
-            near = closest(target, self.sensor_measures) or "write a sensor's name or a signal such as `line.f`"
+            signal, known = ("y", self.laws.owners) if isinstance(self.laws, BlockReader) else ("line.f", {})
+            near = closest(target, [*self.sensor_measures, *known])
+            near = near or f"write a sensor's name or a signal such as `{signal}`"
             raise self.source.error(entry, f"{what}: no sensor `{shown(target)}`; {near}")
         return self.sensor_measures[target]
+
+    def _check_signal(self, entry: Entry, what: str) -> None:
+        """Refuse a signal that cannot be in error; in a block network a sensor may have its name, or it is a store."""
+        target = self.laws.signal(entry.key, f"{self.source.at(entry)}{what}: ")
+        if target in self.sensor_measures:
+            problem = "a sensor and a signal have this name; rename the sensor and state its `column`"
+            raise self.source.error(entry, f"{what}: {problem}")
+        if isinstance(self.laws, BlockReader) and target in self.laws.stores:
+            problem = f"`{target}` is a store; add a block with `law: y = {target}` and put the error on `y`"
+            raise self.source.error(entry, f"{what}: {problem}, or on a sensor")
 
     def _after(self, entry: Entry, what: str) -> tuple[str, ...]:
         node = entry.value

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from decimal import Decimal
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import FUNCTIONS, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import FUNCTIONS, NOT, RATE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.source import choice, shown
 
 MAX_LENGTH = 2000
@@ -23,12 +23,15 @@ _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\n]+)
     |(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?(?![A-Za-z0-9_.]))
     |(?P<name>[A-Za-z][A-Za-z0-9_]{0,63}(?:\.[A-Za-z][A-Za-z0-9_]{0,63})?(?![A-Za-z0-9_.]))
-    |(?P<operator>\*\*|<=|>=|[-+*/<>(),])""",
+    |(?P<operator>\*\*|<=|>=|[-+*/<>(),])
+    |(?P<logic>[&|^~])""",
     re.VERBOSE,
 )
 _EQUALS = re.compile(r"(?<![<>=!])=(?!=)")
 _ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+_LOGIC: dict[type[ast.operator], str] = {ast.BitAnd: "&", ast.BitXor: "^", ast.BitOr: "|"}
+_OPERATORS = _ARITHMETIC | _LOGIC
 _ADVICE = {
     "^": "write `**` for a power",
     "=": "one `=` stands between the two sides of a law, and nowhere else",
@@ -38,13 +41,14 @@ _ADVICE = {
 }
 
 
-def parse_expression(text: str, where: str = "") -> Expression:
+def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Expression:
     """Give the tree of an expression such as `K1*f*abs(f)`.
 
     Parameters
     ----------
     text : what the user wrote
     where : start of every error message, `model.yaml:12: `
+    blocks : whether it belongs to a block network, where `& | ^ ~` and `der(x)` are read too
 
     Raises
     ------
@@ -60,16 +64,16 @@ def parse_expression(text: str, where: str = "") -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ModelError(f"{where}the expression has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
-    _check_tokens(text, where)
+    _check_tokens(text, where, blocks=blocks)
     try:
         tree = ast.parse(" ".join(text.split()), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         problem = f"`{shown(text)}` is not an expression; look for a missing operator, operand or parenthesis"
         raise ModelError(where + problem) from None
-    return _Reader(where, text).expression(tree.body, 1)
+    return _Reader(where, text, blocks=blocks).expression(tree.body, 1)
 
 
-def parse_relation(text: str, where: str = "") -> tuple[Expression, Expression]:
+def parse_relation(text: str, where: str = "", *, blocks: bool = False) -> tuple[Expression, Expression]:
     """Give the two sides of a law `left = right`.
 
     Example
@@ -82,17 +86,17 @@ def parse_relation(text: str, where: str = "") -> tuple[Expression, Expression]:
     sides = _EQUALS.split(text)
     if len(sides) != 2:
         raise ModelError(f"{where}`{shown(text)}` is not a law; write `left = right` with one `=`, such as `e = R*f`")
-    return parse_expression(sides[0], where), parse_expression(sides[1], where)
+    return parse_expression(sides[0], where, blocks=blocks), parse_expression(sides[1], where, blocks=blocks)
 
 
-def _check_tokens(text: str, where: str) -> None:
+def _check_tokens(text: str, where: str, *, blocks: bool) -> None:
     """Refuse everything that is not a number, a name or an operator of ours."""
     if not text.strip():
         raise ModelError(f"{where}an expression is missing; write one, such as `R*f`")
     at = 0
     while at < len(text):
         match = _TOKEN.match(text, at)
-        if match is None:
+        if match is None or (match["logic"] and not blocks):
             advice = _ADVICE.get(text[at], "only numbers, names, part.signal, + - * / ** ( ) and functions are read")
             raise ModelError(f"{where}cannot read `{shown(text[at : at + 20])}` in `{shown(text)}`; {advice}")
         if match["number"] and not math.isfinite(float(match["number"])):
@@ -106,8 +110,8 @@ def _check_tokens(text: str, where: str) -> None:
 class _Reader:
     """Turns the `ast` tree of one text into ours, counting as it goes."""
 
-    def __init__(self, where: str, text: str) -> None:
-        self.where, self.text, self.nodes = where, text, 0
+    def __init__(self, where: str, text: str, *, blocks: bool) -> None:
+        self.where, self.text, self.blocks, self.nodes = where, text, blocks, 0
 
     def error(self, problem: str) -> ModelError:
         return ModelError(f"{self.where}`{shown(self.text)}`: {problem}")
@@ -127,8 +131,10 @@ class _Reader:
                 return Name(f"{part}.{signal}")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return Negative(self.expression(operand, depth + 1))
-            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _ARITHMETIC:
-                return self.binary(_ARITHMETIC[type(operator)], left, right, depth)
+            case ast.UnaryOp(op=ast.Invert(), operand=operand):
+                return Call(NOT, (self.expression(operand, depth + 1),))
+            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
+                return self.binary(_OPERATORS[type(operator)], left, right, depth)
             case ast.Call():
                 return self.call(node, depth)
             case ast.Compare():
@@ -147,6 +153,8 @@ class _Reader:
         if not isinstance(node.func, ast.Name) or node.keywords:
             raise self.error(f"only functions may be called: {', '.join(FUNCTIONS)}")
         name, n_arguments = node.func.id, len(node.args)
+        if name == RATE and self.blocks:
+            return self.rate(node, depth)
         if name not in FUNCTIONS:
             raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
         wanted = FUNCTIONS[name]
@@ -157,6 +165,12 @@ class _Reader:
             condition = self.condition(node.args[0], depth + 1)
             return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))
         return Call(name, tuple(self.expression(item, depth + 1) for item in node.args))
+
+    def rate(self, node: ast.Call, depth: int) -> Expression:
+        match node.args:
+            case [ast.Name() as signal]:
+                return Call(RATE, (self.expression(signal, depth + 1),))
+        raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
 
     def condition(self, node: ast.expr, depth: int) -> Expression:
         match node:
@@ -204,9 +218,10 @@ def arithmetic(operator: str, a: float, b: float) -> float:
         return math.nan
 
 
-_PRECEDENCE = {"<": 1, "<=": 1, ">": 1, ">=": 1, "+": 2, "-": 2, "*": 3, "/": 3, "**": 5}
-_MINUS = 4
-_ATOM = 6
+_PRECEDENCE = {"<": 1, "<=": 1, ">": 1, ">=": 1, "|": 2, "^": 3, "&": 4, "+": 5, "-": 5, "*": 6, "/": 6, "**": 8}
+_SPACED = 5  # operators up to this strength stand between spaces
+_MINUS = 7  # also of `~`
+_ATOM = 9
 
 
 def to_text(expression: Expression) -> str:
@@ -235,8 +250,11 @@ def _pieces(expression: Expression, needed: int) -> Iterator[str]:
         case Binary(operator, left, right):
             own = _PRECEDENCE[operator]
             yield from _pieces(left, _ATOM if operator == "**" else own)
-            yield operator if own > 2 else f" {operator} "
+            yield operator if own > _SPACED else f" {operator} "
             yield from _pieces(right, _MINUS if operator == "**" else own + 1)
+        case Call("not", (operand,)):
+            yield "~"
+            yield from _pieces(operand, _MINUS)
         case Call(function, arguments):
             yield f"{function}("
             for position, argument in enumerate(arguments):
@@ -250,7 +268,7 @@ def _strength(expression: Expression) -> int:
     match expression:
         case Binary(operator, _, _):
             return _PRECEDENCE[operator]
-        case Negative():
+        case Negative() | Call("not"):
             return _MINUS
     return _ATOM
 

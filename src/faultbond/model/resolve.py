@@ -4,12 +4,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from faultbond.model import defaults as default_values
+from faultbond.model.blocks import BlockReader, block_wiring
 from faultbond.model.defaults import Defaults
 from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
 from faultbond.model.expression import Expression, Name, names
 from faultbond.model.graph import BondGraph, Component, Relation, SlowError, TimeColumn
-from faultbond.model.laws import LawReader
+from faultbond.model.kind import Kind, kind_of
+from faultbond.model.laws import LawReader, check_used
 from faultbond.model.measured import Measured, MeasuredReader
 from faultbond.model.quantities import Spread, spread
 from faultbond.model.source import Entry, Source, Table, Text, shown
@@ -28,6 +30,7 @@ MAX_FAULTS = 10
 @dataclass(frozen=True, slots=True)
 class _Settings:
     name: str
+    kind: Kind
     grid: TimeGrid
     sample_time: float | None
     max_faults: int
@@ -50,18 +53,19 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         at the first thing that is not a complete, consistent model.
     """
     fields = source.fields(table, "model", MODEL_KEYS)
-    if "blocks" in fields:
-        problem = "block networks are not built yet; state components, junctions and bonds"
-        raise source.error(fields["blocks"], f"blocks: {problem}")
     defaults = Defaults()
     settings = _settings(source, fields, defaults, name)
-    plant = wiring(source, fields)
-    values = ValueReader(source, defaults, settings.accuracy).read(fields, plant)
-    laws = LawReader(source, plant, values, defaults)
+    kind = settings.kind
+    plant = block_wiring(source, fields) if kind.blocks else wiring(source, fields)
+    values = ValueReader(source, defaults, settings.accuracy, kind).read(fields, plant)
+    laws: LawReader | BlockReader = LawReader(source, plant, values, defaults)
+    if kind.blocks:
+        laws = BlockReader(source, plant, values, defaults, kind)
     components = laws.components()
-    measured = MeasuredReader(source, laws, defaults).read(fields)
-    laws.check_used(_used(components, measured))
-    _check_dimensions(source, plant, values, components, laws, measured)
+    measured = MeasuredReader(source, laws, defaults, kind).read(fields)
+    check_used(source, plant, values, _used(components, measured))
+    if not kind.logic:
+        _check_dimensions(source, plant, values, components, laws, measured)
     graph = BondGraph(
         name=settings.name,
         grid=settings.grid,
@@ -85,12 +89,14 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
 
 def _settings(source: Source, fields: Mapping[str, Entry], defaults: Defaults, name: str) -> _Settings:
     grid, sample_time = _grid(source, fields)
-    time = _time(source, fields, defaults)
+    kind = kind_of(source, fields, grid)
+    time = _time(source, fields, defaults, kind)
     if time.column is None and grid is TimeGrid.VARIABLE:
         problem = "`time: none` needs a fixed sample_time; state the time column, or a sample_time such as `1 s`"
         raise source.error(fields["time"], problem)
     return _Settings(
         name=_name(source, fields, defaults, name),
+        kind=kind,
         grid=grid,
         sample_time=sample_time,
         max_faults=_max_faults(source, fields, defaults),
@@ -117,8 +123,7 @@ def _grid(source: Source, fields: Mapping[str, Entry]) -> tuple[TimeGrid, float 
     if text == "variable":
         return TimeGrid.VARIABLE, None
     if text == "none":
-        problem = "static networks are not built yet; state a time such as `1 s`, or `variable`"
-        raise source.error(entry, f"sample_time `none`: {problem}")
+        return TimeGrid.NONE, None
     value = read_duration(source, entry, "sample_time")
     if value <= 0:
         raise source.error(entry, "sample_time must be above 0, such as `1 s`")
@@ -147,10 +152,10 @@ def _accuracy(source: Source, fields: Mapping[str, Entry]) -> Spread | None:
     return found
 
 
-def _time(source: Source, fields: Mapping[str, Entry], defaults: Defaults) -> TimeColumn:
+def _time(source: Source, fields: Mapping[str, Entry], defaults: Defaults, kind: Kind) -> TimeColumn:
     if "time" not in fields:
-        defaults.add("time", "column `time` in s")
-        return TimeColumn()
+        defaults.add("time", "column `time` in s" + (", else the number of the row" if kind.static else ""))
+        return TimeColumn(optional=kind.static)
     entry = fields["time"]
     if isinstance(entry.value, Text) and entry.value.value.strip() == "none":
         return TimeColumn(column=None)
@@ -179,6 +184,8 @@ def _warm_up(
     defaults: Defaults,
 ) -> float:
     """Give the time without alarms: stated, or long enough for the filter to learn the slow errors of the plant."""
+    if settings.kind.static:
+        return 0.0
     if "warm_up" in fields:
         return read_duration(source, fields["warm_up"], "warm_up")
     least = default_values.WARM_UP_SECONDS
@@ -200,7 +207,7 @@ def _check_dimensions(
     plant: Wiring,
     values: Values,
     components: tuple[Component, ...],
-    laws: LawReader,
+    laws: LawReader | BlockReader,
     measured: Measured,
 ) -> None:
     """Check laws, in the order of the file, then what refers to their signals."""
@@ -222,7 +229,7 @@ def _check_dimensions(
     reads = {sensor.name: sensor.reads for sensor in measured.sensors}
     for error in measured.slow_errors:
         words = f"slow_error {error.target}", "its size"
-        target = reads.get(error.target, Name(error.target))
+        target = reads[error.target] if error.is_sensor else Name(error.target)
         demands += expect(target, measured.size_measures.get(error.target), words, error.line)
     for start in laws.starts:
         words = f"start of {start.signal.partition('.')[0]}", "the start"

@@ -6,27 +6,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from faultbond.model.defaults import ACCURACY, CHANGE, Defaults, default_range
-from faultbond.model.expression import FUNCTIONS
-from faultbond.model.graph import Constant, Input, Parameter
+from faultbond.model.expression import FUNCTIONS, RATE
+from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter
+from faultbond.model.kind import Kind
 from faultbond.model.parser import number_text
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, duration, quantity, spread
 from faultbond.model.source import Entry, Items, Node, Source, Text, shown
-from faultbond.model.units import Measure, measure
-from faultbond.model.wiring import Wiring
+from faultbond.model.units import DIMENSIONLESS, Measure, measure
+from faultbond.model.wiring import Part, Wiring
 
 PARAMETER_KEYS = ("nominal", "accuracy", "change", "range", "suspect")
 INPUT_KEYS = ("unit", "column", "noise", "settling")
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
+RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
 
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """The numbers that a law may name, and their measures (None: no unit was written)."""
+    """The numbers that a law may name, their measures (None: no unit was written), what they are and on which line."""
 
     constants: tuple[Constant, ...]
     inputs: tuple[Input, ...]
     parameters: tuple[Parameter, ...]
     measures: Mapping[str, Measure | None]
+    places: Mapping[str, tuple[str, int]]
 
     @property
     def nominals(self) -> dict[str, float]:
@@ -39,8 +42,8 @@ class Values:
 class ValueReader:
     """Reads constants, inputs and parameters, which share one name space."""
 
-    def __init__(self, source: Source, defaults: Defaults, accuracy: Spread | None) -> None:
-        self.source, self.defaults, self.accuracy = source, defaults, accuracy
+    def __init__(self, source: Source, defaults: Defaults, accuracy: Spread | None, kind: Kind) -> None:
+        self.source, self.defaults, self.accuracy, self.kind = source, defaults, accuracy, kind
         self.measures: dict[str, Measure | None] = {}
         self.places: dict[str, tuple[str, int]] = {}
 
@@ -48,13 +51,13 @@ class ValueReader:
         """Read all of them, in the order of the file."""
         constants = tuple(self._constant(entry) for entry in self._entries(fields, "constants"))
         inputs = tuple(self._input(entry) for entry in self._entries(fields, "inputs"))
-        owned = ((part.name, part.fields["parameters"]) for part in plant.parts.values() if "parameters" in part.fields)
+        owned = ((part, part.fields["parameters"]) for part in plant.parts.values() if "parameters" in part.fields)
         parameters = tuple(
-            self._parameter(entry, owner)
-            for owner, field in owned
-            for entry in self.source.table(field.value, f"component {owner}: parameters").entries
+            self._parameter(entry, part)
+            for part, field in owned
+            for entry in self.source.table(field.value, f"{part.title}: parameters").entries
         )
-        return Values(constants, inputs, parameters, self.measures)
+        return Values(constants, inputs, parameters, self.measures, self.places)
 
     def _entries(self, fields: Mapping[str, Entry], key: str) -> tuple[Entry, ...]:
         return self.source.table(fields[key].value, key).entries if key in fields else ()
@@ -62,9 +65,9 @@ class ValueReader:
     def _claim(self, entry: Entry, what: str, found: Measure | None) -> str:
         """Take a name for a thing; an error if it is reserved or another thing has it."""
         name = self.source.name(entry, f"{what}s")
-        if name in RESERVED:
-            problem = f"{what} `{name}`: the name is reserved for signals and functions; choose another"
-            raise self.source.error(entry, problem)
+        if name in (RESERVED_IN_BLOCKS if self.kind.blocks else RESERVED):
+            of = "functions" if self.kind.blocks else "signals and functions"
+            raise self.source.error(entry, f"{what} `{name}`: the name is reserved for {of}; choose another")
         if name in self.places:
             other, line = self.places[name]
             first = f" on line {line}" if self.source.has_lines else ""
@@ -85,15 +88,19 @@ class ValueReader:
     def _input(self, entry: Entry) -> Input:
         what = f"input {shown(entry.key)}"
         fields = self.source.fields(entry.value, what, INPUT_KEYS)
-        found = read_unit(self.source, fields, what)
+        found = read_unit(self.source, fields, what, self.kind, entry)
         name = self._claim(entry, "input", found)
+        if self.kind.static and "settling" in fields:
+            problem = "with `sample_time: none` each row stands by itself, and nothing settles; remove it"
+            raise self.source.error(fields["settling"], f"{what}: settling: {problem}")
         if "noise" in fields:
             noise = read_spread(self.source, fields["noise"], f"{what}: noise", found)
             needs_size(self.source, fields["noise"], f"{what}: noise", noise)
         else:
             noise = Spread(absolute=Quantity(0.0, found))
-            self.defaults.add("noise", "0", name)
-        if "settling" not in fields:
+            if not self.kind.logic:
+                self.defaults.add("noise", "0", name)
+        if "settling" not in fields and not self.kind.static:
             self.defaults.add("settling", "0 s", name)
         return Input(
             name=name,
@@ -106,7 +113,7 @@ class ValueReader:
             line=entry.line,
         )
 
-    def _parameter(self, entry: Entry, owner: str) -> Parameter:
+    def _parameter(self, entry: Entry, owner: Part) -> Parameter:
         what = f"parameter {shown(entry.key)}"
         if isinstance(entry.value, Text):
             fields = {"nominal": Entry("nominal", entry.value, entry.line)}
@@ -124,14 +131,14 @@ class ValueReader:
         lower, upper = self._range(fields, what, name, nominal)
         return Parameter(
             name=name,
-            owner=owner,
+            owner=owner.name,
             nominal=nominal.value,
             unit=nominal.unit,
             accuracy=self._size("accuracy", spreads["accuracy"], name, nominal, entry),
             change=self._size("change", spreads["change"], name, nominal, entry),
             lower=lower,
             upper=upper,
-            suspect=self._suspect(fields, what),
+            suspect=self._suspect(fields, what, owner),
             line=entry.line,
         )
 
@@ -161,13 +168,14 @@ class ValueReader:
             raise self.source.error(entry, f"parameter {name}: `{key}` must be a finite size above 0")
         return result
 
-    def _suspect(self, fields: Mapping[str, Entry], what: str) -> bool:
-        if "suspect" not in fields:
-            return True
-        word = self.source.text(fields["suspect"].value, f"{what}: suspect").lower()
-        if word not in ("yes", "no", "true", "false"):
-            raise self.source.error(fields["suspect"], f"{what}: suspect is `yes` or `no`, not `{shown(word)}`")
-        return word in ("yes", "true")
+    def _suspect(self, fields: Mapping[str, Entry], what: str, owner: Part) -> bool:
+        """Whether a parameter is a suspect; those of a block that is trusted are not."""
+        trusted = not read_suspect(self.source, owner.fields, owner.title)
+        own = read_suspect(self.source, fields, what)
+        if trusted and own and "suspect" in fields:
+            problem = f"is a suspect, but {owner.title} is trusted; remove one `suspect`"
+            raise self.source.error(fields["suspect"], f"{what} {problem}")
+        return own and not trusted
 
     def _range(self, fields: Mapping[str, Entry], what: str, name: str, nominal: Quantity) -> tuple[float, float]:
         if "range" not in fields:
@@ -195,15 +203,30 @@ class ValueReader:
         return found.value
 
 
-def read_unit(source: Source, fields: Mapping[str, Entry], what: str) -> Measure | None:
-    """Give the measure of the key `unit`, None if it is not stated."""
-    if "unit" not in fields:
-        return None
-    text = source.text(fields["unit"].value, f"{what}: unit")
-    if text == "logic":
-        problem = "logic signals belong to block networks, which are not built yet"
-        raise source.error(fields["unit"], f"{what}: {problem}; a bond graph has physical units")
-    return measure(text, source.at(fields["unit"]) + f"{what}: ")
+def read_suspect(source: Source, fields: Mapping[str, Entry], what: str) -> bool:
+    """Give the key `suspect`, `yes` if it is not stated."""
+    if "suspect" not in fields:
+        return True
+    word = source.text(fields["suspect"].value, f"{what}: suspect").lower()
+    if word not in ("yes", "no", "true", "false"):
+        raise source.error(fields["suspect"], f"{what}: suspect is `yes` or `no`, not `{shown(word)}`")
+    return word in ("yes", "true")
+
+
+def read_unit(source: Source, fields: Mapping[str, Entry], what: str, kind: Kind, place: Entry) -> Measure | None:
+    """Give the measure of the key `unit` of an input or sensor, None if it is not stated."""
+    text = source.text(fields["unit"].value, f"{what}: unit") if "unit" in fields else ""
+    if kind.logic:
+        if text != LOGIC_UNIT.text:
+            problem = f"{kind.logic_by} is logic, and a network is all logic or all numbers; state `unit: logic`"
+            raise source.error(fields.get("unit", place), f"{what}: {problem}")
+        if "noise" in fields:
+            raise source.error(fields["noise"], f"{what}: a logic signal has no noise; remove it")
+        return Measure(LOGIC_UNIT, DIMENSIONLESS)
+    if text == LOGIC_UNIT.text:
+        problem = "logic signals belong to block networks; a bond graph has physical units"
+        raise source.error(fields["unit"], f"{what}: {problem}")
+    return measure(text, source.at(fields["unit"]) + f"{what}: ") if text else None
 
 
 def read_column(source: Source, fields: Mapping[str, Entry], what: str, name: str, defaults: Defaults) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
+from faultbond.model.elements import OWN_SIGNALS
 from faultbond.model.graph import Bond, Junction
 from faultbond.model.source import NAME, Entry, Node, Source, Text, choice, closest, shown
 from faultbond.types import ElementType, JunctionType
@@ -16,12 +17,17 @@ COMPONENT_KEYS = ("type", "law", "parameters", "start")
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component before its laws are read."""
+    """A component or block before its laws are read."""
 
     name: str
     type: ElementType
     fields: Mapping[str, Entry]
     line: int
+
+    @property
+    def title(self) -> str:
+        """Its name with the word for what it is, for messages."""
+        return f"{'block' if self.type is ElementType.BLOCK else 'component'} {self.name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,7 @@ def _part(source: Source, entry: Entry) -> Part:
     name = source.name(entry, "components")
     what = f"component {name}"
     fields = source.fields(entry.value, what, COMPONENT_KEYS)
-    known = [item.value for item in ElementType]
+    known = [item.value for item in OWN_SIGNALS]
     if "type" not in fields:
         raise source.error(entry, f"{what}: `type` is missing; it is one of {', '.join(known)}")
     word = source.text(fields["type"].value, f"{what}: type")

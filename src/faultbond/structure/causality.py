@@ -133,13 +133,16 @@ class _Assigner:
 
 
 def assign_causality(graph: BondGraph) -> Causality:
-    """Give every bond its causal stroke.
+    """Give every bond its causal stroke; a block network has no bonds, and its stores integrate.
 
     Raises
     ------
     CausalityError
         Where two sources (or what follows from them) set one signal; names the junction and both causes.
     """
+    if graph.is_block_network:
+        stores = [item.name for item in graph.components if any(law.store for law in item.laws)]
+        return Causality(strokes=(), integral=tuple(stores), derivative=(), free=())
     work = _Assigner(graph)
     for item in graph.components:
         if item.type.is_source:

@@ -1,15 +1,17 @@
-"""The constraint network of a bond graph: signals merged over junctions, one residual per law and junction sum.
+"""The constraint network of a plant: signals merged over junctions, one residual per law and junction sum.
 
 Junction equalities are merged away, so a signal that many bonds share has one name: that of the junction where there
-is one (`vessel.e`, `line.f`), else that of the component (`tank.f`). Source: thesis 3.2.3, 3.3.
+is one (`vessel.e`, `line.f`), else that of the component (`tank.f`). A block network is one already: its signals keep
+their names (`y`), and the rate of a store is a signal, `der(y)`. Source: thesis 3.2.3, 3.3; blocks 3.4, 3.9.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
-from faultbond.model.graph import BondGraph, SlowError
+from faultbond.model.graph import BondGraph, Relation, SlowError
+from faultbond.model.parser import to_text
 from faultbond.structure.causality import Causality
 from faultbond.types import ElementType, JunctionType
 
@@ -25,7 +27,7 @@ class Constraint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """A stored quantity (`tank.q`) and the signal that is its rate of change (`tank.f`)."""
+    """A stored quantity (`tank.q`) and the signal that is its rate of change (`tank.f`); `y` and `der(y)` of blocks."""
 
     name: str
     rate: str
@@ -78,13 +80,15 @@ class _Names:
 
 
 def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
-    """Give the constraint network of a bond graph whose causality is known.
+    """Give the constraint network of a bond graph whose causality is known, or of a block network.
 
     Raises
     ------
     ModelError
         Where an expression reads a signal that does not exist.
     """
+    if graph.is_block_network:
+        return _block_network(graph)
     table = _merge_signals(graph)
     expressions = [
         *(side for item in graph.components for law in item.laws for side in (law.left, law.right)),
@@ -112,20 +116,31 @@ def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
         states=tuple(stores),
         dependent=tuple(dependent),
         readings=tuple(rename(sensor.reads, canonical) for sensor in graph.sensors),
-        slow_errors=tuple(_with_target(error, canonical(error.target)) for error in graph.slow_errors),
+        slow_errors=tuple(replace(error, target=canonical(error.target)) for error in graph.slow_errors),
     )
 
 
-def _with_target(error: SlowError, target: str) -> SlowError:
-    return SlowError(
-        target=target,
-        sd=error.sd,
-        relative=error.relative,
-        memory=error.memory,
-        after=error.after,
-        each=error.each,
-        line=error.line,
+def _block_network(graph: BondGraph) -> ConstraintNetwork:
+    """Give the laws of the blocks as they stand; der(y) on the left of a law makes y a store."""
+    laws = [(item.name, law) for item in graph.components for law in item.laws]
+    stores = [
+        Store(name=law.store, rate=to_text(law.left), component=owner) for owner, law in laws if law.store is not None
+    ]
+    states = {store.name for store in stores}
+    return ConstraintNetwork(
+        signals=(*(name for name in graph.block_signals if name not in states), *(store.rate for store in stores)),
+        constraints=tuple(Constraint(owner=owner, residual=_difference(law), line=law.line) for owner, law in laws),
+        states=tuple(stores),
+        dependent=(),
+        readings=tuple(sensor.reads for sensor in graph.sensors),
+        slow_errors=graph.slow_errors,
     )
+
+
+def _difference(law: Relation) -> Expression:
+    """Give left - right of the law of a block, where a rate is the signal `der(y)`; `0 = x` is x itself."""
+    left = Name(to_text(law.left)) if law.store is not None else law.left
+    return law.right if left == Number(0.0) else Binary("-", left, law.right)
 
 
 def _merge_signals(graph: BondGraph) -> _Names:
