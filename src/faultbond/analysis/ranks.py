@@ -5,28 +5,29 @@ unit length before that projection, so that rounding is of the order 1e-15 in al
 from small numbers.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from faultbond.analysis.sensitivity import Sensitivity
-from faultbond.types import BoolArray, FloatArray
+from faultbond.types import BoolArray, FloatArray, IntArray
 
 _SURELY_KEPT = 1e-7  # of the largest singular value
 _SURELY_DROPPED = 1e-12
 _CLEAR = 1e3  # ratio of two neighbours between which a rank is told
 _BORDER = 30.0  # a value nearer to the border than this factor is uncertain
 _ROUNDING = 1e-16
-_BLOCK = 4096  # sets in one batch
+_BLOCK = 2**21  # numbers in one batch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rank:
     """A numerical rank: the smallest singular value kept, the largest dropped (relative to the largest of all).
 
-    clear: the two lie so far apart that the rank is certain; else `value` is the largest that it may be and `least`
-    the smallest. border: a singular value above it counts.
+    clear: the two lie so far apart that the rank is certain; else singular values fall into rounding without a gap,
+    `least` of them are surely not zero, and `value` is the number of columns.
+    low, high: a singular value of some of the columns below `low` is zero, one above `high` is not; between: uncertain.
     """
 
     value: int
@@ -34,58 +35,82 @@ class Rank:
     kept: float
     dropped: float
     clear: bool
-    border: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reduced:
-    """Sensitivities without what the start explains, compressed.
+    """Sensitivities without what the start explains; arrays are read-only.
 
-    matrix: (rank, n_parameters), read-only; inner products of its columns are those of the full columns.
-    lengths: (n_parameters,), length of the full columns with rows divided by `units` of the outputs.
+    columns: (n_rows, n_parameters); row_outputs: (n_rows,), the output that a row belongs to. The full columns have
+    length 1 before the start is taken away, and `lengths` (n_parameters,) with the rows in `units` of the outputs.
+    matrix: (rank, n_parameters), compressed: inner products of its columns are those of `columns`.
+    steps: (n_parameters,), the change of each parameter that is meant, SI.
     """
 
+    outputs: tuple[str, ...]
     parameters: tuple[str, ...]
-    matrix: FloatArray
+    steps: FloatArray
+    columns: FloatArray
+    row_outputs: IntArray
     lengths: FloatArray
+    matrix: FloatArray
     rank: Rank
 
 
-def reduce(sensitivity: Sensitivity, units: FloatArray | None = None) -> Reduced:
+def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Reduced:
     """Take away what the start explains, and compress.
 
     Parameters
     ----------
-    sensitivity : one run
-    units : float array, shape (n_outputs,), SI; None takes the largest sensitivity of each output
-    """
-    return reduce_runs([sensitivity], units)
-
-
-def reduce_runs(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Reduced:
-    """Do the same for several runs with the same parameters, each from a start of its own.
-
-    Parameters
-    ----------
-    runs : at least one
+    runs : at least one; all with the same parameters, each from a start of its own
     units : float array, shape (n_outputs,), SI; None takes the largest sensitivity of each output
     """
     if units is None:
         units = np.max([np.abs(run.by_theta).max(axis=(0, 2), initial=0.0) for run in runs], axis=0)
         units = np.where(units > 0, units, 1.0)
-    parts, lengths = [], np.zeros(len(runs[0].parameters))
-    for run in runs:
-        columns = _rows(run.by_theta, units)
-        lengths = np.hypot(lengths, np.linalg.norm(columns, axis=0))
-        parts.append(_without(columns, _rows(run.by_start, units)))
+    full = [_rows(run.by_theta, units) for run in runs]
+    lengths = np.linalg.norm(np.vstack(full), axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
-    full = np.vstack(parts) / lengths
-    _, values, right = np.linalg.svd(np.linalg.qr(full, mode="r"))
-    rank = told_rank(values)
-    matrix = values[: rank.value, None] * right[: rank.value]
-    matrix.setflags(write=False)
-    lengths.setflags(write=False)
-    return Reduced(parameters=runs[0].parameters, matrix=matrix, lengths=lengths, rank=rank)
+    parts = [_without(part / lengths, _rows(run.by_start, units)) for part, run in zip(full, runs, strict=True)]
+    columns = np.vstack(parts)
+    outputs = np.concatenate([np.tile(np.arange(len(units)), len(run.times)) for run in runs])
+    matrix, rank = _compressed(columns)
+    return Reduced(
+        outputs=runs[0].outputs,
+        parameters=runs[0].parameters,
+        steps=runs[0].steps,
+        columns=_still(columns),
+        row_outputs=outputs,
+        lengths=_still(lengths),
+        matrix=_still(matrix),
+        rank=rank,
+    )
+
+
+def above_noise(reduced: Reduced, sizes: FloatArray, least: float = 3.0) -> Reduced:
+    """Count as zero what noise hides: a singular value is the effect of changes of `sizes` in noises of the outputs.
+
+    Parameters
+    ----------
+    reduced : with the noise of the outputs as their units
+    sizes : float array, shape (n_parameters,); changes in units of `reduced.steps`
+    least : noises, of the whole record, that an effect must have to be seen
+    """
+    scale = reduced.lengths * np.abs(sizes)
+    values = np.linalg.svd(reduced.matrix * scale, compute_uv=False)
+    seen = int(np.sum(values > least))
+    top = float(values[0]) if len(values) and values[0] > 0 else 1.0
+    kept, dropped = (float(values[seen - 1]) if seen else 0.0), (float(values[seen]) if seen < len(values) else 0.0)
+    rank = Rank(value=seen, least=seen, kept=kept / top, dropped=dropped / top, clear=True, low=least, high=least)
+    return replace(
+        reduced,
+        columns=_still(reduced.columns * scale),
+        matrix=_still(reduced.matrix * scale),
+        lengths=_still(np.ones(len(scale))),
+        rank=rank,
+    )
 
 
 def _rows(array: FloatArray, units: FloatArray) -> FloatArray:
@@ -104,36 +129,67 @@ def _without(columns: FloatArray, start: FloatArray) -> FloatArray:
     return columns
 
 
+def _compressed(columns: FloatArray) -> tuple[FloatArray, Rank]:
+    _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
+    rank = told_rank(values)
+    n = min(rank.value, len(values))
+    return values[:n, None] * right[:n], rank
+
+
 def told_rank(values: FloatArray) -> Rank:
     """Tell the rank from singular values in falling order: at the widest gap in the range where rounding may be."""
     top = float(values[0]) if len(values) else 0.0
     if not top > 0.0:
-        return Rank(value=0, least=0, kept=0.0, dropped=0.0, clear=True, border=_SURELY_KEPT)
+        return Rank(value=0, least=0, kept=0.0, dropped=0.0, clear=True, low=_SURELY_KEPT, high=_SURELY_KEPT)
     parts = np.append(values / top, 0.0)
     lower, upper = int(np.sum(parts > _SURELY_KEPT)), int(np.sum(parts > _SURELY_DROPPED))
     ratios = parts[lower - 1 : upper] / np.maximum(parts[lower : upper + 1], _ROUNDING)
-    best = int(np.argmax(ratios))
-    clear = lower == upper or float(ratios[best]) >= _CLEAR
-    value = lower + best if clear else upper
+    best = lower + int(np.argmax(ratios))
+    clear = lower == upper or float(ratios[best - lower]) >= _CLEAR
+    value = best if clear else lower
     kept, dropped = float(parts[value - 1]), float(parts[value])
-    border = float(np.sqrt(kept * max(dropped, _ROUNDING)))
-    least = value if clear else lower
-    return Rank(value=value, least=least, kept=kept, dropped=dropped, clear=clear, border=top * border)
+    border = top * (float(np.sqrt(kept * max(dropped, _ROUNDING))) if clear else _SURELY_DROPPED * _BORDER)
+    return Rank(
+        value=value if clear else len(values),
+        least=value,
+        kept=kept,
+        dropped=dropped,
+        clear=clear,
+        low=border / _BORDER,
+        high=border * _BORDER,
+    )
 
 
 def smallest_values(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> FloatArray:
     """Give the smallest singular value of the columns of each set, shape (n_sets,); the sets have one size."""
-    size = len(sets[0]) if sets else 0
-    if not sets or size > reduced.matrix.shape[0]:
+    if not sets or len(sets[0]) > reduced.matrix.shape[0]:
         return np.zeros(len(sets))
+    return np.concatenate([np.linalg.svd(part, compute_uv=False)[:, -1] for part in _blocks(reduced, sets)])
+
+
+def bases(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> FloatArray:
+    """Give an orthonormal basis of the span of each set, shape (n_sets, rank, size); the sets are identifiable."""
     found = []
-    for first in range(0, len(sets), _BLOCK):
-        columns = reduced.matrix[:, np.array(sets[first : first + _BLOCK])]  # (rank, n_sets, size)
-        found.append(np.linalg.svd(columns.transpose(1, 0, 2), compute_uv=False)[:, -1])
+    for part in _blocks(reduced, sets):
+        lengths = np.linalg.norm(part, axis=1, keepdims=True)
+        found.append(np.linalg.qr(part / np.where(lengths > 0, lengths, 1.0))[0])
     return np.concatenate(found)
 
 
-def near_border(reduced: Reduced, values: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Give where a value may count, and where that is not certain."""
-    border = reduced.rank.border
-    return values > border / _BORDER, (values > border / _BORDER) & (values < border * _BORDER)
+def _blocks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> Iterator[FloatArray]:
+    """Give the columns of the sets, shape (n, rank, size), some sets at a time."""
+    height, size = reduced.matrix.shape[0], len(sets[0])
+    step = max(1, _BLOCK // max(1, height * size))
+    for first in range(0, len(sets), step):
+        yield reduced.matrix[:, np.array(sets[first : first + step])].transpose(1, 0, 2)
+
+
+def counted(rank: Rank, values: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Give which singular values count, in doubt too, and which are in doubt."""
+    return values > rank.low, (values > rank.low) & (values <= rank.high)
+
+
+def _still(array: FloatArray) -> FloatArray:
+    """Make an array read-only: a frozen class does not freeze what it holds."""
+    array.setflags(write=False)
+    return array

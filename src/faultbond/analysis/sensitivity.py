@@ -49,8 +49,9 @@ class Sensitivity:
     """A trajectory and its derivatives; arrays are read-only.
 
     x: (n_samples, n_states), stored quantities. y: (n_samples, n_outputs), SI.
-    by_theta: (n_samples, n_outputs, n_parameters), change of y for a relative change of 1 of a parameter; where the
-    nominal is 0, for a change by its `scale`. by_start: (n_samples, n_outputs, n_states), dy/dx0.
+    by_theta: (n_samples, n_outputs, n_parameters), change of y for a change of a parameter by its step, dy/dtheta
+    times `steps` (n_parameters,): its value, so that by_theta is dy/dlog(theta), or its `scale` where the nominal is 0.
+    by_start: (n_samples, n_outputs, n_states), dy/dx0.
     """
 
     outputs: tuple[str, ...]
@@ -60,6 +61,7 @@ class Sensitivity:
     inputs: FloatArray
     x: FloatArray
     y: FloatArray
+    steps: FloatArray
     by_theta: FloatArray
     by_start: FloatArray
 
@@ -145,7 +147,7 @@ class _Runs:
         self.by = np.empty((n, self.n_samples, n_y, self.n_p + self.n_x))
         scale = np.array([item.scale for item in plant.graph.parameters])
         zero = np.array([item.nominal == 0.0 for item in plant.graph.parameters], dtype=bool)
-        self.unit = np.where(zero, scale, self.theta) if self.n_p else self.theta
+        self.steps = np.where(zero, scale, self.theta) if self.n_p else self.theta
 
     def step(self, k: int) -> None:
         """Solve sample k and carry the derivatives to it."""
@@ -155,14 +157,14 @@ class _Runs:
         self.w[~self.good] = 0.0
         self.size = np.maximum(self.size, np.abs(self.w))
         slope, by_theta, y, y_by_w, y_by_theta = self._call(self.slopes_of, self.w, before, k)
-        right = np.concatenate([-by_theta * self.unit[:, None, :], np.zeros((*self.w.shape, self.n_x))], axis=2)
+        right = np.concatenate([-by_theta * self.steps[:, None, :], np.zeros((*self.w.shape, self.n_x))], axis=2)
         right[:, : self.n_x] += self.moved
         found = self._divide(slope, right)
         self.good &= np.isfinite(found).all(axis=(1, 2)) & np.isfinite(y).all(axis=(1, 2))
         self.moved = found[:, : self.n_x]
         self.x[:, k], self.y[:, k] = self.w[:, : self.n_x], y[:, :, 0]
         self.by[:, k] = y_by_w @ found
-        self.by[:, k, :, : self.n_p] += y_by_theta * self.unit[:, None, :]
+        self.by[:, k, :, : self.n_p] += y_by_theta * self.steps[:, None, :]
         self.good &= np.isfinite(self.by[:, k]).all(axis=(1, 2))
 
     def result(self, lane: int) -> Sensitivity:
@@ -176,6 +178,7 @@ class _Runs:
             inputs=_still(self.inputs[lane].copy()),
             x=_still(self.x[lane].copy()),
             y=_still(self.y[lane].copy()),
+            steps=_still(self.steps[lane].copy()),
             by_theta=_still(self.by[lane, :, :, : self.n_p].copy()),
             by_start=_still(self.by[lane, :, :, self.n_p :].copy()),
         )
@@ -234,16 +237,14 @@ class _Runs:
         scaled = matrix * column[:, None, :]
         row = np.max(np.abs(scaled), axis=2, initial=0.0, keepdims=True)
         row = np.where(row > 0, row, 1.0)
-        bad: BoolArray = ~(np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=(1, 2)))
+        bad = np.asarray(~(np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=(1, 2))))
         scaled = np.where(bad[:, None, None], np.eye(matrix.shape[1]), scaled / row)
         try:
             found = np.linalg.solve(scaled, right / row)
         except np.linalg.LinAlgError:
             bad = bad | np.asarray(np.linalg.matrix_rank(scaled) < matrix.shape[1])
             found = np.linalg.solve(np.where(bad[:, None, None], np.eye(matrix.shape[1]), scaled), right / row)
-        found = np.asarray(found * column[:, :, None], dtype=np.float64)
-        found[bad] = np.nan
-        return found
+        return np.where(bad[:, None, None], np.nan, found * column[:, :, None])
 
 
 def _still(array: FloatArray) -> FloatArray:

@@ -12,8 +12,8 @@ from itertools import combinations, islice
 from math import comb
 
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.ranks import Rank, Reduced, near_border, reduce, smallest_values
-from faultbond.analysis.sensitivity import Recursion, build_recursion, sensitivities
+from faultbond.analysis.ranks import Rank, Reduced, counted, reduce, smallest_values
+from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import StructureError
 
@@ -57,8 +57,8 @@ class Choice:
     dropped: tuple[tuple[tuple[int, ...], str], ...]
 
 
-def generic_sensitivities(model: StepModel, recursion: Recursion | None = None) -> Reduced:
-    """Give what a plant can show when everything is excited: of several random runs, the one of the largest rank.
+def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensitivity:
+    """Give a run that shows what a plant can show when everything is excited: of several, that of the largest rank.
 
     Raises
     ------
@@ -67,14 +67,14 @@ def generic_sensitivities(model: StepModel, recursion: Recursion | None = None) 
     """
     recursion = recursion if recursion is not None else build_recursion(model.plant)
     runs = sensitivities(recursion, random_experiments(model, recursion))
-    found = [reduce(run) for run in runs if run is not None]
-    if not found:
+    ranks = [(reduce([run]).rank, run) for run in runs if run is not None]
+    if not ranks:
         graph = model.plant.graph
         raise StructureError(
             f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
             "check the laws, their units and the nominal values"
         )
-    return max(found, key=lambda item: (item.rank.least, item.rank.clear, item.rank.kept))
+    return max(ranks, key=lambda item: (item[0].least, item[0].clear, item[0].kept))[1]
 
 
 def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
@@ -92,7 +92,7 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
         sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
         if not sets:
             break
-        counts, unsure = near_border(reduced, smallest_values(reduced, sets))
+        counts, unsure = counted(reduced.rank, smallest_values(reduced, sets))
         for chosen, identifiable, uncertain in zip(sets, counts, unsure, strict=True):
             verdicts.append(
                 Verdict(
@@ -103,6 +103,18 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
                 )
             )
     return Judgement(rank=reduced.rank, verdicts=tuple(verdicts), left_out=total - len(verdicts))
+
+
+def choose_sets(model: StepModel, recursion: Recursion | None = None) -> Choice:
+    """Choose the sets of suspects that the bank of a model tests; all, where no run tells anything."""
+    graph = model.plant.graph
+    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
+    try:
+        seen = reduce([generic_run(model, recursion)])
+    except StructureError:
+        sizes = range(1, graph.max_faults + 1)
+        return Choice(sets=tuple(item for size in sizes for item in combinations(suspects, size)), dropped=())
+    return testable_sets(judge(seen, suspects, graph.max_faults))
 
 
 def testable_sets(judgement: Judgement) -> Choice:
