@@ -1,12 +1,17 @@
-"""The bond graph as SVG: half arrows for power, strokes for causality, suspects coloured by probability."""
+"""The bond graph as SVG: half arrows for power, strokes for causality, suspects coloured by probability.
+
+A block network is drawn with an arrow from each block to those that read its signals.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 
-from faultbond.model.graph import BondGraph
+from faultbond.model.expression import names
+from faultbond.model.graph import BondGraph, Component
 from faultbond.report.layout import place
+from faultbond.types import ElementType
 
 CHARACTER = 8.9  # px, width of an average character of a title at 14 px; generous
 SMALL_CHARACTER = 7.2
@@ -52,10 +57,10 @@ class Box:
 
 def boxes(graph: BondGraph) -> dict[str, Box]:
     """Give the labels of all nodes at their places, by name."""
-    titles = {item.name: (f"{item.type.value}:{item.name}", ", ".join(item.parameters)) for item in graph.components}
+    titles = {item.name: (_title(item), ", ".join(item.parameters)) for item in graph.components}
     junctions = {item.name: (item.type.value, item.name) for item in graph.junctions}
     texts = {name: (_cut(title), _cut(subtitle)) for name, (title, subtitle) in {**titles, **junctions}.items()}
-    cells = place(tuple(texts), [(bond.tail, bond.head) for bond in graph.bonds])
+    cells = place(tuple(texts), links(graph))
     widths = {
         name: max(44.0, CHARACTER * len(title) + 18.0, SMALL_CHARACTER * len(subtitle) + 18.0)
         for name, (title, subtitle) in texts.items()
@@ -76,6 +81,22 @@ def boxes(graph: BondGraph) -> dict[str, Box]:
     }
 
 
+def links(graph: BondGraph) -> tuple[tuple[str, str], ...]:
+    """Give what joins the nodes, (tail, head): bonds; in a block network from each block to those that read of it."""
+    if not graph.is_block_network:
+        return tuple((bond.tail, bond.head) for bond in graph.bonds)
+    owned = {item.name: {*(law.signal for law in item.laws), *item.signals} for item in graph.components}
+    owners = {signal: block for block, signals in owned.items() for signal in signals if signal is not None}
+    pairs = dict.fromkeys(
+        (owners[name], item.name)
+        for item in graph.components
+        for law in item.laws
+        for name in (*names(law.left), *names(law.right))
+        if owners.get(name, item.name) != item.name
+    )
+    return tuple(pairs)
+
+
 def draw(
     graph: BondGraph, strokes: Mapping[int, str] | None = None, probabilities: Mapping[str, float] | None = None
 ) -> str:
@@ -91,16 +112,26 @@ def draw(
     nodes = boxes(graph)
     width = max((box.x + box.width / 2.0 for box in nodes.values()), default=0.0) + MARGIN
     height = max((box.y + box.height / 2.0 for box in nodes.values()), default=0.0) + MARGIN
-    parts = [_bond(nodes, bond.tail, bond.head, (strokes or {}).get(k)) for k, bond in enumerate(graph.bonds)]
+    sides = (1.0, -1.0) if graph.is_block_network else (1.0,)
+    parts = [_bond(nodes, tail, head, (strokes or {}).get(k), sides) for k, (tail, head) in enumerate(links(graph))]
     parts += [_node(box, (probabilities or {}).get(box.name, 0.0)) for box in nodes.values()]
     if probabilities is not None:
         parts.append(_legend(height))
         width, height = max(width, 292.0), height + LEGEND_HEIGHT
-    title = f"<title>Bond graph of {escape(graph.name)}</title>"
+    title = f"<title>{graph_title(graph)} of {escape(graph.name)}</title>"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="bond-graph" viewBox="0 0 {width:.0f} {height:.0f}" '
         f'width="{width:.0f}" height="{height:.0f}" role="img">{title}<style>{STYLE}</style>{"".join(parts)}</svg>'
     )
+
+
+def graph_title(graph: BondGraph) -> str:
+    """Give the heading of a drawing."""
+    return "Block network" if graph.is_block_network else "Bond graph"
+
+
+def _title(item: Component) -> str:
+    return item.name if item.type is ElementType.BLOCK else f"{item.type.value}:{item.name}"
 
 
 STYLE = """
@@ -131,17 +162,20 @@ def _cut(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
-def _bond(nodes: Mapping[str, Box], tail: str, head: str, stroke: str | None) -> str:
-    """Draw one bond with its half arrow, and its causal stroke if known."""
+def _bond(nodes: Mapping[str, Box], tail: str, head: str, stroke: str | None, sides: tuple[float, ...]) -> str:
+    """Draw one bond with its half arrow, of a signal with a whole one, and its causal stroke if known."""
     a, b = nodes[tail], nodes[head]
     x1, y1 = a.border(b.x, b.y, GAP)
     x2, y2 = b.border(a.x, a.y, GAP)
     length = max(math.hypot(x2 - x1, y2 - y1), 1e-9)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    barb = (x2 + BARB * (-0.9 * ux + 0.6 * uy), y2 + BARB * (-0.9 * uy - 0.6 * ux))
-    if ux < -0.5:  # the barb of a bond to the left stands above it, like all others
-        barb = (x2 + BARB * (-0.9 * ux - 0.6 * uy), y2 + BARB * (-0.9 * uy + 0.6 * ux))
-    text = _line("bond", (x1, y1), (x2, y2)) + _line("half-arrow", (x2, y2), barb)
+    text = _line("bond", (x1, y1), (x2, y2))
+    for side in sides:
+        off = (
+            -0.6 * side if ux < -0.5 else 0.6 * side
+        )  # the barb of a bond to the left stands above it, like all others
+        barb = (x2 + BARB * (-0.9 * ux + off * uy), y2 + BARB * (-0.9 * uy - off * ux))
+        text += _line("half-arrow", (x2, y2), barb)
     if stroke in (tail, head):
         x, y = (x1, y1) if stroke == tail else (x2, y2)
         text += _line("causal-stroke", (x - STROKE * uy, y + STROKE * ux), (x + STROKE * uy, y - STROKE * ux))

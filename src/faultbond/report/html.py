@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.model.graph import BondGraph
 from faultbond.report.charts import payload, sections
-from faultbond.report.drawing import draw
+from faultbond.report.drawing import draw, graph_title
 from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text
 from faultbond.report.verdict import (
     Counts,
@@ -65,6 +65,8 @@ def render_report(
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
         drawing=draw(graph, strokes, component_probabilities(diagnosis) if diagnosis else None),
+        drawing_title=graph_title(graph),
+        blocks_drawn=graph.is_block_network,
         strokes_drawn=bool(strokes),
         sections=parts,
         data=payload(history, [chart for part in parts for chart in part.charts]),

@@ -10,12 +10,13 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
+from faultbond.model.graph import BondGraph, Component, Parameter, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
 from faultbond.runtime.lanes import plan_lanes
+from faultbond.types import TimeGrid
 
 MEANING = {
     "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
@@ -97,16 +98,19 @@ def _table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]
 
 def _print_plant(console: Console, graph: BondGraph) -> None:
     _title(console, "Components")
-    parts = [
-        (item.name, item.type.value, "\n".join(law_text(item, law) for law in item.laws)) for item in graph.components
-    ]
-    _table(console, ("name", "type", "law"), parts)
-    _title(console, "Parameters")
-    header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
-    _table(console, header, [_parameter(item) for item in graph.parameters])
+    _table(console, ("name", "type", "law"), [_component(item) for item in graph.components])
+    if graph.parameters or not graph.is_block_network:
+        _title(console, "Parameters")
+        header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
+        _table(console, header, [_parameter(item) for item in graph.parameters])
     if graph.constants:
         constants = (f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants)
         _lines(console, [("constants", ", ".join(constants))])
+
+
+def _component(item: Component) -> tuple[str, ...]:
+    laws = "\n".join(law_text(item, law) for law in item.laws)
+    return (item.name, item.type.value if item.suspect else f"{item.type.value}, trusted", laws)
 
 
 def _parameter(item: Parameter) -> tuple[str, ...]:
@@ -146,6 +150,16 @@ def _spread(unit: Unit, si: float) -> str:
 
 
 def _print_structure(console: Console, seen: Understanding) -> None:
+    memory = [
+        ("states", "\n".join(_states(seen)) or "none: the plant has no memory"),
+        ("loops", "\n".join(_loops(seen)) or "none"),
+    ]
+    if seen.graph.is_block_network:
+        _title(console, "Signals")
+        suspects = ", ".join(seen.graph.suspect_blocks) or "the parameters"
+        signals = _wrapped(seen.graph.block_signals, console.width - LABELS)
+        _lines(console, [("signals", signals), ("suspects", suspects), *memory])
+        return
     graph, causality = seen.graph, seen.model.plant.causality
     strokes = dict(causality.strokes)
     bonds = [
@@ -161,8 +175,7 @@ def _print_structure(console: Console, seen: Understanding) -> None:
             ("integral", _located(causality.integral, seen)),
             ("derivative", _located(causality.derivative, seen)),
             ("chosen freely", _located(causality.free, seen)),
-            ("states", "\n".join(_states(seen)) or "none: the plant has no memory"),
-            ("loops", "\n".join(_loops(seen)) or "none"),
+            *memory,
         ],
     )
 
@@ -241,6 +254,11 @@ def _slow_size(graph: BondGraph, error: SlowError) -> str:
 
 def _print_method(console: Console, seen: Understanding) -> None:
     graph, spec = seen.graph, seen.spec
+    if graph.grid is TimeGrid.NONE:
+        _title(console, "Observations")
+        sets = f"with up to {graph.max_faults} suspects"
+        _lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets {sets}")])
+        return
     step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
     substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
     sizes = set_sizes(spec)
@@ -263,5 +281,7 @@ def _print_method(console: Console, seen: Understanding) -> None:
 def _print_defaults(console: Console, seen: Understanding) -> None:
     _title(console, "Defaults in force: what the model file does not state")
     _lines(console, seen.graph.defaults)
+    if seen.graph.grid is TimeGrid.NONE:
+        return
     _title(console, "Settings of the method")
     _lines(console, [(f"{value:g}", MEANING.get(name, name)) for name, value in settings_of(seen.spec).items()])
