@@ -45,13 +45,15 @@ class Reduced:
 
     columns: (n_rows, n_parameters); row_outputs: (n_rows,), the output that a row belongs to. The full columns have
     length 1 before the start is taken away, and `lengths` (n_parameters,) with the rows in `units` of the outputs.
-    matrix: (rank, n_parameters), compressed: inner products of its columns are those of `columns`.
-    steps: (n_parameters,), the change of each parameter that is meant, SI.
+    matrix: (rank, n_parameters), compressed: inner products of its columns are those of `columns`, or are in noises.
+    steps: (n_parameters,), the change of each parameter that is meant, SI; relative: (n_parameters,), whether it is the
+    parameter's own value.
     """
 
     outputs: tuple[str, ...]
     parameters: tuple[str, ...]
     steps: FloatArray
+    relative: BoolArray
     columns: FloatArray
     row_outputs: IntArray
     lengths: FloatArray
@@ -81,6 +83,7 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
         outputs=runs[0].outputs,
         parameters=runs[0].parameters,
         steps=runs[0].steps,
+        relative=runs[0].steps == runs[0].theta,
         columns=_still(columns),
         row_outputs=outputs,
         lengths=_still(lengths),
@@ -104,13 +107,7 @@ def above_noise(reduced: Reduced, sizes: FloatArray, least: float = 3.0) -> Redu
     top = float(values[0]) if len(values) and values[0] > 0 else 1.0
     kept, dropped = (float(values[seen - 1]) if seen else 0.0), (float(values[seen]) if seen < len(values) else 0.0)
     rank = Rank(value=seen, least=seen, kept=kept / top, dropped=dropped / top, clear=True, low=least, high=least)
-    return replace(
-        reduced,
-        columns=_still(reduced.columns * scale),
-        matrix=_still(reduced.matrix * scale),
-        lengths=_still(np.ones(len(scale))),
-        rank=rank,
-    )
+    return replace(reduced, matrix=_still(reduced.matrix * scale), rank=rank)
 
 
 def _rows(array: FloatArray, units: FloatArray) -> FloatArray:

@@ -48,7 +48,7 @@ class Experiment:
 class Sensitivity:
     """A trajectory and its derivatives; arrays are read-only.
 
-    x: (n_samples, n_states), stored quantities. y: (n_samples, n_outputs), SI.
+    theta: (n_parameters,), SI. x: (n_samples, n_states), stored quantities. y: (n_samples, n_outputs), SI.
     by_theta: (n_samples, n_outputs, n_parameters), change of y for a change of a parameter by its step, dy/dtheta
     times `steps` (n_parameters,): its value, so that by_theta is dy/dlog(theta), or its `scale` where the nominal is 0.
     by_start: (n_samples, n_outputs, n_states), dy/dx0.
@@ -61,6 +61,7 @@ class Sensitivity:
     inputs: FloatArray
     x: FloatArray
     y: FloatArray
+    theta: FloatArray
     steps: FloatArray
     by_theta: FloatArray
     by_start: FloatArray
@@ -178,6 +179,7 @@ class _Runs:
             inputs=_still(self.inputs[lane].copy()),
             x=_still(self.x[lane].copy()),
             y=_still(self.y[lane].copy()),
+            theta=_still(self.theta[lane].copy()),
             steps=_still(self.steps[lane].copy()),
             by_theta=_still(self.by[lane, :, :, : self.n_p].copy()),
             by_start=_still(self.by[lane, :, :, self.n_p :].copy()),
