@@ -6,14 +6,15 @@ matching is the route: no part of it gives them, since as many equations as unkn
 matched. Sources: thesis 4.4.1 (what a route is); Pothen and Fan 1990.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.matching import closure, match, redundant, undetermined
+from faultbond.structure.matching import closure, holdings, incidence, match, redundant, undetermined
 from faultbond.structure.route import Question, Route, Step
 from faultbond.structure.unroll import (
+    Place,
     Unrolled,
     assemble,
     causes,
@@ -55,12 +56,54 @@ def find_route(network: ComponentNetwork, question: Question) -> Route:
         if route is not None:
             return route
     found = fewest_frames(network, question)
-    kept = spare(found)
-    return route_of(network, question, found, kept)
+    return route_of(network, question, found, shorten(found))
 
 
-def fewest_frames(network: ComponentNetwork, question: Question) -> Solvable:
-    """Add frames until every target is fixed.
+def alternatives(network: ComponentNetwork, question: Question, limit: int = 20) -> Iterator[Route]:
+    """Give up to `limit` different routes, the one of `find_route` first.
+
+    Each further one does without one equation more of a route found before, which may take more frames. For a caller
+    that prefers, say, the route that amplifies noise least.
+
+    Raises
+    ------
+    StructureError
+        Where there is no route at all.
+    """
+    first = find_route(network, question)
+    yield first
+    seen = {_places(first)}
+    tried = {frozenset[Place]()}
+    queue = [(frozenset[Place](), first)]
+    for without, route in queue:
+        for step in route.steps:
+            fewer = without | {(step.equation, step.frame)}
+            if len(seen) >= limit:
+                return
+            if fewer in tried:
+                continue
+            tried.add(fewer)
+            other = _without(network, question, fewer)
+            if other is not None and _places(other) not in seen:
+                seen.add(_places(other))
+                queue.append((fewer, other))
+                yield other
+
+
+def _without(network: ComponentNetwork, question: Question, without: frozenset[Place]) -> Route | None:
+    try:
+        found = fewest_frames(network, question, without)
+    except StructureError:
+        return None
+    return route_of(network, question, found, shorten(found))
+
+
+def _places(route: Route) -> frozenset[Place]:
+    return frozenset((step.equation, step.frame) for step in route.steps)
+
+
+def fewest_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Solvable:
+    """Add frames until every target is fixed; equations `without` are not used.
 
     Raises
     ------
@@ -71,7 +114,7 @@ def fewest_frames(network: ComponentNetwork, question: Question) -> Solvable:
     unrolled: Unrolled | None = None
     matched: tuple[int, ...] = ()
     for frames in range(1, frame_limit(network, question) + 1):
-        unrolled = unroll(network, question, frames, unrolled)
+        unrolled = unroll(network, question, frames, unrolled, without=without)
         matched = match(unrolled.equations, len(unrolled.unknowns), matched)
         if _is_fixed(range(n_targets), unrolled.equations, matched):
             return Solvable(unrolled=unrolled, matched=matched, n_targets=n_targets)
@@ -104,22 +147,57 @@ def _not_found(
     )
 
 
-def spare(found: Solvable) -> tuple[int, ...]:
-    """Leave out equations that the targets can do without, the deepest first; give the matching of the others."""
-    equations = found.unrolled.equations
-    matched = list(found.matched)
-    active = set(range(len(equations)))
+def shorten(found: Solvable) -> tuple[int, ...]:
+    """Give a matching along which the targets need few equations.
+
+    Among the equations that the targets need and that could be spared, one is replaced in turn, along the shortest
+    alternating path, by one that nothing needs yet: the one after which the fewest are needed. This ends where no
+    single exchange helps. Ours; the exact answer is `fewest.fewest_components`.
+    """
+    unrolled = found.unrolled
+    matched = found.matched
+    containing = incidence(unrolled.equations, len(unrolled.unknowns))
+    needed = closure(found.targets, unrolled.equations, matched)[0]
     while True:
-        rows = [row if e in active else () for e, row in enumerate(equations)]
-        needed, _ = closure(found.targets, equations, matched)
-        extra = [e for e in redundant(rows, matched) & set(needed) if rows[e]]
-        if not extra:
-            return tuple(matched)
-        worst = max(extra, key=lambda e: (found.unrolled.places[e][1], e))
-        active.discard(worst)
-        rows[worst] = ()
-        start = [-1 if e == worst else e for e in matched]
-        matched = list(match(rows, len(matched), start))
+        options = []
+        for equation in sorted(redundant(unrolled.equations, matched) & set(needed)):
+            exchanged = _exchange(equation, matched, unrolled.equations, containing)
+            needs = closure(found.targets, unrolled.equations, exchanged)[0]
+            options.append((*_size(needs, unrolled), -equation, exchanged, needs))
+        best = min(options, default=None, key=lambda option: option[:3])
+        if best is None or best[:2] >= _size(needed, unrolled):
+            return matched
+        *_, matched, needed = best
+
+
+def _size(needed: Sequence[int], unrolled: Unrolled) -> tuple[int, int]:
+    """Parts of the plant that are passed through, and equations."""
+    return sum(unrolled.weights[e] for e in needed), len(needed)
+
+
+def _exchange(
+    equation: int, matched: tuple[int, ...], equations: Sequence[Sequence[int]], containing: Sequence[Sequence[int]]
+) -> tuple[int, ...]:
+    """Give the matching without a redundant equation: along the shortest path to an equation that nothing needs."""
+    held = holdings(equations, matched)
+    came: dict[int, int] = {}  # unknown -> the one whose search led to the equation that determines it
+    queue = [held[equation]]
+    for unknown in queue:
+        for other in containing[unknown]:
+            if held[other] < 0:
+                return _switched(unknown, other, queue[0], came, matched)
+            if other != equation and held[other] not in came and held[other] != queue[0]:
+                came[held[other]] = unknown
+                queue.append(held[other])
+    raise AssertionError("a redundant equation can be spared")
+
+
+def _switched(unknown: int, other: int, start: int, came: dict[int, int], matched: tuple[int, ...]) -> tuple[int, ...]:
+    result = list(matched)
+    while unknown != start:
+        result[unknown], other, unknown = other, matched[unknown], came[unknown]
+    result[start] = other
+    return tuple(result)
 
 
 def route_of(network: ComponentNetwork, question: Question, found: Solvable, matched: Sequence[int]) -> Route:

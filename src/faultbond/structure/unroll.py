@@ -70,8 +70,17 @@ def contained(equation: Equation, frame: int) -> tuple[Target, ...]:
     return (*equation.parameters, *((name, frame + back) for name, back in equation.signals))
 
 
-def unroll(network: ComponentNetwork, question: Question, frames: int, before: Unrolled | None = None) -> Unrolled:
-    """Give the equations of the newest frames; `before` is what fewer frames gave, to be added to."""
+def unroll(
+    network: ComponentNetwork,
+    question: Question,
+    frames: int,
+    before: Unrolled | None = None,
+    without: frozenset[Place] = frozenset(),
+) -> Unrolled:
+    """Give the equations of the newest frames.
+
+    before: what fewer frames gave, to be added to. without: equations to leave out.
+    """
     unknowns = list(before.unknowns if before else open_targets(question))
     index = {unknown: k for k, unknown in enumerate(unknowns)}
     free = unknown_parameters(question)
@@ -81,6 +90,8 @@ def unroll(network: ComponentNetwork, question: Question, frames: int, before: U
     equations = usable(network, question)
     for frame in range(question.newest + (before.frames if before else 0), question.newest + frames):
         for equation in equations:
+            if (equation.name, frame) in without:
+                continue
             targets = _unknown(equation, frame, question, free)
             for target in targets:
                 if target not in index:
