@@ -1,4 +1,4 @@
-"""Random plants: electrical networks of every element, as the plain mapping that a model file holds."""
+"""Random plants: electrical networks of every element, and block networks, as the mapping that a model file holds."""
 
 import json
 from typing import Any
@@ -27,6 +27,7 @@ LAWS: dict[ElementType, tuple[str | list[str] | None, ...]] = {
     ElementType.SE: ("e = X", "e = -X + 2*X", "e = X*V/V"),
     ElementType.SF: ("f = X", "f = X*sqrt(V/V)", "f = max(X, 0)"),
 }
+ELEMENTS = tuple(element for element in ElementType if element is not ElementType.BLOCK)
 ONE_PORTS = tuple(element for element in ElementType if element.n_ports == 1)
 TWO_PORTS = tuple(element for element in ElementType if element.n_ports == 2)
 
@@ -97,6 +98,67 @@ def plants(draw: st.DrawFn) -> Mapping:
     if draw(st.booleans()):
         found["slow_error"] = draw(slow_errors(signals, found["sensors"]))
     return found
+
+
+BLOCK_LAWS = (
+    "{new} = X*{old}",
+    "{new} = {old}**2 - X",
+    "{new} = max({old}, X)",
+    "0 = {old} - X*{new}",
+    "der({new}) = {old}/X",
+)
+GATES = ("{new} = {old} & {older}", "{new} = ~({old} | {older})", "{new} = {old} ^ ~{older} ^ 1", "{old} ^ {new} = 0")
+
+
+@st.composite
+def networks(draw: st.DrawFn) -> Mapping:
+    """A complete block network of numbers: a chain of blocks with one law or two, static or not."""
+    static = draw(st.booleans())
+    laws = BLOCK_LAWS[:-1] if static else BLOCK_LAWS
+    parts: Mapping = {}
+    signals = ["u", "v"]
+    for _ in range(draw(st.integers(1, 5))):
+        name = f"b{len(parts)}"
+        found: Mapping = {"law": [], "parameters": {}}
+        for law in draw(st.lists(st.sampled_from(laws), min_size=1, max_size=2)):
+            new, parameter = f"x{len(signals)}", f"P{len(signals)}"
+            found["law"].append(law.format(new=new, old=draw(st.sampled_from(signals))).replace("X", parameter))
+            found["parameters"][parameter] = draw(parameters(""))
+            signals.append(new)
+            if law.startswith("0"):
+                found.setdefault("signals", []).append(new)
+        stores = [text[4 : text.index(")")] for text in found["law"] if text.startswith("der")]
+        if len(stores) == 1 and draw(st.booleans()):
+            found["start"] = {stores[0]: draw(sizes), "sd": draw(sizes)}
+        if draw(st.booleans()) and not any(isinstance(item, dict) for item in found["parameters"].values()):
+            found["suspect"] = draw(st.sampled_from(["yes", "no"]))
+        parts[name] = found
+    read = draw(st.sampled_from(signals[2:]))
+    sensor = {"reads": f"{read} - 3"} | ({} if static and draw(st.booleans()) else {"noise": draw(sizes)})
+    model: Mapping = {"sample_time": "none" if static else draw(seconds), "inputs": {"u": {}, "v": {}}}
+    if not static and draw(st.booleans()):
+        model["warm_up"] = draw(seconds)
+    return model | {"blocks": parts, "sensors": {"s": sensor, read: {"reads": read, "noise": "1"}}}
+
+
+@st.composite
+def gates(draw: st.DrawFn) -> Mapping:
+    """A complete logic network: a chain of gates."""
+    parts: Mapping = {}
+    signals = ["u", "v"]
+    for _ in range(draw(st.integers(1, 6))):
+        law, new = draw(st.sampled_from(GATES)), f"x{len(signals)}"
+        old, older = draw(st.sampled_from(signals)), draw(st.sampled_from(signals))
+        found: Mapping = {"law": law.format(new=new, old=old, older=older)}
+        if not found["law"].startswith(new):
+            found["signals"] = new
+        if draw(st.booleans()):
+            found["suspect"] = draw(st.sampled_from(["yes", "no"]))
+        parts[f"g{len(parts)}"] = found
+        signals.append(new)
+    logic = {"unit": "logic"}
+    sensors = {"s": logic | {"reads": f"~{draw(st.sampled_from(signals[2:]))}", "column": "out, raw"}}
+    return {"sample_time": "none", "inputs": {"u": logic, "v": logic}, "blocks": parts, "sensors": sensors}
 
 
 @st.composite

@@ -9,15 +9,17 @@ from tempfile import TemporaryDirectory
 
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from strategies import as_text, plants
+from strategies import as_text, gates, networks, plants
 
 from faultbond.errors import ModelError
 from faultbond.model import load_model, parse_expression, parse_model, parse_relation, to_text, unit
-from faultbond.model.expression import FUNCTIONS, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import FUNCTIONS, LOGIC, NOT, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.quantities import quantity, spread, spread_over
 
 TANK = (Path(__file__).parents[2] / "examples" / "tank" / "model.yaml").read_text()
 MOTOR = (Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml").read_text()
+ADDER = (Path(__file__).parents[2] / "examples" / "thesis" / "fig_3_7.yaml").read_text()
+STORE = (Path(__file__).parents[2] / "examples" / "thesis" / "fig_3_18.yaml").read_text()
 fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 NAMES = st.sampled_from(["K1", "f", "pipe.e", "u_in", "x_9", "a.b"])
@@ -39,8 +41,14 @@ def _larger(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expressio
     )
 
 
+def _larger_in_blocks(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    gate = st.tuples(st.sampled_from(LOGIC), inner, inner).map(lambda item: Binary(*item))
+    return st.one_of(_larger(inner), gate, inner.map(lambda item: Call(NOT, (item,))))
+
+
 EXPRESSIONS = st.recursive(NUMBERS | NAMES.map(Name), _larger, max_leaves=20)
-LAW_LETTERS = st.text("Kfeu1.9+-*/()=<>, _^&%'\"\\\n\t\x00é", max_size=60)
+IN_BLOCKS = st.recursive(NUMBERS | NAMES.map(Name), _larger_in_blocks, max_leaves=20)
+LAW_LETTERS = st.text("Kfeu1.9+-*/()=<>, _^&|~%'\"\\\n\t\x00é", max_size=60)
 UNIT_LETTERS = st.text("PamskgV^*/()-.0519 %°µ", max_size=40)
 
 
@@ -75,6 +83,13 @@ def test_text_of_an_expression_reads_back_as_the_same_tree(expression: Expressio
     assert parse_expression(to_text(expression)) == expression
 
 
+@given(IN_BLOCKS)
+@fuzz
+def test_text_of_logic_reads_back_as_the_same_tree(expression: Expression) -> None:
+    """The same holds with the operators of logic, wherever they stand."""
+    assert parse_expression(to_text(expression), blocks=True) == expression
+
+
 @given(LAW_LETTERS | st.text(max_size=40))
 @example("9**9**9")
 @example("(" * 1999)
@@ -87,6 +102,7 @@ def test_any_text_as_a_law(text: str) -> None:
     """A law from random letters is read or refused, never anything else."""
     for read in (parse_expression, parse_relation):
         outcome(partial(read, text))
+        outcome(partial(read, text, blocks=True))
 
 
 @given(UNIT_LETTERS | st.text(max_size=40))
@@ -108,18 +124,19 @@ def test_any_text_as_a_unit_or_quantity(text: str) -> None:
 @fuzz
 def test_model_with_one_piece_replaced(data: st.DataObject) -> None:
     """A good model with a piece cut out, doubled or replaced is read or refused."""
-    text = data.draw(st.sampled_from([TANK, MOTOR]))
+    text = data.draw(st.sampled_from([TANK, MOTOR, ADDER, STORE]))
     start = data.draw(st.integers(0, len(text)))
     end = min(len(text), start + data.draw(st.integers(0, 30)))
     piece = data.draw(st.sampled_from(["", text[start:end] * 2]) | LAW_LETTERS | st.sampled_from(text.split()))
     attempt(text[:start] + piece + text[end:])
 
 
-@given(plants(), st.data())
+@given(plants() | networks() | gates(), st.data())
 @fuzz
 def test_model_with_one_value_replaced(plant: dict[str, object], data: st.DataObject) -> None:
     """A random model in which one value is another value, list or table is read or refused."""
-    values = st.sampled_from(["", "1", "-3 V", "V", "2 %", "n0", "n0.e", "none", "any", "x -> y", "inf", "1e308 kV"])
+    words = ["", "1", "-3 V", "V", "2 %", "n0", "n0.e", "none", "any", "x -> y", "inf", "1e308 kV", "u", "x2", "logic"]
+    values = st.sampled_from([*words, "x2 = u", "der(u) = 1", "x9 = u & ~x2", "0 = der(x2)", "sd", "no"])
     odd = st.recursive(values, lambda inner: st.lists(inner, max_size=2) | st.dictionaries(values, inner, max_size=2))
     place: object = plant
     while isinstance(place, dict | list) and place:

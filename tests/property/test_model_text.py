@@ -1,11 +1,11 @@
-"""Random plants survive the way text -> model -> text, and the order of their parts does not matter."""
+"""Random plants and networks survive the way text -> model -> text, and the order of their parts does not matter."""
 
 import dataclasses
 from typing import Any
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from strategies import LAWS, UNITS, Mapping, as_text, plants, shuffled
+from strategies import ELEMENTS, LAWS, UNITS, Mapping, as_text, gates, networks, plants, shuffled
 
 from faultbond.model import BondGraph, dump_model, parse_model
 from faultbond.model.defaults import in_force
@@ -34,10 +34,10 @@ def unordered(graph: BondGraph) -> Any:
 
 def test_every_element_has_a_strategy() -> None:
     """No element is left out of the random plants."""
-    assert set(LAWS) == set(UNITS) == set(ElementType)
+    assert set(LAWS) == set(UNITS) == set(ELEMENTS) == set(ElementType) - {ElementType.BLOCK}
 
 
-@given(plants())
+@given(plants() | networks() | gates())
 @fast
 def test_canonical_text_reads_back_as_the_same_graph(plant: Mapping) -> None:
     """The canonical text gives the same numbers to the last bit, the same laws and the same defaults."""
@@ -47,7 +47,7 @@ def test_canonical_text_reads_back_as_the_same_graph(plant: Mapping) -> None:
     assert again.text == graph.text == dump_model(graph)
 
 
-@given(plants().flatmap(lambda plant: st.tuples(st.just(plant), shuffled(plant))))
+@given((plants() | networks() | gates()).flatmap(lambda plant: st.tuples(st.just(plant), shuffled(plant))))
 @fast
 def test_order_of_entries_does_not_matter(pair: tuple[Mapping, Mapping]) -> None:
     """Sections and entries in another order give the same plant."""

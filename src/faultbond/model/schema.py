@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from faultbond.model.blocks import BLOCK_KEYS
 from faultbond.model.elements import DEFAULT_LAWS, OWN_SIGNALS
 from faultbond.model.measured import SENSOR_KEYS, SLOW_ERROR_KEYS
 from faultbond.model.resolve import MAX_FAULTS, MODEL_KEYS
@@ -16,6 +17,7 @@ _NAME = f"^{NAME.pattern}$"
 _SIGNAL = f"^{NAME.pattern}(\\.{NAME.pattern})?$"
 _TEXT: Schema = {"type": "string", "minLength": 1}
 _VALUE: Schema = {"type": ["string", "number"], "description": "a number, or a number and a unit, such as `64650 Pa`"}
+_STATIC: Schema = {"properties": {"sample_time": {"const": "none"}}}
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"
 
 
@@ -24,8 +26,14 @@ def model_schema() -> Schema:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "faultbond model",
-        "description": "A plant as a bond graph: components, junctions, bonds, inputs, sensors.",
-        **_table(_model_keys(), required=("sample_time", "components", "bonds", "sensors")),
+        "description": "A plant as a bond graph (components, junctions, bonds) or as a block network (blocks).",
+        **_table(_model_keys(), required=("sample_time", "sensors")),
+        "if": {"required": ["blocks"]},
+        "then": {"properties": dict.fromkeys(("components", "junctions", "bonds"), False)},
+        "else": {"required": ["components", "bonds"]},
+        "allOf": [
+            {"if": _STATIC, "else": {"properties": {"sensors": {"additionalProperties": {"required": ["noise"]}}}}}
+        ],
     }
 
 
@@ -61,7 +69,9 @@ def _model_keys() -> Schema:
     time = _table({"column": _TEXT, "unit": _described(_TEXT, "a unit of time; default s")})
     properties: Schema = {
         "name": _described(_TEXT, "default: the file's name"),
-        "sample_time": _described(_TEXT, "the engine's grid, `1 s`, or `variable` for rows as they come"),
+        "sample_time": _described(
+            _TEXT, "the engine's grid, `1 s`; `variable` for rows as they come, `none` for a static block network"
+        ),
         "max_faults": {
             "description": "largest set of simultaneous faults that is tested; default 2",
             "anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_FAULTS}, {"type": "string"}],
@@ -72,12 +82,13 @@ def _model_keys() -> Schema:
         "constants": _named(_VALUE, "trusted numbers, never suspects"),
         "inputs": _named(_input(), "measured or commanded inputs"),
         "components": {**_named(_component(), "elements with their laws and parameters"), "minProperties": 1},
+        "blocks": {**_named(_block(), "blocks of a block network with their laws"), "minProperties": 1},
         "junctions": _named({"enum": [0, 1, "0", "1"]}, "0: one effort, flows sum to 0; 1: one flow, efforts sum to 0"),
         "bonds": _one_or_more({"type": "string", "pattern": "->"}, "`a -> b -> c`; power counts positive along `->`"),
         "sensors": {**_named(_sensor(), "measured outputs"), "minProperties": 1},
         "slow_error": _named(_slow_error(), "known imperfections of signals and sensors", _SIGNAL),
     }
-    return _chosen(tuple(key for key in MODEL_KEYS if key != "blocks"), properties)
+    return _chosen(MODEL_KEYS, properties)
 
 
 _NONE: Schema = {"const": "none", "description": "row number times sample_time"}
@@ -85,7 +96,7 @@ _NONE: Schema = {"const": "none", "description": "row number times sample_time"}
 
 def _input() -> Schema:
     properties: Schema = {
-        "unit": _described(_TEXT, "unit of its column, such as `percent`"),
+        "unit": _described(_TEXT, "unit of its column, such as `percent`; `logic` for 0 and 1"),
         "column": _described(_TEXT, "column of a recording; default its name"),
         "noise": _described(_VALUE, "standard deviation; default 0"),
         "settling": _described(_TEXT, "after a step the model may be off for so long; default `0 s`"),
@@ -108,6 +119,27 @@ def _component() -> Schema:
     return _table(_chosen(COMPONENT_KEYS, properties), required=("type",))
 
 
+def _block() -> Schema:
+    store = {"propertyNames": {"pattern": _NAME}, "required": ["sd"], "minProperties": 2, "maxProperties": 2}
+    properties: Schema = {
+        "law": _one_or_more(_TEXT, "`y = K*x` defines signal y, `der(y) = x/P` makes it a store, or any equation"),
+        "parameters": _named(_parameter(), "numbers that a fault may change"),
+        "signals": _one_or_more({"type": "string", "pattern": _NAME}, "unknown signals that no law defines"),
+        "start": {
+            "description": "known start of its store, `{y: 2 m, sd: 1 cm}`; default: solved from the first samples",
+            "type": "object",
+            "additionalProperties": _VALUE,
+            **store,
+        },
+        "suspect": _suspect("`no` trusts the block and its parameters"),
+    }
+    return _table(_chosen(BLOCK_KEYS, properties), required=("law",))
+
+
+def _suspect(description: str) -> Schema:
+    return {"description": description, "enum": [True, False, "yes", "no", "true", "false"]}
+
+
 def _parameter() -> Schema:
     ends = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
     properties: Schema = {
@@ -115,7 +147,7 @@ def _parameter() -> Schema:
         "accuracy": _described(_VALUE, "standard deviation while healthy, relative or absolute"),
         "change": _described(_VALUE, "standard deviation of a faulty value about the nominal; default `200 %`"),
         "range": {"description": "default: the sign of the nominal", "anyOf": [ends, {"const": "any"}]},
-        "suspect": {"description": "`no` trusts the parameter", "enum": [True, False, "yes", "no", "true", "false"]},
+        "suspect": _suspect("`no` trusts the parameter"),
     }
     return {"anyOf": [_VALUE, _table(_chosen(PARAMETER_KEYS, properties), required=("nominal",))]}
 
@@ -123,11 +155,11 @@ def _parameter() -> Schema:
 def _sensor() -> Schema:
     properties: Schema = {
         "reads": _described(_TEXT, "a law of signals, such as `vessel.e`"),
-        "unit": _described(_TEXT, "unit of its column; default SI"),
-        "noise": _described(_VALUE, "standard deviation, `180 Pa` or `2 % of 8.9 kPa`"),
+        "unit": _described(_TEXT, "unit of its column; default SI; `logic` for 0 and 1"),
+        "noise": _described(_VALUE, "standard deviation, `180 Pa` or `2 % of 8.9 kPa`; default 0 in a static network"),
         "column": _described(_TEXT, "column of a recording; default its name"),
     }
-    return _table(_chosen(SENSOR_KEYS, properties), required=("reads", "noise"))
+    return _table(_chosen(SENSOR_KEYS, properties), required=("reads",))
 
 
 def _slow_error() -> Schema:
