@@ -23,15 +23,15 @@ LEVELS = {
     "structure": 3,
     "dynamics": 4,
     "analysis": 5,
-    "synthesis": 5,
     "simulate": 5,
-    "report": 6,
-    "service": 6,
-    "fleet": 6,
-    "app": 7,
-    "cli": 8,
-    "__main__": 9,
-    "__init__": 9,
+    "synthesis": 6,
+    "report": 7,
+    "service": 7,
+    "fleet": 7,
+    "app": 8,
+    "cli": 9,
+    "__main__": 10,
+    "__init__": 10,
 }
 SYMBOLIC = {"casadi", "sympy"}
 SYMBOLIC_UNITS = {"structure", "dynamics", "analysis", "synthesis", "simulate"}

@@ -117,6 +117,7 @@ class EngineSpec:
     loops: tuple[float, ...]  # first guesses of implicitly solved signals
     hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
     thresholds: Thresholds
+    explain_anything: tuple[tuple[int, ...], ...] = ()  # sets that no data can contradict; not tested
 
     @cached_property
     def n_joint(self) -> int:

@@ -15,6 +15,7 @@ from faultbond.model.parser import to_text
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
+from faultbond.report.verdict import unfalsifiable_text
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.types import TimeGrid
 
@@ -273,6 +274,7 @@ def _print_method(console: Console, seen: Understanding) -> None:
             ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
             ("in time", f"{METHOD}; {substeps}"),
             ("hypotheses", f"{sets or 'none'}; {plan_lanes(spec).n_lanes} filters after an alarm"),
+            *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),
             ("runs as", seen.engine),
         ],
     )

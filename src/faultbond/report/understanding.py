@@ -120,6 +120,7 @@ def check_record(seen: Understanding) -> Record:
         ],
         "discretisation": {"method": METHOD, "substeps": seen.model.substeps},
         "hypotheses": {str(size): number for size, number in set_sizes(spec).items()},
+        "explain_anything": [[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
         "filters": lanes.plan_lanes(spec).n_lanes,
         "engine": seen.engine,
         "settings": settings_of(spec),

@@ -16,6 +16,7 @@ from faultbond.report.numbers import (
     unit_text,
 )
 from faultbond.runtime.history import Candidate, Detection, Diagnosis, History, Suspect
+from faultbond.spec import EngineSpec
 
 UNDETERMINED = "not determined by the data"
 UNDETERMINED_SHARE = 0.9  # of the sd that a faulty value has before the data are seen
@@ -175,6 +176,13 @@ def set_name(candidate: Candidate) -> str:
         suspect.component if suspect.component == suspect.parameter else f"{suspect.component} {suspect.parameter}"
         for suspect in candidate.suspects
     )
+
+
+def unfalsifiable_text(spec: EngineSpec) -> str:
+    """Name the sets that are not tested since no data can contradict them: `{A, B}, {A, C} and 3 more`."""
+    sets = ["{" + ", ".join(spec.parameters[k].name for k in chosen) + "}" for chosen in spec.explain_anything]
+    more = len(sets) - LISTED_SETS
+    return join([*sets[:LISTED_SETS], f"{more} more"] if more > 0 else sets)
 
 
 def join(words: Sequence[str]) -> str:

@@ -2,11 +2,11 @@
 
 from hashlib import sha256
 from importlib.metadata import version
-from itertools import combinations
 from math import ceil
 
 import numpy as np
 
+from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
 from faultbond.dynamics.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
@@ -32,8 +32,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     """Give the engine's contract for a discrete-time model."""
     plant = model.plant
     graph = plant.graph
-    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
-    sets = tuple(chosen for size in range(1, graph.max_faults + 1) for chosen in combinations(suspects, size))
+    choice = choose_sets(model)
     states = tuple(_state(model, k) for k in range(len(model.states)))
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
@@ -58,7 +57,8 @@ def build_spec(model: StepModel) -> EngineSpec:
         inputs=tuple(_input(item) for item in graph.inputs),
         outputs=tuple(_output(item, model.direct[k]) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
-        hypotheses=sets,
+        hypotheses=choice.sets,
+        explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         thresholds=Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9))),
     )
 

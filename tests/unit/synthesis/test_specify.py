@@ -25,3 +25,16 @@ def test_healthy_value_may_scatter_about_the_end_of_its_range() -> None:
     assert limits["R"].lower == pytest.approx(1.0 - 4.0 * 0.03)
     assert limits["R"].upper == pytest.approx(3.0)
     assert (limits["L"].lower, limits["L"].upper) == (0.02, 50.0)
+
+
+def test_sets_that_explain_anything_get_no_filter() -> None:
+    """A tank seen through its level fixes two numbers: of its three parameters no pair can be contradicted."""
+    spec = build_spec(build_model(parse_model((EXAMPLES / "watersafe" / "tank4.yaml").read_text(encoding="utf-8"))))
+    assert spec.hypotheses == ((0,), (1,), (2,))
+    assert spec.explain_anything == ((0, 1), (0, 2), (1, 2))
+
+
+def test_a_plant_in_which_all_explains_anything_keeps_its_smallest_sets() -> None:
+    """Of a resistor and a capacitor only the product shows; each alone is still estimated."""
+    text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8").replace("max_faults: 1", "max_faults: 2")
+    assert build_spec(build_model(parse_model(text))).hypotheses == ((0,), (1,))
