@@ -67,11 +67,11 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     Parameters
     ----------
     runs : at least one; all with the same parameters, each from a start of its own
-    units : float array, shape (n_outputs,), SI; None takes the largest sensitivity of each output
+    units : float array, shape (n_outputs,), SI; None, or 0 for an output, takes the largest sensitivity of the output
     """
-    if units is None:
-        units = np.max([np.abs(run.by_theta).max(axis=(0, 2), initial=0.0) for run in runs], axis=0)
-        units = np.where(units > 0, units, 1.0)
+    largest = np.max([np.abs(run.by_theta).max(axis=(0, 2), initial=0.0) for run in runs], axis=0)
+    units = largest if units is None else np.where(units > 0, units, largest)
+    units = np.where(units > 0, units, 1.0)
     full = [_rows(run.by_theta, units) for run in runs]
     lengths = np.linalg.norm(np.vstack(full), axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
@@ -111,7 +111,7 @@ def above_noise(reduced: Reduced, sizes: FloatArray, least: float = 3.0) -> Redu
 
 
 def _rows(array: FloatArray, units: FloatArray) -> FloatArray:
-    return np.asarray((array / units[:, None]).reshape(-1, array.shape[2]))
+    return np.asarray((array / units[:, None]).reshape(array.shape[0] * array.shape[1], array.shape[2]))
 
 
 def _without(columns: FloatArray, start: FloatArray) -> FloatArray:
@@ -127,6 +127,8 @@ def _without(columns: FloatArray, start: FloatArray) -> FloatArray:
 
 
 def _compressed(columns: FloatArray) -> tuple[FloatArray, Rank]:
+    if not columns.size:
+        return np.zeros((0, columns.shape[1])), told_rank(np.zeros(0))
     _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
     rank = told_rank(values)
     n = min(rank.value, len(values))

@@ -109,6 +109,8 @@ def choose_sets(model: StepModel, recursion: Recursion | None = None) -> Choice:
     """Choose the sets of suspects that the bank of a model tests; all, where no run tells anything."""
     graph = model.plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
+    if not suspects:
+        return Choice(sets=(), dropped=())
     try:
         seen = reduce([generic_run(model, recursion)])
     except StructureError:

@@ -1,0 +1,172 @@
+"""Which further sensors would tell more: one or two, of the efforts, flows and stored quantities that no sensor reads.
+
+A sensor is judged by what the bank could do with it: how many classes of testable sets can be told apart, how many
+sets are testable, how many independent combinations of parameters show, and how many pairs stay hard to tell apart. The
+noise of a sensor that is not there is taken as `NOISE_PART` of the signal's usual size.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from math import comb
+
+import numpy as np
+
+from faultbond.analysis.groups import Group, groups, near_groups
+from faultbond.analysis.ranks import reduce
+from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivity
+from faultbond.analysis.testable import generic_run, judge, testable_sets
+from faultbond.dynamics.plant import build_plant
+from faultbond.dynamics.step import StepModel
+from faultbond.model.expression import Name
+from faultbond.model.graph import BondGraph, Sensor, Unit
+
+NOISE_PART = 0.01  # of the root mean square of the signal along the run
+MOST_TRIED = 300  # combinations of sensors judged
+MOST_NUMBERS = 2 * 10**7  # of sensitivities held at a time
+MOST_ADVISED = 5  # of one sensor, and of two
+_BOND = "->"  # in the name of a signal that only a bond has; no law can read it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorAdvice:
+    """What the plant would tell with further sensors.
+
+    sensors: signals to read; none for the plant as it is. classes: testable sets that can be told apart, sets that look
+    alike counted once. near: pairs hard to tell apart. clearness: size of the combination of parameters that shows
+    least, relative to that which shows most, to one digit.
+    """
+
+    sensors: tuple[str, ...]
+    rank: int
+    testable: int
+    classes: int
+    near: int
+    clearness: float
+    groups: tuple[Group, ...]
+
+    @property
+    def merit(self) -> tuple[int, int, int, int]:
+        """What is compared, the most important first."""
+        return self.classes, self.testable, self.rank, -self.near
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """The plant as it is, and the sensors that would help, the best first; `left_out` combinations were not tried."""
+
+    now: SensorAdvice
+    further: tuple[SensorAdvice, ...]
+    left_out: int
+
+
+def advise_sensors(model: StepModel) -> Advice:
+    """Give the one or two further sensors that would help most; those that would not help are not among them.
+
+    Raises
+    ------
+    StructureError
+        Where the equations have no finite solution along any random run.
+    """
+    graph = model.plant.graph
+    found = candidates(model)
+    run, room = _extended_run(model, found)
+    first = len(graph.sensors)
+    shown = [k for k in range(first, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
+    now = _advice(graph, run, ())
+    most = _best_possible(graph)
+    alone = {k: _advice(graph, run, (k,)) for k in shown[:MOST_TRIED] if now.merit < most}
+    ranked = sorted(alone, key=lambda k: _order(alone[k]))
+    best = max((now.merit, *(item.merit for item in alone.values())))
+    wanted = _pairs(ranked) if best < most else iter(())
+    pairs = [_advice(graph, run, pair) for pair in islice(wanted, max(0, MOST_TRIED - len(alone)))]
+    useful = [alone[k] for k in ranked if alone[k].merit > now.merit]
+    better = sorted((item for item in pairs if item.merit > best), key=_order)
+    tried = len(alone) + len(pairs)
+    return Advice(
+        now=now,
+        further=tuple(useful[:MOST_ADVISED] + better[:MOST_ADVISED]),
+        left_out=0 if best >= most else comb(len(shown) + room, 2) + len(shown) + room - tried,
+    )
+
+
+def _best_possible(graph: BondGraph) -> tuple[int, int, int, int]:
+    """Give the merit of a plant of which everything shows."""
+    suspects = sum(item.suspect for item in graph.parameters)
+    rank = len(graph.parameters)
+    sets = sum(comb(suspects, size) for size in range(1, min(graph.max_faults, rank - 1) + 1))
+    return sets, sets, rank, 0
+
+
+def candidates(model: StepModel) -> tuple[str, ...]:
+    """Give the signals and stored quantities that a sensor could read and none does; signals of junctions first."""
+    plant = model.plant
+    read = {expression.text for expression in plant.network.readings if isinstance(expression, Name)}
+    names = dict.fromkeys((*plant.network.signals, *(store.name for store in plant.network.states)))
+    junctions = {item.name for item in plant.graph.junctions}
+    free = [name for name in names if name not in read and _BOND not in name]
+    return tuple(sorted(free, key=lambda name: name.partition(".")[0] not in junctions))
+
+
+def _extended_run(model: StepModel, names: Sequence[str]) -> tuple[Sensitivity, int]:
+    """Give the run that shows most, with sensors on the signals, and how many of these there was no room for."""
+    graph = model.plant.graph
+    run = generic_run(model)
+    size = len(run.times) * (len(run.parameters) + len(run.states))
+    taken = names[: max(1, MOST_NUMBERS // max(1, size))]
+    more = tuple(Sensor(name=name, column=name, unit=Unit("1"), reads=Name(name), noise=0.0) for name in taken)
+    recursion = build_recursion(build_plant(replace(graph, sensors=(*graph.sensors, *more))))
+    experiment = Experiment(
+        start=run.x[0],
+        inputs=run.inputs,
+        dt=np.diff(run.times, prepend=0.0),
+        theta=run.theta,
+        implicit=model.reference_implicit,
+    )
+    return sensitivity(recursion, experiment), len(names) - len(taken)
+
+
+def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
+    """Give a run as some of its outputs show it."""
+    chosen = list(outputs)
+    return replace(
+        run,
+        outputs=tuple(run.outputs[k] for k in chosen),
+        y=run.y[:, chosen],
+        by_theta=run.by_theta[:, chosen],
+        by_start=run.by_start[:, chosen],
+    )
+
+
+def _pairs(ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Give the pairs of sensors: the best one with each other one, then the next best with the rest, and so on."""
+    for place, best in enumerate(ranked):
+        for other in ranked[place + 1 :]:
+            yield best, other
+
+
+def _order(item: SensorAdvice) -> tuple[object, ...]:
+    return tuple(-part for part in item.merit), -item.clearness
+
+
+def _advice(graph: BondGraph, run: Sensitivity, further: tuple[int, ...]) -> SensorAdvice:
+    """Judge the plant with its sensors and some further outputs of the run."""
+    present = len(graph.sensors)
+    part = restricted(run, (*range(present), *further))
+    noise = np.array([item.noise for item in graph.sensors] + [0.0] * len(further))
+    usual = np.sqrt(np.mean(part.y**2, axis=0))
+    noise = np.where(noise > 0, noise, NOISE_PART * usual)
+    seen, weighed = reduce([part]), reduce([part], noise)
+    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
+    sets = testable_sets(judge(seen, suspects, graph.max_faults)).sets
+    alike = groups(seen, sets)
+    judged = [item for item in sets if len(item) < seen.rank.value]
+    return SensorAdvice(
+        sensors=tuple(run.outputs[k] for k in further),
+        rank=seen.rank.value,
+        testable=len(judged),
+        classes=len(sets) - sum(len(group.sets) - 1 for group in alike) if judged else 0,
+        near=len(near_groups(weighed, sets, alike)),
+        clearness=float(f"{weighed.rank.kept:.0e}"),
+        groups=alike,
+    )
