@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.matching import closure, holdings, incidence, match, redundant, undetermined
-from faultbond.structure.route import Question, Route, Step
+from faultbond.structure.route import Question, Route, Step, Target
 from faultbond.structure.unroll import (
     Place,
     Unrolled,
@@ -25,10 +25,13 @@ from faultbond.structure.unroll import (
     unroll,
 )
 
+_TRIED_SENSORS = 12  # signals that are tried as a further sensor when a question is refused,
+_TRIED_EQUATIONS = 20_000  # and the number of equations looked at for that
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Solvable:
-    """Frames that fix every target, and a matching that is as large as possible."""
+class Frames:
+    """Frames, and a matching of their equations with as many unknowns as possible; targets are the first unknowns."""
 
     unrolled: Unrolled
     matched: tuple[int, ...]
@@ -38,6 +41,11 @@ class Solvable:
     def targets(self) -> range:
         """Indices of the targets among the unknowns."""
         return range(self.n_targets)
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether no alternating path leads from an unknown without equation to a target."""
+        return all(self.matched[k] >= 0 for k in closure(self.targets, self.unrolled.equations, self.matched)[1])
 
 
 def find_route(network: ComponentNetwork, question: Question) -> Route:
@@ -91,18 +99,15 @@ def alternatives(network: ComponentNetwork, question: Question, limit: int = 20)
 
 
 def _without(network: ComponentNetwork, question: Question, without: frozenset[Place]) -> Route | None:
-    try:
-        found = fewest_frames(network, question, without)
-    except StructureError:
-        return None
-    return route_of(network, question, found, shorten(found))
+    found = _add_frames(network, question, without)
+    return route_of(network, question, found, shorten(found)) if found.is_solved else None
 
 
 def _places(route: Route) -> frozenset[Place]:
     return frozenset((step.equation, step.frame) for step in route.steps)
 
 
-def fewest_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Solvable:
+def fewest_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Frames:
     """Add frames until every target is fixed; equations `without` are not used.
 
     Raises
@@ -110,44 +115,60 @@ def fewest_frames(network: ComponentNetwork, question: Question, without: frozen
     StructureError
         Names a target and the unknown that nothing fixes.
     """
+    found = _add_frames(network, question, without)
+    if not found.is_solved:
+        raise _not_found(network, question, found)
+    return found
+
+
+def _add_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Frames:
+    """Add frames until every target is fixed, or nothing more can become known."""
     n_targets = len(open_targets(question))
-    unrolled: Unrolled | None = None
-    matched: tuple[int, ...] = ()
-    for frames in range(1, frame_limit(network, question) + 1):
-        unrolled = unroll(network, question, frames, unrolled, without=without)
+    unrolled = unroll(network, question, 1, without=without)
+    matched = match(unrolled.equations, len(unrolled.unknowns))
+    found = Frames(unrolled=unrolled, matched=matched, n_targets=n_targets)
+    for frames in range(2, frame_limit(network, question) + 1):
+        if found.is_solved:
+            break
+        unrolled = unroll(network, question, frames, unrolled, without)
         matched = match(unrolled.equations, len(unrolled.unknowns), matched)
-        if _is_fixed(range(n_targets), unrolled.equations, matched):
-            return Solvable(unrolled=unrolled, matched=matched, n_targets=n_targets)
-    raise _not_found(network, question, unrolled, matched)
+        found = Frames(unrolled=unrolled, matched=matched, n_targets=n_targets)
+    return found
 
 
-def _is_fixed(targets: Sequence[int], equations: Sequence[Sequence[int]], matched: Sequence[int]) -> bool:
-    """Whether no alternating path leads from an unknown without equation to a target."""
-    return all(matched[k] >= 0 for k in closure(targets, equations, matched)[1])
-
-
-def _not_found(
-    network: ComponentNetwork, question: Question, unrolled: Unrolled | None, matched: tuple[int, ...]
-) -> StructureError:
-    if unrolled is None:
-        raise AssertionError("there is at least one frame")
-    free = undetermined(unrolled.equations, len(unrolled.unknowns), matched)
-    lost = [unrolled.unknowns[k] for k in range(len(open_targets(question))) if k in free]
-    missing = dict.fromkeys(
-        unknown[0]
-        for k, unknown in enumerate(unrolled.unknowns)
-        if k in free and not isinstance(unknown, str) and unknown not in question.hidden
-    )
-    helpful = [name for name in missing if name not in question.observed]
-    advice = f"; a sensor of {' or '.join(helpful[:3])} may help" if helpful else ""
-    known = ", ".join(sorted(question.observed)) or "no measured signal"
+def _not_found(network: ComponentNetwork, question: Question, found: Frames) -> StructureError:
+    unrolled = found.unrolled
+    free = undetermined(unrolled.equations, len(unrolled.unknowns), found.matched)
+    lost = [in_words(unrolled.unknowns[k]) for k in found.targets if k in free]
+    known = [name for name in (*network.inputs, *network.outputs) if name in question.observed]
+    known += [in_words(signal) for signal in sorted(question.known)]
+    span = "however many samples are used"
+    if unrolled.frames == question.frames:
+        span = f"within {unrolled.frames} time frame{'s' if unrolled.frames > 1 else ''}, the limit"
+    sensors = [name for name in _unmeasured(found, free) if _would_help(network, question, name)][:3]
+    advice = f"add a sensor, for example of {' or '.join(sensors)}" if sensors else "add sensors"
     return StructureError(
-        f"{network.file}: {', '.join(in_words(item) for item in lost)} cannot be found from {known}: "
-        f"it stays undetermined with {unrolled.frames} samples{advice}"
+        f"{network.file}: {', '.join(lost)} cannot be found from {', '.join(known) or 'nothing'}: "
+        f"{'they stay' if len(lost) > 1 else 'it stays'} undetermined {span}; {advice}"
     )
 
 
-def shorten(found: Solvable) -> tuple[int, ...]:
+def _unmeasured(found: Frames, free: frozenset[int]) -> tuple[str, ...]:
+    """Give some of the signals that are not fixed, those near the targets first; few where a trial takes long."""
+    names = (
+        unknown[0] for k, unknown in enumerate(found.unrolled.unknowns) if k in free and not isinstance(unknown, str)
+    )
+    return tuple(dict.fromkeys(names))[: max(1, min(_TRIED_SENSORS, _TRIED_EQUATIONS // len(found.unrolled.equations)))]
+
+
+def _would_help(network: ComponentNetwork, question: Question, name: str) -> bool:
+    """Whether the targets would be fixed with one more signal measured."""
+    if any(signal == name for signal, _ in question.hidden) or name in question.observed:
+        return False
+    return _add_frames(network, replace(question, observed=question.observed | {name})).is_solved
+
+
+def shorten(found: Frames) -> tuple[int, ...]:
     """Give a matching along which the targets need few equations.
 
     Among the equations that the targets need and that could be spared, one is replaced in turn, along the shortest
@@ -200,7 +221,7 @@ def _switched(unknown: int, other: int, start: int, came: dict[int, int], matche
     return tuple(result)
 
 
-def route_of(network: ComponentNetwork, question: Question, found: Solvable, matched: Sequence[int]) -> Route:
+def route_of(network: ComponentNetwork, question: Question, found: Frames, matched: Sequence[int]) -> Route:
     """Give the route along a matching: from the targets to what is known, breadth first."""
     unrolled = found.unrolled
     steps = []
@@ -219,23 +240,21 @@ def route_of(network: ComponentNetwork, question: Question, found: Solvable, mat
 def _along_causality(network: ComponentNetwork, question: Question) -> Route | None:
     """Give the route in which every signal is found by the equation that causes it; None if there is none."""
     caused = causes(network)
-    unrolled: Unrolled | None = None
-    n_targets = len(open_targets(question))
     for frames in range(1, frame_limit(network, question) + 1):
-        unrolled = unroll(network, question, frames, unrolled)
+        unrolled = unroll(network, question, frames)
         rows = [
             tuple(k for k in row if _may_find(caused[name], frame, unrolled.unknowns[k]))
             for (name, frame), row in zip(unrolled.places, unrolled.equations, strict=True)
         ]
         matched = match(rows, len(unrolled.unknowns))
-        if _is_fixed(range(n_targets), unrolled.equations, matched):
-            found = Solvable(unrolled=unrolled, matched=matched, n_targets=n_targets)
+        found = Frames(unrolled=unrolled, matched=matched, n_targets=len(open_targets(question)))
+        if found.is_solved:
             return route_of(network, question, found, matched)
     return None
 
 
-def _may_find(caused: frozenset[str], frame: int, unknown: object) -> bool:
-    return isinstance(unknown, str) or (isinstance(unknown, tuple) and unknown[0] in caused and unknown[1] == frame)
+def _may_find(caused: frozenset[str], frame: int, unknown: Target) -> bool:
+    return isinstance(unknown, str) or (unknown[0] in caused and unknown[1] == frame)
 
 
 def earlier(route: Route, frames: int = 1) -> Route:
