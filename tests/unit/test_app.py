@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 import faultbond
-from faultbond import app
+from faultbond.app import demonstration, watching
+from faultbond.app.rows import progress
 from faultbond.cli import main
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import build_step_model
@@ -110,7 +111,7 @@ def test_the_records_of_a_fault(folder: Path, tmp_path: Path, capsys: pytest.Cap
 def test_json_on_standard_output_is_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With `--json -` every line of standard output is a record, and nothing is kept for people."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(app, "Trace", None)
+        patch.setattr(watching, "Trace", None)
         assert main(["run", str(MODEL), str(folder / "healthy.csv"), "--json", "-"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [json.loads(line)["record"] for line in lines] == ["run", "end"]
@@ -124,7 +125,7 @@ def test_without_a_report_no_curves_are_kept(folder: Path, monkeypatch: pytest.M
         made.append(curves)
         return Trace(spec, curves=curves)
 
-    monkeypatch.setattr(app, "Trace", trace)
+    monkeypatch.setattr(watching, "Trace", trace)
     main(["run", str(MODEL), str(folder / "healthy.csv")])
     assert made == [False]
 
@@ -218,7 +219,7 @@ def test_a_recording_that_cannot_be_used(
 
 def test_columns_are_looked_for_before_the_engine_is_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrong file is refused at once."""
-    monkeypatch.setattr(app, "_build", lambda *_: pytest.fail("the engine was built"))
+    monkeypatch.setattr(watching, "build_watcher", lambda *_: pytest.fail("the engine was built"))
     (tmp_path / "r.csv").write_text("time,W\n0,1\n")
     assert main(["run", str(MODEL), str(tmp_path / "r.csv")]) == 2
 
@@ -365,12 +366,12 @@ def test_commands_are_shown_as_they_can_be_typed(called: str, shown: str, monkey
     """Where `faultbond` is not on the path, the demo shows how it was called."""
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(sys, "argv", [called])
-    assert app._program() == shown
+    assert demonstration._program() == shown
 
 
 def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """`demo` finds the fault that was made, writes the report, and says what to try next; its exit code is 0."""
-    monkeypatch.setattr(app, "_program", lambda: "faultbond")
+    monkeypatch.setattr(demonstration, "_program", lambda: "faultbond")
     monkeypatch.chdir(tmp_path)
     assert main(["demo"]) == 0
     shown = capsys.readouterr()
@@ -398,7 +399,7 @@ def test_a_bar_is_for_files_on_a_terminal(folder: Path, monkeypatch: pytest.Monk
     out = Out(text=None, json=None)
     for recording, terminal in (("-", True), (str(folder / "healthy.csv"), False), (str(folder / "healthy.csv"), True)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        app._progress(recording, out)
+        progress(recording, out)
     assert shown == [ROWS]
 
 

@@ -1,0 +1,8 @@
+"""What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them."""
+
+from faultbond.app.checking import check
+from faultbond.app.demonstration import demo
+from faultbond.app.simulating import Imperfections, simulate
+from faultbond.app.watching import run
+
+__all__ = ["Imperfections", "check", "demo", "run", "simulate"]

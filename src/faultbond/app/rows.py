@@ -1,0 +1,47 @@
+"""Recordings as the verbs read them."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from itertools import chain
+from pathlib import Path
+
+from faultbond.io.grid import GridPoint, Row
+from faultbond.io.out import Out
+from faultbond.io.recording import STANDARD_INPUT
+from faultbond.runtime.monitor import Sample
+
+Follow = Callable[[Iterable[Row]], Iterable[Row]]
+
+
+def no_time(recording: str) -> str:
+    """Say that a recording has no time."""
+    return f"{recording}: no row has a time that can be read. Check the column and unit of `time`."
+
+
+def begun(rows: Iterator[Row]) -> Iterator[Row]:
+    """Read the first row now."""
+    return chain([next(rows)], rows)
+
+
+def sample_of(point: GridPoint) -> Sample:
+    """Give a grid point as the monitor takes it."""
+    return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
+
+
+def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:
+    """Give a progress bar for a file where somebody sees it."""
+    mixed = out.json is not None and out.json.isatty()
+    if recording == STANDARD_INPUT or mixed or not sys.stderr.isatty():
+        return nullcontext(iter)
+    from faultbond.report.progress import progress_bar  # noqa: PLC0415 - loads rich
+
+    return progress_bar(_count_lines(Path(recording)))
+
+
+def _count_lines(path: Path) -> int | None:
+    """Give the number of rows of a CSV file, about; None of another."""
+    if path.suffix.lower() in (".parquet", ".pq"):
+        return None
+    with path.open("rb") as stream:
+        return sum(block.count(b"\n") for block in iter(lambda: stream.read(2**20), b"")) - 1

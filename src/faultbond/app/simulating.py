@@ -1,0 +1,116 @@
+"""`simulate`: a recording of the simulated plant."""
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from faultbond.app.rows import no_time, sample_of
+from faultbond.errors import RecordingError
+from faultbond.io.faults import FaultRequest
+from faultbond.io.grid import Grid, GridPoint, on_grid
+from faultbond.io.out import Out
+from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows, write_recording
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import load_model
+from faultbond.runtime.monitor import START_SAMPLES, init, step
+from faultbond.runtime.start import solve_start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imperfections:
+    """What a simulated plant has and its model leaves out.
+
+    spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
+    curve: largest error, as a part, of the curve of an input in percent.
+    """
+
+    spread: float = 0.0
+    lag: float = 0.0
+    curve: float = 0.0
+
+
+def simulate(
+    model: Path,
+    *,
+    inputs: str,
+    faults: tuple[FaultRequest, ...],
+    seed: int | None,
+    imperfections: Imperfections,
+    start: Mapping[str, float],
+    output: Path,
+    out: Out,
+) -> None:
+    """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state."""
+    graph = load_model(model)
+    points, held = _inputs(graph, inputs)
+    begin = {**_solved_start(graph, inputs), **start}
+    from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
+
+    seed = secrets.randbelow(2**31) if seed is None else seed
+    simulation = plant.simulate(
+        graph,
+        plant.Inputs(time=np.array([point.time for point in points]), values=np.array([point.u for point in points])),
+        [plant.fault_in_si(fault, graph) for fault in faults],
+        seed=seed,
+        effects=plant.Effects(spread=imperfections.spread, lag=imperfections.lag, curve=imperfections.curve),
+        start=begin,
+    )
+    write_recording(output, plant.columns(graph, simulation, digits=9))
+    rows = len(simulation.time)
+    out.record(
+        {"record": "simulate", "model": graph.name, "output": str(output), "samples": rows, "seed": seed}
+        | {"held": held, "start": begin}
+    )
+    out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s; seed {seed}")
+    for name, value in begin.items():
+        source = "as given" if name in start else f"solved from the first rows of {inputs}"
+        out.say(f"start of {name}: {value:.6g} (SI), {source}")
+    if held:
+        out.say(f"{held} samples lacked an input: its last value was held")
+
+
+def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
+    """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent."""
+    points: list[GridPoint] = []
+    held = 0
+    last = np.full(len(graph.inputs), np.nan)
+    rows = read_rows(recording, columns_of(graph, sensors=False))
+    for point in on_grid(rows, Grid(graph.sample_time)):
+        absent = ~np.isfinite(point.u)
+        held += bool(absent.any())
+        last = np.where(absent, last, point.u)
+        points.append(replace(point, u=last))
+    if not points:
+        raise RecordingError(no_time(recording))
+    return points, held
+
+
+def _solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
+    """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
+    known = {item.name for item in graph.components if item.start is not None}
+    try:
+        rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
+        points = list(islice(on_grid(rows, Grid(graph.sample_time)), START_SAMPLES - 1))
+    except RecordingError:  # no sensors in it
+        return {}
+    from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi
+
+    model = build_model(graph)
+    stores = model.plant.network.states
+    if not points or all(store.component in known for store in stores):
+        return {}
+    spec, engine = build_engine(graph, compiled=False)
+    state = init(spec)
+    for point in points:
+        state, _ = step(spec, engine, state, sample_of(point))
+    mean, _ = solve_start(spec, engine, state.trail_samples[max(state.begun, 0) : state.index])
+    contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]
+    return {
+        store.name: float(content)
+        for store, content in zip(stores, contents, strict=True)
+        if store.component not in known
+    }
