@@ -158,7 +158,9 @@ def _unmeasured(found: Frames, free: frozenset[int]) -> tuple[str, ...]:
     names = (
         unknown[0] for k, unknown in enumerate(found.unrolled.unknowns) if k in free and not isinstance(unknown, str)
     )
-    return tuple(dict.fromkeys(names))[: max(1, min(_TRIED_SENSORS, _TRIED_EQUATIONS // len(found.unrolled.equations)))]
+    return tuple(dict.fromkeys(names))[
+        : max(1, min(_TRIED_SENSORS, _TRIED_EQUATIONS // max(1, len(found.unrolled.equations))))
+    ]
 
 
 def _would_help(network: ComponentNetwork, question: Question, name: str) -> bool:
