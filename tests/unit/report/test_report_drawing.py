@@ -10,7 +10,7 @@ from fake import MOTOR_STROKES, TANK_STROKES, make_graph, motor_graph, tank_grap
 
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.report.drawing import boxes, draw
+from faultbond.report.drawing import boxes, draw, links
 from faultbond.structure.causality import assign_causality
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -137,3 +137,15 @@ def test_hostile_names_are_escaped() -> None:
     """Markup in a model name stays text."""
     root = ET.fromstring(draw(tank_graph("<script>&")))  # noqa: S314
     assert root.findtext(f"{SVG}title") == "Bond graph of <script>&"
+
+
+def test_a_block_network_is_drawn_with_signals() -> None:
+    """An arrow with two barbs leads from each block to each that reads a signal of it."""
+    graph = load_model(EXAMPLES / "thesis" / "fig_6_13.yaml")
+    assert links(graph) == (("A", "C"), ("B", "C"), ("A", "D"), ("B", "D"), ("A", "E"), ("C", "E"))
+    picture = draw(graph, {}, {"E": 0.9})
+    assert (len(classes(picture, "bond")), len(classes(picture, "half-arrow"))) == (6, 12)
+    assert "<title>Block network of adders and multipliers</title>" in picture
+    labels = boxes(graph)
+    assert [box.title for box in labels.values()] == list("ABCDE")
+    assert not [(a.name, b.name) for a, b in combinations(labels.values(), 2) if a.overlaps(b)]
