@@ -1,4 +1,4 @@
-"""`run`: every sample passes the monitor, every observation of a static network its diagnosis."""
+"""`run`: every sample of a plant passes the monitor."""
 
 import sys
 from collections.abc import Iterable
@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from faultbond.app.engines import build_watcher
+from faultbond.app.observing import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress, sample_of
 from faultbond.errors import RecordingError
+from faultbond.io.circuits import is_circuit
 from faultbond.io.grid import Counts, Grid, Row, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
@@ -19,7 +21,7 @@ from faultbond.runtime.monitor import State, Status, finish, init, step
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.runtime.trace import Trace
 from faultbond.spec import Engine, EngineSpec
-from faultbond.types import EngineChoice, Method
+from faultbond.types import EngineChoice, Method, TimeGrid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +35,11 @@ class _Outcome:
 
 def run(model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out) -> bool:
     """Watch a recording, a path or `-`, and tell whether a fault was detected."""
+    if is_circuit(model):
+        return run_circuit(model, recording, method=method, report=report, out=out)
     graph = load_model(model)
+    if graph.grid is TimeGrid.NONE:
+        return run_static(graph, recording, method=method, report=report, out=out)
     live = recording == STANDARD_INPUT
     rows: Iterable[Row] = read_rows(recording, columns_of(graph))
     if not live:
@@ -41,7 +47,15 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
     with progress(recording, out) as follow:
         spec, built = build_watcher(graph, engine)
         trace = Trace(spec, curves=report is not None) if report is not None or out.text is not None else None
-        out.record(run_record(spec, method))
+        out.record(
+            run_record(
+                model=spec.model,
+                model_sha256=spec.model_sha256,
+                method=method,
+                version=spec.version,
+                sample_time=spec.sample_time,
+            )
+        )
         outcome = _watch(spec, built, follow(rows), Grid(spec.sample_time, live=live), trace, out)
     if not outcome.counts.samples:
         raise RecordingError(no_time(recording))

@@ -6,6 +6,7 @@ signals of blocks have no dot), defaults are filled in and listed in `BondGraph.
 Source: thesis 3.2 (bond graphs), 3.4 to 3.9 (blocks); docs/model-file.md (keys and rules).
 """
 
+import hashlib
 from dataclasses import dataclass
 
 from faultbond.model.expression import RATE, Call, Expression, Name
@@ -249,6 +250,11 @@ class BondGraph:
         if not self.is_block_network or any(item.suspect for item in self.parameters):
             return ()
         return tuple(item.name for item in self.components if item.suspect)
+
+    @property
+    def sha256(self) -> str:
+        """Hash that names the model: that of its canonical text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     def parameter(self, name: str) -> Parameter:
         """Give the parameter of that name; KeyError if there is none."""

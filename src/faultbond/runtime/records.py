@@ -1,21 +1,20 @@
 """The records of a run: what a program reads, as plain mappings ready for JSON; SI units, percent stays percent."""
 
 from faultbond.runtime.history import Candidate, Detection, Diagnosis
-from faultbond.spec import EngineSpec
 from faultbond.types import Method
 
 Record = dict[str, object]
 
 
-def run_record(spec: EngineSpec, method: Method) -> Record:
-    """Give the first record: what is run on what."""
+def run_record(*, model: str, model_sha256: str, method: Method, version: str, sample_time: float | None) -> Record:
+    """Give the first record: what is run on what; no sample time where rows come as they come, or have no time."""
     return {
         "record": "run",
-        "model": spec.model,
-        "model_sha256": spec.model_sha256,
+        "model": model,
+        "model_sha256": model_sha256,
         "method": method.value,
-        "version": spec.version,
-        "sample_time": spec.sample_time,
+        "version": version,
+        "sample_time": sample_time,
     }
 
 

@@ -1,6 +1,5 @@
 """The `EngineSpec` of a model: what the on-line part must know, in array order."""
 
-from hashlib import sha256
 from importlib.metadata import version
 from math import ceil
 
@@ -48,7 +47,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     return EngineSpec(
         model=graph.name,
-        model_sha256=model_hash(graph),
+        model_sha256=graph.sha256,
         version=VERSION,
         sample_time=graph.sample_time,
         states=states,
@@ -101,11 +100,6 @@ def _process_noise(model: StepModel, k: int) -> float:
     slope = np.abs(model.measure(joint, reference_inputs(model.plant), model.reference_implicit)[1].full()[:, k])
     shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
     return float(PROCESS_NOISE * min(shown)) if shown else 0.0
-
-
-def model_hash(graph: BondGraph) -> str:
-    """Give the hash that names a model: that of its canonical text."""
-    return sha256(graph.text.encode()).hexdigest()
 
 
 def _parameter(item: Parameter) -> ParameterSpec:

@@ -47,7 +47,9 @@ SPEC = EngineSpec(
 
 def test_the_first_record() -> None:
     """It names the model, its hash, the method, the version and the sample time."""
-    assert run_record(SPEC, Method.BANK) == {
+    assert run_record(
+        model="circuit", model_sha256="ab" * 32, method=Method.BANK, version="0.1.0", sample_time=0.5
+    ) == {
         "record": "run",
         "model": "circuit",
         "model_sha256": "ab" * 32,

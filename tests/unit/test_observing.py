@@ -1,0 +1,109 @@
+"""`run` on networks without time: records and text, from the thesis' figures and a circuit of two gates."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from faultbond.cli import main
+
+THESIS = Path(__file__).parents[2] / "examples" / "thesis"
+CIRCUIT = """<systemCatalog xmlns="urn:org:dx-competition:system"><systems><system><systemName>pair</systemName>
+<components>
+<component><name>i1</name><componentType>port</componentType></component>
+<component><name>o1</name><componentType>port</componentType></component>
+<component><name>first</name><componentType>inverter</componentType></component>
+<component><name>second</name><componentType>inverter</componentType></component>
+</components>
+<connections>
+<connection><c1>i1</c1><c2>first.i1</c2></connection>
+<connection><c1>first.o</c1><c2>second.i1</c2></connection>
+<connection><c1>second.o</c1><c2>o1</c2></connection>
+</connections></system></systems></systemCatalog>
+"""
+
+
+def run(model: str, recording: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[dict[str, object]]]:
+    """Give the exit code and the records of a run."""
+    code = main(["run", str(THESIS / f"{model}.yaml"), str(recording), "--json", "-"])
+    return code, [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_records_of_two_observations(capsys: pytest.CaptureFixture[str]) -> None:
+    """Figure 3.12: after one row both parameters explain it, after two only M2, which is then 4."""
+    code, records = run("fig_3_12", THESIS / "fig_3_12.csv", capsys)
+    assert code == 1
+    assert [record["record"] for record in records] == ["run", "detection", "diagnosis", "diagnosis", "end"]
+    assert records[0]["sample_time"] is None
+    assert records[1]["time"] == 0.0
+    assert records[1]["signals"] == ["y"]
+    values = [
+        [
+            (entry["components"], {name: item["estimate"] for name, item in entry["parameters"].items()})
+            for entry in record["candidates"]
+        ]
+        for record in records[2:4]
+    ]
+    assert values[0] == [(["M1"], {"M1": 4.0}), (["M2"], {"M2": 4.0})]
+    assert values[1] == [(["M2"], {"M2": 4.0})]
+    assert [entry["probability"] for entry in records[2]["candidates"]] == [0.5, 0.5]
+    assert (records[4]["samples"], records[4]["detections"]) == (2, 1)
+
+
+def test_full_adder(capsys: pytest.CaptureFixture[str]) -> None:
+    """Figure 3.7: gates have no parameters; the one diagnosis of minimum size is X1."""
+    code, records = run("fig_3_7", THESIS / "fig_3_7.csv", capsys)
+    assert code == 1
+    last = [record for record in records if record["record"] == "diagnosis"][-1]
+    assert last["candidates"] == [{"components": ["X1"], "parameters": {}, "probability": 1.0, "group": True}]
+
+
+def test_a_healthy_row_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a contradiction there is no diagnosis, and the exit code is 0."""
+    (tmp_path / "healthy.csv").write_text("Vi,Vo\n4,46\n3,37\n")
+    code, records = run("fig_6_1", tmp_path / "healthy.csv", capsys)
+    assert (code, [record["record"] for record in records]) == (0, ["run", "end"])
+
+
+def test_rows_without_a_reading_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row without a value is passed over and counted as missing."""
+    (tmp_path / "gap.csv").write_text("Vi,Vo\n4,\n3,27\n1,13\n")
+    _, records = run("fig_6_1", tmp_path / "gap.csv", capsys)
+    assert records[1]["sample"] == 1
+    assert records[-1]["missing"] == 1
+
+
+def test_values_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    """The table shows each parameter with its value, and the last line counts what explains the rows."""
+    assert main(["run", str(THESIS / "fig_3_4.yaml"), str(THESIS / "fig_3_4.csv")]) == 1
+    shown = capsys.readouterr().out
+    assert "row 0 contradicts the healthy network: D." in shown
+    assert "2.66667" in shown
+    assert "2 suspects explain every observation" in shown
+
+
+def test_a_logic_value_is_0_or_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Any other value is the user's mistake and says its row and column."""
+    (tmp_path / "r.csv").write_text("A,B,C,D,E\n1,0,2,0,1\n")
+    assert main(["run", str(THESIS / "fig_3_7.yaml"), str(tmp_path / "r.csv")]) == 2
+    assert "row 0: C is 2; expected 0 or 1" in capsys.readouterr().err
+
+
+def test_no_page_without_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--report` is refused, since there is nothing to draw over time."""
+    command = ["run", str(THESIS / "fig_3_4.yaml"), str(THESIS / "fig_3_4.csv"), "--report", str(tmp_path / "r.html")]
+    assert main(command) == 2
+    assert "leave out --report" in capsys.readouterr().err
+
+
+def test_a_circuit_and_its_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Either of two inverters in a row explains a wrong output; times are seconds."""
+    (tmp_path / "pair.xml").write_text(CIRCUIT)
+    (tmp_path / "s.scn").write_text("sensors @0 { i1 = true, o1 = true };\nsensors @6000 { i1 = true, o1 = false };\n")
+    assert main(["run", str(tmp_path / "pair.xml"), str(tmp_path / "s.scn"), "--json", "-"]) == 1
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert records[1] == {
+        "record": "detection", "time": 6.0, "sample": 1, "change_time": 6.0, "signals": ["o1"]
+    }  # fmt: skip
+    assert [entry["components"] for entry in records[2]["candidates"]] == [["first"], ["second"]]
+    assert records[-1]["time"] == 6.0
