@@ -140,8 +140,8 @@ def redundant(equations: Equations, matched: Sequence[int]) -> frozenset[int]:
 def decompose(equations: Equations, n_variables: int, matched: Sequence[int] | None = None) -> Decomposition:
     """Give the over-, the just and the under-determined part of a model.
 
-    Source: Dulmage and Mendelsohn 1958; Pothen and Fan 1990, section 2. Equations and variables without entries belong
-    to the over- and the under-determined part.
+    Source: Dulmage and Mendelsohn 1958; Pothen and Fan 1990. Equations without variables belong to the over-determined
+    part, variables without equations to the under-determined one.
     """
     chosen = match(equations, n_variables) if matched is None else matched
     held = holdings(equations, chosen)
@@ -194,7 +194,9 @@ def blocks(
 
     Parameters
     ----------
-    chosen : equations to order, for example those of a closure; all matched ones if None
+    equations : for each equation its variables
+    matched : for each variable the equation that determines it, or -1
+    chosen : equations to order, for example those of a closure; None: all that determine a variable
     """
     held = holdings(equations, matched)
     wanted = range(len(equations)) if chosen is None else sorted(chosen)
