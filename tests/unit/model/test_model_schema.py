@@ -12,7 +12,7 @@ import yaml
 from faultbond.model.schema import model_schema, schema_text
 
 ROOT = Path(__file__).parents[3]
-EXAMPLES = sorted((ROOT / "examples").glob("*/model.yaml"))
+EXAMPLES = sorted([*(ROOT / "examples").glob("*/model.yaml"), *(ROOT / "examples" / "thesis").glob("*.yaml")])
 
 
 def validate(model: Any) -> None:
@@ -30,7 +30,7 @@ def test_published_copy_is_current() -> None:
     assert (ROOT / "docs" / "model.schema.json").read_text() == schema_text()
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_examples_fit(path: Path) -> None:
     """Every example fits, read as an editor reads it."""
     validate(yaml.safe_load(path.read_text()))
@@ -61,6 +61,22 @@ def test_needed_keys(key: str) -> None:
     del model[key]
     with pytest.raises(jsonschema.ValidationError, match=f"'{key}' is a required property"):
         validate(model)
+
+
+def test_block_networks() -> None:
+    """A block network needs no components and has none; its sensors need noise unless it is static."""
+    adder = yaml.safe_load((ROOT / "examples" / "thesis" / "fig_3_7.yaml").read_text())
+    store = yaml.safe_load((ROOT / "examples" / "thesis" / "fig_3_18.yaml").read_text())
+    for model, change, message in (
+        (adder, {"bonds": ["a -> b"]}, "False schema"),
+        (adder, {"blocks": {}}, "non-empty|too short|enough properties"),
+        (adder, {"blocks": {"b": {"signals": ["y"]}}}, "'law' is a required property"),
+        (store, {"sensors": {"y": {"reads": "y"}}}, "'noise' is a required property"),
+        (store, {"blocks": {"b": {"law": "der(y) = x", "start": {"y": "1"}}}}, "'sd' is a required property"),
+    ):
+        validate(model)
+        with pytest.raises(jsonschema.ValidationError, match=message):
+            validate({**model, **change})
 
 
 def test_schema_is_plain_json() -> None:
