@@ -9,9 +9,10 @@ Source: thesis 3.9, 4.1 and figure A.2.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Expression, Name, names, rename
 from faultbond.model.graph import BondGraph
 from faultbond.structure.isolate import collect, linear_solution, substitute
@@ -95,25 +96,33 @@ class _Draft:
 
 
 def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentNetwork:
-    """Give the component network of a plant whose constraint network is known."""
+    """Give the component network of a plant whose constraint network is known.
+
+    Raises
+    ------
+    StructureError
+        Where a parameter or constant has the name of a sample, such as `V_0` beside the input `V`, or is called `dt`.
+    """
     stores = (*network.states, *network.dependent)
+    sums = _sum_names(stores)
     linear = {store.name for store in stores if _is_linear(store, network, graph)}
     aliases, redundant = _aliases(graph, network)
     drafts = [
         *_laws(graph, network, {store.component: store for store in stores if store.name in linear}),
-        *(_sum(store, store.name in linear) for store in stores),
+        *(_sum(store, sums[store.name], store.name in linear) for store in stores),
         *_readings(graph, network, redundant),
     ]
     named = _in_search_order([draft for draft in drafts if not _is_alias(draft, aliases)], graph)
     equations = tuple(_equation(draft, aliases, graph) for draft in named)
     signals = dict.fromkeys(signal for item in equations for signal, _ in item.signals)
+    _check_names(graph, {*signals, *(item.name for item in graph.inputs)})
     return ComponentNetwork(
         name=graph.name,
         equations=equations,
         signals=tuple(signals),
         inputs=tuple(item.name for item in graph.inputs),
         outputs=tuple(item.name for item in graph.sensors),
-        states=tuple(_state(store, store.name in linear, aliases) for store in stores),
+        states=tuple(_state(store, sums[store.name], store.name in linear, aliases) for store in stores),
         parameters=tuple(item.name for item in graph.parameters),
         suspects=tuple(item.name for item in graph.parameters if item.suspect),
         file=graph.file,
@@ -186,13 +195,35 @@ def _signal_order(residual: Expression, law: Constraint, graph: BondGraph) -> tu
     return tuple(sorted(used, key=lambda name: not name.partition(".")[2].startswith("e")))
 
 
-def _sum(store: Store, linear: bool) -> _Draft:
+def _sum_names(stores: Sequence[Store]) -> dict[str, str]:
+    """Give the name of the sum of each store: that of its component, and its own where a block has several."""
+    owners = Counter(store.component for store in stores)
+    several = {store.name for store in stores if store.component is not None and owners[store.component] > 1}
+    return {
+        store.name: f"{store.component}.{store.name}.sum"
+        if store.name in several
+        else f"{store.component or store.name}.sum"
+        for store in stores
+    }
+
+
+def _check_names(graph: BondGraph, signals: Collection[str]) -> None:
+    """Refuse a number whose name is that of a sample: the two could not be told apart in a closed form."""
+    numbers = {item.name: item.line for item in graph.parameters} | {item.name: item.line for item in graph.constants}
+    for name, line in numbers.items():
+        signal, _, frame = name.rpartition("_")
+        if name == SAMPLE_TIME or (frame.isdigit() and signal in signals):
+            what = "the sample time" if name == SAMPLE_TIME else f"a sample of {signal}"
+            raise StructureError(f"{graph.file}:{line}: {name} is also the name of {what}; rename it")
+
+
+def _sum(store: Store, name: str, linear: bool) -> _Draft:
     """Backward Euler from the frame before: dt*rate - (state - state@1) = 0."""
     state, rate = _carried(store, linear)
     change = Binary("-", Name(state), Name(state + PREVIOUS))
     residual = Binary("-", Binary("*", Name(SAMPLE_TIME), Name(rate)), change)
     owner = store.component or store.name
-    return _Draft(name=f"{owner}.sum", owner=owner, residual=residual, order=(rate, state, state + PREVIOUS))
+    return _Draft(name=name, owner=owner, residual=residual, order=(rate, state, state + PREVIOUS))
 
 
 def _carried(store: Store, linear: bool) -> tuple[str, str]:
@@ -247,12 +278,9 @@ def _equation(draft: _Draft, aliases: Mapping[str, str], graph: BondGraph) -> Eq
     )
 
 
-def _state(store: Store, linear: bool, aliases: Mapping[str, str]) -> State:
+def _state(store: Store, name: str, linear: bool, aliases: Mapping[str, str]) -> State:
     signal, rate = _carried(store, linear)
-    owner = store.component or store.name
-    return State(
-        signal=aliases.get(signal, signal), rate=aliases.get(rate, rate), sum=f"{owner}.sum", component=store.component
-    )
+    return State(signal=aliases.get(signal, signal), rate=aliases.get(rate, rate), sum=name, component=store.component)
 
 
 def in_frame(equation: Equation, frame: int) -> Expression:
