@@ -75,12 +75,11 @@ def _power(ratio: float) -> Fraction | None:
 def _product(names: list[str], powers: list[Fraction]) -> str:
     """Write a product of powers, with whole exponents."""
     whole = int(np.lcm.reduce([power.denominator for power in powers]))
-    text = ""
+    factors: dict[bool, list[str]] = {True: [], False: []}
     for name, power in zip(names, powers, strict=True):
         exponent = abs(int(power * whole))
-        factor = name if exponent == 1 else f"{name}**{exponent}"
-        text += factor if not text else f"{'*' if power > 0 else '/'}{factor}"
-    return text
+        factors[power > 0].append(name if exponent == 1 else f"{name}**{exponent}")
+    return "/".join(["*".join(factors[True]), *factors[False]])
 
 
 def _compared(reduced: Reduced, first: int, other: int, ratio: float) -> str:

@@ -14,6 +14,7 @@ from faultbond.analysis.sensitivity import Sensitivity
 from faultbond.types import BoolArray, FloatArray, IntArray
 
 _SURELY_KEPT = 1e-7  # of the largest singular value
+_KEPT = 1e-10  # rounding is never larger
 _SURELY_DROPPED = 1e-12
 _CLEAR = 1e3  # ratio of two neighbours between which a rank is told
 _BORDER = 30.0  # a value nearer to the border than this factor is uncertain
@@ -141,10 +142,10 @@ def told_rank(values: FloatArray) -> Rank:
     if not top > 0.0:
         return Rank(value=0, least=0, kept=0.0, dropped=0.0, clear=True, low=_SURELY_KEPT, high=_SURELY_KEPT)
     parts = np.append(values / top, 0.0)
-    lower, upper = int(np.sum(parts > _SURELY_KEPT)), int(np.sum(parts > _SURELY_DROPPED))
-    ratios = parts[lower - 1 : upper] / np.maximum(parts[lower : upper + 1], _ROUNDING)
-    best = lower + int(np.argmax(ratios))
-    clear = lower == upper or float(ratios[best - lower]) >= _CLEAR
+    lower, first, upper = (int(np.sum(parts > part)) for part in (_SURELY_KEPT, _KEPT, _SURELY_DROPPED))
+    ratios = parts[first - 1 : upper] / np.maximum(parts[first : upper + 1], _ROUNDING)
+    best = first + int(np.argmax(ratios))
+    clear = lower == upper or float(ratios[best - first]) >= _CLEAR
     value = best if clear else lower
     kept, dropped = float(parts[value - 1]), float(parts[value])
     border = top * (float(np.sqrt(kept * max(dropped, _ROUNDING))) if clear else _SURELY_DROPPED * _BORDER)

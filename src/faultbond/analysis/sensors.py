@@ -15,7 +15,7 @@ import numpy as np
 from faultbond.analysis.groups import Group, groups, near_groups
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivity
-from faultbond.analysis.testable import generic_run, judge, testable_sets
+from faultbond.analysis.testable import generic_run, judge, sets_to_test
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import StepModel
 from faultbond.model.expression import Name
@@ -158,7 +158,7 @@ def _advice(graph: BondGraph, run: Sensitivity, further: tuple[int, ...]) -> Sen
     noise = np.where(noise > 0, noise, NOISE_PART * usual)
     seen, weighed = reduce([part]), reduce([part], noise)
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
-    sets = testable_sets(judge(seen, suspects, graph.max_faults)).sets
+    sets = sets_to_test(judge(seen, suspects, graph.max_faults)).sets
     alike = groups(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
     return SensorAdvice(

@@ -116,10 +116,10 @@ def choose_sets(model: StepModel, recursion: Recursion | None = None) -> Choice:
     except StructureError:
         sizes = range(1, graph.max_faults + 1)
         return Choice(sets=tuple(item for size in sizes for item in combinations(suspects, size)), dropped=())
-    return testable_sets(judge(seen, suspects, graph.max_faults))
+    return sets_to_test(judge(seen, suspects, graph.max_faults))
 
 
-def testable_sets(judgement: Judgement) -> Choice:
+def sets_to_test(judgement: Judgement) -> Choice:
     """Choose the sets for the bank: the testable ones.
 
     Where none is testable, as in a circuit of which only one time constant shows, the smallest identifiable sets are

@@ -1,0 +1,129 @@
+"""Trajectories by backward Euler and their derivatives."""
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from plants import circuit, example, run
+
+from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities, sensitivity
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import StructureError
+from faultbond.types import FloatArray
+
+LEAK = (
+    "K6: {nominal: 1.04e-5 m^3/s, change: 1000 %}",
+    "K6: {nominal: 0 m^3/s, accuracy: 1e-6 m^3/s, change: 2e-5 m^3/s}",
+)
+
+
+def rectifier() -> StepModel:
+    """A diode, a resistor and a capacitor in series: the current has no closed form."""
+    return circuit(
+        "  R: {type: R, parameters: {R: 10 ohm}}\n  C: {type: C, parameters: {C: 10 mF}}\n"
+        "  D: {type: R, law: f = Is*(exp(e/knee) - 1), parameters: {Is: 1 mA}}",
+        "line: 1",
+        "source -> line -> R, line -> D, line -> C",
+        "i: {reads: line.f, unit: A, noise: 1 mA}",
+        extra="constants: {knee: 1 V}\n",
+    )
+
+
+def test_the_motor_follows_the_exact_recursion() -> None:
+    """The speed of the motor at rest under five voltages is that of exact rational arithmetic (G1)."""
+    wanted = ["25/39", "6685/6084", "1442965/949104", "198611245/148060224", "35677432645/23097394944"]
+    voltages = np.array([0.0, 10.0, 4.0, 6.0, -2.0, 8.0])  # the first is not used: it acts on no step
+    found = run(example("dc_motor"), voltages, 0.5, [0.0, 0.0])
+    assert found.y[1:, 0] == pytest.approx([float(Fraction(text)) for text in wanted], rel=1e-14)
+
+
+def case(name: str) -> tuple[StepModel, FloatArray, FloatArray, float]:
+    """A plant with inputs that jump, its start and its step."""
+    rng = np.random.default_rng(1)
+    match name:
+        case "tank":
+            return example("tank", LEAK), rng.uniform(20, 90, (12, 2)), np.array([0.04]), 60.0
+        case "motor":
+            return example("dc_motor_current"), rng.uniform(-9, 9, (12, 1)), np.array([1.0, -2.0]), 0.3
+    return rectifier(), rng.uniform(-2, 5, (12, 1)), np.array([0.01]), 0.05
+
+
+def slopes(function: Callable[[FloatArray], FloatArray], at: FloatArray, steps: FloatArray) -> FloatArray:
+    """Central differences, extrapolated once; the changed number is the last axis."""
+    found = []
+    for k, step in enumerate(steps):
+        move = np.zeros(len(at))
+        move[k] = 1e-3 * step
+        coarse = (function(at + move) - function(at - move)) / 2e-3
+        fine = (function(at + move / 2) - function(at - move / 2)) / 1e-3
+        found.append((4 * fine - coarse) / 3)
+    return np.stack(found, axis=-1)
+
+
+@pytest.mark.parametrize("name", ["tank", "motor", "rectifier"])
+def test_derivatives_are_those_of_the_trajectory(name: str) -> None:
+    """Derivatives by parameters and start equal differences of trajectories, also through an implicit relation."""
+    model, inputs, start, dt = case(name)
+    theta = np.array([item.nominal for item in model.plant.graph.parameters])
+    found = run(model, inputs, dt, start)
+    by_theta = slopes(lambda value: run(model, inputs, dt, start, value).y, theta, found.steps)
+    by_start = slopes(lambda value: run(model, inputs, dt, value).y, start, np.abs(start)) / np.abs(start)
+    for mine, wanted in ((found.by_theta, by_theta), (found.by_start, by_start)):
+        size = np.abs(wanted).max(axis=(0, 1))
+        assert size.min() > 0
+        assert np.all(np.abs(mine - wanted).max(axis=(0, 1)) <= 1e-6 * size)
+
+
+def test_steps_of_parameters() -> None:
+    """A parameter is changed by its value, or by its scale where the nominal is zero."""
+    model, inputs, start, dt = case("tank")
+    theta = np.array([item.nominal for item in model.plant.graph.parameters])
+    found = run(model, inputs, dt, start, 1.1 * theta)
+    wanted = dict(zip(found.parameters, 1.1 * theta, strict=True)) | {"K6": 2e-5}
+    assert dict(zip(found.parameters, found.steps, strict=True)) == pytest.approx(wanted)
+
+
+def test_the_readings_follow_the_laws() -> None:
+    """Each sample satisfies the implicit relation of the diode and the backward Euler step of the capacitor."""
+    model, inputs, start, dt = case("rectifier")
+    found = run(model, inputs, dt, start)
+    current, charge = found.y[:, 0], found.x[:, 0]
+    drop = inputs[:, 0] - 10.0 * current - charge / 10e-3
+    assert current == pytest.approx(1e-3 * np.expm1(drop), rel=1e-9, abs=1e-15)
+    assert np.diff(charge) == pytest.approx(dt * current[1:], rel=1e-9, abs=1e-15)
+    assert charge[0] == start[0]
+
+
+def test_lanes_do_not_touch_one_another() -> None:
+    """Runs side by side give what each gives alone, and one that blows up is None."""
+    model, inputs, start, dt = case("motor")
+    theta = np.array([item.nominal for item in model.plant.graph.parameters])
+    steps = np.full(len(inputs), dt)
+    steps[0] = 0.0
+    several = [
+        Experiment(start=begin, inputs=inputs, dt=steps, theta=theta, implicit=model.reference_implicit)
+        for begin in (start, np.array([np.nan, 0.0]), -start)
+    ]
+    recursion = build_recursion(model.plant)
+    found = sensitivities(recursion, several)
+    assert found[1] is None
+    for side, alone in ((found[0], several[0]), (found[2], several[2])):
+        assert side is not None
+        other = sensitivity(recursion, alone)
+        for field in ("times", "x", "y", "by_theta", "by_start"):
+            assert getattr(side, field) == pytest.approx(getattr(other, field), rel=1e-12)
+
+
+def test_no_finite_solution() -> None:
+    """A run without a finite solution is refused with the model's name."""
+    with pytest.raises(StructureError, match="the equations of DC motor have no finite solution along this run"):
+        run(example("dc_motor"), np.full(3, np.inf), 0.1, [0.0, 0.0])
+
+
+def test_arrays_are_read_only() -> None:
+    """No array of a sensitivity can be written to."""
+    found: Sensitivity = run(example("rc"), np.ones(3), 0.1, [0.0])
+    for name in ("times", "inputs", "x", "y", "theta", "steps", "by_theta", "by_start"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(found, name)[...] = 0.0

@@ -1,0 +1,215 @@
+"""Which sets of suspects are identifiable, falsifiable, testable."""
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+import pytest
+from plants import example, named, run, stated
+
+from faultbond.analysis import testable
+from faultbond.analysis.ranks import Reduced, above_noise, reduce, told_rank
+from faultbond.analysis.testable import (
+    EXPLAINS_ANYTHING,
+    NOT_IDENTIFIABLE,
+    Judgement,
+    choose_sets,
+    generic_run,
+    judge,
+)
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import StructureError
+from faultbond.types import FloatArray
+
+TABLE_6_5 = [*[(name,) for name in "RLKJC"], *combinations("RLKJC", 2)]
+
+
+def generic(model: StepModel, largest: int) -> Judgement:
+    """The verdicts on all sets of suspects up to a size, everything excited."""
+    suspects = [k for k, item in enumerate(model.plant.graph.parameters) if item.suspect]
+    return judge(reduce([generic_run(model)]), suspects, largest)
+
+
+def test_motor_has_the_fifteen_sets_of_the_table() -> None:
+    """From voltage and speed, the sets of table 6.5 are testable and no other; every triple explains anything (G20)."""
+    model = example("dc_motor")
+    found = generic(model, 5)
+    assert (found.rank.value, found.rank.clear, found.left_out) == (3, True, 0)
+    assert len(found.verdicts) == 31
+    assert named(model, (item.parameters for item in found.verdicts if item.testable)) == TABLE_6_5
+    triples = [item for item in found.verdicts if len(item.parameters) == 3]
+    assert all(item.identifiable and not item.falsifiable for item in triples)
+    assert not any(item.identifiable for item in found.verdicts if len(item.parameters) > 3)
+    assert not any(item.uncertain for item in found.verdicts)
+
+
+def test_motor_with_current() -> None:
+    """With the current measured 30 sets are testable; the five together are identifiable, not falsifiable (E12)."""
+    found = generic(example("dc_motor_current"), 5)
+    assert found.rank.value == 5
+    assert sum(item.testable for item in found.verdicts) == 30
+    whole = found.verdicts[-1]
+    assert (len(whole.parameters), whole.identifiable, whole.falsifiable) == (5, True, False)
+
+
+def test_motor_at_rest() -> None:
+    """In a true steady state only one combination of the motor's parameters shows: no pair is testable."""
+    model = example("dc_motor")
+    R, L, K, J, C = (item.nominal for item in model.plant.graph.parameters)
+    speed = 6.0 * K / (R * C + K * K)
+    found = reduce([run(model, np.full(40, 6.0), 0.3, [L * C * speed / K, J * speed])])
+    assert (found.rank.value, found.rank.clear) == (1, True)
+    assert not any(item.testable for item in judge(found, range(5), 2).verdicts)
+
+
+def test_tank() -> None:
+    """Six of the tank's seven combinations show: all 119 sets up to size five are testable, none of size six."""
+    found = generic(example("tank"), 7)
+    assert (found.rank.value, found.rank.clear) == (6, True)
+    assert sum(item.testable for item in found.verdicts) == 119
+    assert all(item.testable for item in found.verdicts if len(item.parameters) <= 5)
+    six = [item for item in found.verdicts if len(item.parameters) == 6]
+    assert not any(item.falsifiable for item in six)
+
+
+def test_tank_with_valves_that_stand_still() -> None:
+    """With constant valves only four combinations show, and K1 and K7, K4 and K6 are dependent."""
+    model = example("tank")
+    seen = reduce([run(model, np.tile([60.0, 40.0], (60, 1)), 30.0, [0.02])])
+    assert (seen.rank.value, seen.rank.clear) == (4, True)
+    found = judge(seen, range(7), 2)
+    bad = named(model, (item.parameters for item in found.verdicts if not item.identifiable))
+    assert sorted(sorted(chosen) for chosen in bad) == [["K1", "K7"], ["K4", "K6"]]
+
+
+def test_ranks_of_the_other_examples() -> None:
+    """Only what scales together stays hidden: one factor of force in the carriage, of volume in tank 4, R C in rc."""
+    assert generic(example("rc"), 1).rank.value == 1
+    assert generic(example("rlc"), 1).rank.value == 2
+    assert generic(example("emps"), 1).rank.value == 4
+    assert generic(example("cascaded_tanks"), 1).rank.value == 6
+
+
+def test_nothing_testable_leaves_the_smallest_sets() -> None:
+    """Where one time constant is all that shows, each of R and C explains anything; the bank still gets both."""
+    found = choose_sets(example("rc", ("max_faults: 1", "max_faults: 2")))
+    assert found.sets == ((0,), (1,))
+    assert found.dropped == (((0, 1), NOT_IDENTIFIABLE),)
+
+
+def test_sets_that_explain_anything_are_dropped() -> None:
+    """Of the RLC circuit's sets, the pairs explain anything and are dropped with that reason."""
+    found = choose_sets(example("rlc", ("max_faults: 1", "max_faults: 2")))
+    assert found.sets == ((0,), (1,), (2,))
+    assert found.dropped == tuple((pair, EXPLAINS_ANYTHING) for pair in combinations(range(3), 2))
+
+
+def test_a_part_that_no_sensor_sees() -> None:
+    """A parameter without any effect on a sensor is not identifiable, alone or with others, and never chosen."""
+    model = stated(
+        "name: two circuits\nsample_time: 0.1 s\nmax_faults: 2\ninputs: {V: {unit: V}}\ncomponents:\n"
+        "  source: {type: Se, law: e = V}\n  other: {type: Se, law: e = V}\n"
+        "  R: {type: R, parameters: {R: 2 ohm}}\n  C: {type: C, parameters: {C: 1 F}}\n"
+        "  S: {type: R, parameters: {S: {nominal: 3 ohm, suspect: no}}}\n  D: {type: R, parameters: {D: 4 ohm}}\n"
+        "junctions: {line: 1, node: 0}\nbonds: [source -> line -> S, line -> node -> C, node -> R, other -> D]\n"
+        "sensors: {v: {reads: node.e, unit: V, noise: 1 mV}}\n"
+    )
+    found = choose_sets(model)
+    assert named(model, found.sets) == [("R",), ("C",)]
+    dropped = named(model, (chosen for chosen, _ in found.dropped))
+    assert dropped == [("D",), ("R", "C"), ("R", "D"), ("C", "D")]
+    assert [reason == EXPLAINS_ANYTHING for _, reason in found.dropped] == [False, True, False, False]
+
+
+def test_no_suspects_no_sets() -> None:
+    """A plant without suspects has no sets."""
+    trusted = [(value, f"{{nominal: {value}, suspect: no}}") for value in ("10 kohm", "100 uF")]
+    assert choose_sets(example("rc", *trusted)).sets == ()
+
+
+def test_all_sets_where_no_run_tells_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the equations have no solution along any random run, no set is dropped."""
+    monkeypatch.setattr(testable, "sensitivities", lambda _recursion, runs: (None,) * len(runs))
+    with pytest.raises(StructureError, match="the equations of DC motor have no finite solution along random inputs"):
+        generic_run(example("dc_motor"))
+    found = choose_sets(example("dc_motor"))
+    assert (len(found.sets), found.dropped) == (15, ())
+
+
+def test_many_sets_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond a number of sets the largest are not judged, and counted."""
+    monkeypatch.setattr(testable, "MOST_SETS", 40)
+    seen = Reduced(
+        outputs=("y",),
+        parameters=tuple(f"P{k}" for k in range(9)),
+        steps=np.ones(9),
+        relative=np.ones(9, dtype=bool),
+        columns=np.eye(9),
+        row_outputs=np.zeros(9, dtype=np.intp),
+        lengths=np.ones(9),
+        matrix=np.eye(9),
+        rank=told_rank(np.ones(9)),
+    )
+    found = judge(seen, range(9), 3)
+    assert len(found.verdicts) == 40
+    assert found.left_out == 9 + comb(9, 2) + comb(9, 3) - 40
+    assert found.verdicts[-1].parameters == tuple(combinations(range(9), 2))[40 - 9 - 1]
+
+
+def values(*logarithms: float) -> FloatArray:
+    """Singular values from their decades."""
+    return 10.0 ** np.array(logarithms)
+
+
+def test_a_clear_gap_tells_the_rank() -> None:
+    """A rank is told at the gap, whatever the size of the smallest value kept, if the gap is wide."""
+    found = told_rank(values(1, 0, -3, -14.5, -15))
+    assert (found.value, found.least, found.clear) == (3, 3, True)
+    assert found.kept == pytest.approx(1e-4)
+    assert found.dropped == pytest.approx(10**-15.5)
+    assert told_rank(values(0, -8, -9, -14)).value == 3
+    assert told_rank(values(0, -8, -9)).value == 3
+    assert told_rank(np.zeros(3)).value == 0
+
+
+def test_no_gap_is_uncertain() -> None:
+    """Values that fall into rounding without a gap leave the rank open: every column may count."""
+    found = told_rank(values(0, -2, -4, -6, -8, -10, -12, -13.5, -15))
+    assert (found.value, found.least, found.clear) == (9, 4, False)
+
+
+def test_uncertain_sets_are_kept() -> None:
+    """A set whose sensitivities are dependent but for a trace counts as identifiable, and as uncertain."""
+    angle = 1e-11
+    matrix = np.array([[1.0, 1.0, 0.0, 1.0], [0.0, angle, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
+    rank = told_rank(values(0, -3, -6, -8, -10, -11.5, -13, -14))
+    seen = Reduced(
+        outputs=("y",),
+        parameters=("A", "B", "C", "D"),
+        steps=np.ones(4),
+        relative=np.ones(4, dtype=bool),
+        columns=matrix,
+        row_outputs=np.zeros(3, dtype=np.intp),
+        lengths=np.ones(4),
+        matrix=matrix,
+        rank=rank,
+    )
+    verdicts = {item.parameters: item for item in judge(seen, range(4), 2).verdicts}
+    assert (verdicts[0, 1].identifiable, verdicts[0, 1].uncertain) == (True, True)
+    assert verdicts[0, 2].testable
+
+
+def test_noise_hides_what_is_small() -> None:
+    """Above noise count only combinations whose effect exceeds three noises: fewer in a short record than in a long."""
+    model = example("tank")
+    ranks = []
+    for n in (60, 600):
+        found = run(model, np.tile([60.0, 40.0], (n, 1)), 1.0, [0.02])
+        seen = reduce([found], np.array([2.8e-6, 180.0]))
+        assert seen.rank.value == 4
+        changes = np.array([item.change / item.scale for item in model.plant.graph.parameters])
+        effects = np.linalg.svd(seen.columns * seen.lengths * changes, compute_uv=False)
+        hidden = above_noise(seen, changes)
+        assert hidden.rank.value == int(np.sum(effects > 3.0))
+        ranks.append(hidden.rank.value)
+    assert ranks[0] < ranks[1] <= 4
