@@ -1,0 +1,272 @@
+"""Solving a route for its targets: the work of REDUCE in the thesis.
+
+Block by block along the route. A law with branches is solved on each side of its kinks. A block of one linear equation
+is solved as it stands; others by elimination, a polynomial of degree 1 or 2 in closed form, one of higher degree if it
+factors. Every root is put back into the original equations on backward-Euler records; closed forms are given only if
+on each record one of them gives back what the plant was simulated with.
+Source: thesis 4.3, 4.4 step 4 and 3.7.2; appendix A.3 (the closed form of R and L).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from time import monotonic
+
+from faultbond.model.expression import Binary, Call, Expression, Number, names, walk
+from faultbond.model.parser import to_text
+from faultbond.structure.backward_euler import Plant
+from faultbond.structure.branches import Condition
+from faultbond.structure.closed import Candidate, Search, find_candidates
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.elimination import SingularError
+from faultbond.structure.isolate import substitute
+from faultbond.structure.numeric import Value, evaluate, is_nan
+from faultbond.structure.polynomial import TooLargeError
+from faultbond.structure.problem import TOLERANCE, Problem, Trial, prepare, trials_of
+from faultbond.structure.rational import Quotient, quotient_expression
+from faultbond.structure.roots import Count, find_roots
+from faultbond.structure.route import Route
+from faultbond.structure.solution import (
+    VERSION,
+    Kind,
+    Line,
+    Root,
+    Singular,
+    Solution,
+    evaluate_root,
+    holds,
+    read_cached,
+    write_cached,
+)
+from faultbond.structure.symbols import lowest_terms
+from faultbond.structure.systems import NoClosedFormError
+
+_TINY = 1e-300
+MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in place of a name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """When solving gives up: seconds for the closed form, as many for counting roots, and terms of a polynomial."""
+
+    seconds: float = 3.0
+    terms: int = 5_000
+
+
+def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits | None = None) -> Solution:
+    """Solve a route for its targets.
+
+    Parameters
+    ----------
+    plant : the numbers of the nominal plant; constants among them enter the closed form as numbers
+
+    Raises
+    ------
+    StructureError
+        Where a signal in a frame and a parameter have one name.
+    """
+    limits = limits or Limits()
+    problem = prepare(network, route, plant)
+    records = trials_of(network, problem, plant)
+    roots, remarks = _closed_forms(problem, records, limits)
+    count = _count(problem, records, limits)
+    return Solution(
+        targets=problem.targets,
+        kind=_kind(roots, count),
+        degree=count.degree if count else None,
+        real_roots=len(count.roots) if count else None,
+        roots=roots,
+        singular=_singular(roots, problem),
+        remarks=remarks,
+    )
+
+
+def solve_cached(
+    network: ComponentNetwork, route: Route, plant: Plant, folder: Path, limits: Limits | None = None
+) -> Solution:
+    """Solve a route, or read what was found for the same equations and numbers before from a folder."""
+    key = cache_key(network, route, plant, limits or Limits())
+    known = read_cached(folder, key)
+    if known is not None:
+        return known
+    solution = solve(network, route, plant, limits)
+    write_cached(folder, key, solution)
+    return solution
+
+
+def cache_key(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits) -> str:
+    """Give a name for a solution that changes with all that it depends on."""
+    equations = [(item.name, to_text(item.residual), item.signals) for item in network.equations]
+    question = route.question
+    asked = (question.targets, question.unknown, sorted(question.known), sorted(question.hidden))
+    numbers = [sorted((name, str(value)) for name, value in group.items()) for group in (plant.values, plant.start)]
+    ranges = sorted((name, str(lower), str(upper)) for name, (lower, upper) in plant.inputs.items())
+    parts = (VERSION, equations, asked, route.steps, route.blocks, numbers, ranges, str(plant.sample_time), limits)
+    return sha256(repr(parts).encode()).hexdigest()
+
+
+def _closed_forms(
+    problem: Problem, records: Sequence[Trial], limits: Limits
+) -> tuple[tuple[Root, ...], tuple[str, ...]]:
+    """Give the closed forms that hold, and remarks."""
+    if not records:
+        return (), ("no closed form: no test record of this plant could be computed to check one",)
+    search = Search(
+        problem=problem,
+        prefer=_positive_at(records[0].true),
+        deadline=monotonic() + limits.seconds,
+        max_terms=limits.terms,
+    )
+    try:
+        candidates = find_candidates(search)
+    except NoClosedFormError as error:
+        return (), (f"no closed form: {error}",)
+    except SingularError as error:
+        return (), (f"no closed form: {error}",)
+    except TooLargeError:
+        return (), ("no closed form within the limit",)
+    remarks = []
+    if search.left_out:
+        remarks.append(f"{search.left_out} further combinations of signs and cases were left out")
+    drafts = [_draft(candidate) for candidate in candidates]
+    valid = [k for k, root in enumerate(drafts) if any(_is_met(root, problem, record) for record in records)]
+    roots = tuple(_finished(candidates[k], problem) for k in valid)
+    if not all(any(_is_true(root, problem, record) for root in roots) for record in records):
+        return (), (*remarks, "no closed form: none gives back the values that the test records were made with")
+    remarks += _not_met([root for k, root in enumerate(drafts) if k not in valid], roots)
+    return tuple(sorted(roots, key=lambda root: not _is_true(root, problem, records[0]))), tuple(remarks)
+
+
+def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
+    """Whether an expression is positive at the nominal plant; what has no value there counts as positive."""
+
+    def positive(expression: Expression) -> bool:
+        if not set(names(expression)) <= values.keys():
+            return True
+        return not evaluate(expression, values) < 0
+
+    return positive
+
+
+def _draft(candidate: Candidate) -> Root:
+    """Give all lines of a candidate as they are."""
+    lines = (
+        Line(name=name, value=quotient_expression(value) if isinstance(value, Quotient) else value)
+        for name, value in candidate.lines
+    )
+    return Root(lines=tuple(lines), conditions=candidate.conditions)
+
+
+def _is_met(root: Root, problem: Problem, record: Trial) -> bool:
+    """Whether a root satisfies the original equations on a record, and its own conditions."""
+    values = {**record.known, **evaluate_root(root, record.known)}
+    found = all(not is_nan(values[name]) for name in problem.unknown)
+    return found and holds(root, values) and problem.is_met(values)
+
+
+def _is_true(root: Root, problem: Problem, record: Trial) -> bool:
+    """Whether a root gives the values that a record was made with."""
+    found = evaluate_root(root, record.known)
+    return all(
+        abs(float(found[name] - record.true[name])) <= TOLERANCE * abs(float(record.true[name])) + _TINY
+        for name in problem.targets
+    )
+
+
+def _finished(candidate: Candidate, problem: Problem) -> Root:
+    """Give the lines that the targets need, in lowest terms, grouped by parameters; conditions in plain names."""
+    values = dict(candidate.lines)
+    outer = [name for name in _all_names(candidate) if name not in problem.signals]
+    lines: list[Line] = []
+    open_ = set(problem.targets) | {name for item in candidate.conditions for name in names(item.expression)}
+    for name, value in reversed(candidate.lines):
+        if name in open_:
+            lines.append(Line(name=name, value=_lowest(value, outer)))
+            open_.update(names(lines[-1].value))
+    conditions = tuple(
+        Condition(expression=_spelled(item.expression, values, problem), strict=item.strict)
+        for item in candidate.conditions
+    )
+    return Root(lines=tuple(reversed(lines)), conditions=conditions)
+
+
+def _all_names(candidate: Candidate) -> tuple[str, ...]:
+    return tuple(
+        dict.fromkeys(
+            name
+            for _, value in candidate.lines
+            for name in (value.space.names if isinstance(value, Quotient) else names(value))
+        )
+    )
+
+
+def _lowest(value: Expression | Quotient, outer: Sequence[str]) -> Expression:
+    if not isinstance(value, Quotient):
+        return value
+    above, below = lowest_terms(value.numerator, value.denominator, value.space)
+    return quotient_expression(Quotient(numerator=above, denominator=below, space=value.space), outer)
+
+
+def _spelled(condition: Expression, values: Mapping[str, Expression | Quotient], problem: Problem) -> Expression:
+    """Give a condition with names of ours replaced where their value is short."""
+    for name in names(condition):
+        value = values.get(name)
+        if name in problem.signals or value is None:
+            continue
+        value = quotient_expression(value) if isinstance(value, Quotient) else value
+        if sum(1 for _ in walk(value)) <= MAX_CONDITION:
+            condition = substitute(condition, {name: value})
+    return condition
+
+
+def _not_met(dropped: Sequence[Root], roots: Sequence[Root]) -> list[str]:
+    """Say which cases no test record reached."""
+    kept = {root.conditions for root in roots}
+    missed = dict.fromkeys(_in_words(root.conditions) for root in dropped if root.conditions not in kept)
+    return [f"no solution on any test record where {words}" for words in missed if words]
+
+
+def _in_words(conditions: Sequence[Condition]) -> str:
+    return " and ".join(condition.text for condition in conditions)
+
+
+def _count(problem: Problem, records: Sequence[Trial], limits: Limits) -> Count | None:
+    """Count the roots at the nominal plant; None where that takes too long or is no way."""
+    if not records:
+        return None
+    try:
+        return find_roots(problem, records[0].known, records[0].true, limits.seconds)
+    except TooLargeError:
+        return None
+
+
+def _kind(roots: Sequence[Root], count: Count | None) -> Kind:
+    if count is None or count.degree is None:
+        return Kind.NUMERIC
+    if count.degree > 2:
+        return Kind.POLYNOMIAL
+    return Kind.QUADRATIC if count.degree == 2 or len(roots) > 1 else Kind.LINEAR
+
+
+def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:
+    """Name where a closed form has no value: a denominator that samples make zero, a root of a negative number."""
+    found: dict[Expression, Singular] = {}
+    for root in roots:
+        own = {line.name: line.value for line in root.lines if line.name not in problem.signals}
+        varying = set(own) - set(problem.targets) | set(problem.signals)
+        for line in root.lines:
+            for part in walk(line.value):
+                for inside, words in _no_value(part, varying):
+                    expression = substitute(inside, {name: own[name] for name in names(inside) if name in own})
+                    found.setdefault(expression, Singular(expression=expression, words=f"{line.name} {words}"))
+    return tuple(found.values())
+
+
+def _no_value(part: Expression, varying: set[str]) -> Iterator[tuple[Expression, str]]:
+    match part:
+        case Binary("/", _, below) if varying.intersection(names(below)):
+            inner = below.right if isinstance(below, Binary) and isinstance(below.left, Number) else below
+            yield inner, "has no value where this is 0: the samples do not excite it"
+        case Call("sqrt", (inside,)) if varying.intersection(names(inside)):
+            yield inside, "has no real value where this is negative"
