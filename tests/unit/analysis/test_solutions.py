@@ -14,7 +14,7 @@ from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 NOMINAL = {"R": 3.0, "L": 2.5, "K": 2.0, "J": 1.5, "C": 0.4}
-SECOND = {("R", "C"): (0.8667, 2.34), ("L", "J"): (14.625, 0.4333)}  # G19
+SECOND: dict[tuple[str, ...], tuple[float, float]] = {("R", "C"): (0.8667, 2.34), ("L", "J"): (14.625, 0.4333)}  # G19
 
 
 @pytest.fixture(scope="module")

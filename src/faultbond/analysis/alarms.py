@@ -1,0 +1,119 @@
+"""What noise alone does to the detector: its innovations and statistics over a run, in many realisations.
+
+The healthy filter is linear about a run (`operation`), so noise of sensors and inputs, and healthy parameters off by
+their accuracy, pass its own recursion; slow errors are zero in the plant, since their declared size is a bound. The
+statistics are those of `runtime.monitor` (Page 1954), for arrays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.analysis.operation import Operation
+from faultbond.spec import EngineSpec
+from faultbond.types import BoolArray, FloatArray, IntArray
+
+REALISATIONS = 60  # of noise, per onset
+_SEED = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Windows:
+    """The stretches after each onset, one row per onset o and sample w.
+
+    rows: (o, w), of the operation. noise: (o, w, m, n_outputs), innovations without fault, in their sd. slow: (o, w, m,
+    n_slow), in declared sd. cusum: (2, o, m, n_outputs), before the onset. quiet: (o, m), no alarm before it.
+    """
+
+    rows: IntArray
+    noise: FloatArray
+    slow: FloatArray
+    cusum: FloatArray
+    quiet: BoolArray
+
+
+def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length: int) -> Windows:
+    """Run noise through the filter and its statistics without a fault."""
+    scores, ratios = _noise_run(spec, operation)
+    count = len(operation.time)
+    cusum = np.zeros((2, REALISATIONS, len(spec.outputs)))
+    quiet = np.ones(REALISATIONS, dtype=bool)
+    before, quiets = {}, {}
+    for k in range(count):
+        if k in onsets:
+            before[k], quiets[k] = cusum, quiet
+        if k >= operation.warm:
+            cusum = accumulated(spec, cusum, scores[k], operation.counted[k])
+            quiet = quiet & ~alarms(spec, cusum, ratios[k])
+    rows = np.array(onsets)[:, None] + np.arange(length + 1)
+    return Windows(
+        rows=rows,
+        noise=scores[rows],
+        slow=ratios[rows],
+        cusum=np.stack([before[k] for k in onsets], axis=1),
+        quiet=np.stack([quiets[k] for k in onsets]),
+    )
+
+
+def _noise_run(spec: EngineSpec, operation: Operation) -> tuple[FloatArray, FloatArray]:
+    """Give innovations in their sd (n, m, n_outputs) and alarming slow errors in declared sd (n, m, n_alarming)."""
+    generator = np.random.default_rng(_SEED)
+    n, shape = len(operation.time), (REALISATIONS, len(spec.outputs))
+    input_noise = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
+    error = _first_errors(spec, operation.covariance, generator)
+    scores, ratios = np.zeros((n, *shape)), np.zeros((n, REALISATIONS, len(alarming(spec))))
+    for k in range(n):
+        if k:
+            error = error @ operation.transition[k].T
+            error[:, spec.noise_slice] = input_noise * generator.standard_normal((REALISATIONS, input_noise.size))
+            innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
+            error = error + innovation @ operation.gain[k].T
+            scores[k] = innovation / operation.spread[k]
+        ratios[k] = ratios_of(spec, error)
+    return scores, ratios
+
+
+def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random.Generator) -> FloatArray:
+    """Draw estimate minus truth, (m, n_joint), as the filter believes it, but with slow errors at zero."""
+    n = spec.n_joint
+    slow = np.arange(n)[spec.slow_slice]
+    rest = np.setdiff1d(np.arange(n), slow)
+    known = covariance[np.ix_(rest, rest)]
+    if len(slow):
+        cross = covariance[np.ix_(rest, slow)]
+        known = known - cross @ np.linalg.solve(covariance[np.ix_(slow, slow)], cross.T)
+    sizes = np.sqrt(np.maximum(np.diag(known), 1e-300))
+    values, vectors = np.linalg.eigh(known / np.outer(sizes, sizes))
+    errors = np.zeros((REALISATIONS, n))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    errors[:, rest] = generator.standard_normal((REALISATIONS, len(rest))) @ root.T * sizes
+    return errors
+
+
+def alarming(spec: EngineSpec) -> list[int]:
+    """Give the positions of the slow errors that alarm."""
+    return [k for k, error in enumerate(spec.slow_errors) if error.alarms]
+
+
+def ratios_of(spec: EngineSpec, joint: FloatArray) -> FloatArray:
+    """Give the alarming slow errors of joint vectors (.., n_joint) in declared standard deviations."""
+    places = alarming(spec)
+    return np.asarray(joint[..., spec.slow_slice][..., places] / spec.slow_sizes[places])
+
+
+def accumulated(spec: EngineSpec, cusum: FloatArray, score: FloatArray, counted: BoolArray) -> FloatArray:
+    """Take one sample into the CUSUM, shape (2, .., n_outputs); `counted` as the last axes of `score`."""
+    settings = spec.thresholds
+    clipped = np.minimum(np.maximum(score, -settings.cusum_clip), settings.cusum_clip)
+    grown = np.empty((2, *clipped.shape))
+    np.add(cusum[0], clipped, out=grown[0])
+    np.subtract(cusum[1], clipped, out=grown[1])
+    grown -= settings.cusum_drift
+    np.maximum(grown, 0.0, out=grown)
+    return grown if counted.all() else np.where(counted, grown, cusum)
+
+
+def alarms(spec: EngineSpec, cusum: FloatArray, ratios: FloatArray) -> BoolArray:
+    """Give whether a statistic has crossed its limit; CUSUM (2, .., n_outputs), ratios (.., n_alarming)."""
+    crossed = np.any(np.max(cusum, axis=0) > spec.thresholds.cusum_limit, axis=-1)
+    return np.asarray(crossed | np.any(np.abs(ratios) > spec.thresholds.slow_error_limit, axis=-1))

@@ -1,0 +1,143 @@
+"""The smallest fault that the detector finds: against the monitor in simulation, and its limits."""
+
+from dataclasses import replace
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+from plants import circuit, example
+
+from faultbond.analysis.smallest import SmallestFault, smallest_faults
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import ModelError, RecordingError
+from faultbond.runtime.monitor import Sample, State, init, step
+from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
+from faultbond.simulate.truth import healthy_parameters
+from faultbond.spec import Engine, EngineSpec
+from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.specify import build_spec
+
+Built = tuple[StepModel, EngineSpec, Engine]
+
+
+def built(model: StepModel) -> Built:
+    """Give a model with its specification and an engine."""
+    spec = build_spec(model)
+    return model, spec, VirtualMachine(build_filter(spec, model))
+
+
+def found(plant: Built, **options: object) -> dict[str, SmallestFault]:
+    """Give the smallest faults by parameter."""
+    return {item.parameter: item for item in smallest_faults(*plant, **options)}  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def motor() -> Built:
+    """Give the motor."""
+    return built(example("dc_motor"))
+
+
+def square(count: int, dt: float) -> Inputs:
+    """Give a voltage that steps between 4 V and 10 V every second."""
+    time = dt * np.arange(count)
+    return Inputs(time=time, values=np.where(time % 2.0 < 1.0, 4.0, 10.0)[:, None])
+
+
+def watched(plant: Built, made: Simulation, state: State, rows: range) -> tuple[State, bool]:
+    """Pass rows of a recording through the monitor; say whether its CUSUM crosses the limit.
+
+    The bank, slow without a compiler, does not begin.
+    """
+    _, spec, engine = plant
+    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf))
+    crossed = False
+    for k in rows:
+        dt = float(made.time[k] - made.time[k - 1]) if k else 0.0
+        sample = Sample(time=float(made.time[k]), dt=dt, u=made.inputs[k], y=made.outputs[k])
+        state, report = step(deaf, engine, state, sample)
+        crossed |= bool(np.any(report.cusum > spec.thresholds.cusum_limit))
+    return state, crossed
+
+
+def test_the_predicted_size_is_what_the_monitor_finds(motor: Built) -> None:
+    """A fault 1.5 times as large as predicted is found in time in every plant; of a 1.5th of it some are missed."""
+    model, spec, dt, onset, window, spread = motor[0], motor[1], 0.02, 150, 60, 0.03 * sqrt(3.0)
+    graph, inputs = model.plant.graph, square(onset + window + 1, dt)
+    run = simulate(graph, inputs, seed=None)
+    samples = [Sample(time=t, dt=dt * (k > 0), u=run.inputs[k], y=run.outputs[k]) for k, t in enumerate(run.time)]
+    size = found(motor, samples=samples, parameters=["K"], within=window * dt, onsets=[onset * dt])["K"].up
+    assert size is not None
+    counts = {1.5: 0, 1 / 1.5: 0}
+    for seed in range(40, 49):
+        true = healthy_parameters(graph, spread, np.random.default_rng(seed))[2]
+        state: State | None = None
+        for part in counts:
+            fault = Fault(parameter="K", value=true + part * size, start=onset * dt)
+            made = simulate(graph, inputs, [fault], seed=seed, effects=Effects(spread=spread))
+            state = state or watched(motor, made, init(spec), range(onset))[0]
+            counts[part] += watched(motor, made, state, range(onset, onset + window + 1))[1]
+    assert counts[1.5] == 9
+    assert counts[1 / 1.5] <= 5
+
+
+def test_noise_makes_the_smallest_fault_larger(motor: Built) -> None:
+    """Ten times the noise of the sensor: every fault must be larger to be found, or is not found."""
+    noisy = built(example("dc_motor", ("noise: 0.06 rad/s", "noise: 0.6 rad/s")))
+    quiet_sizes, noisy_sizes = (found(plant, within=2.0) for plant in (motor, noisy))
+    assert set(quiet_sizes) == {"R", "L", "K", "J", "C"}
+    for name, item in quiet_sizes.items():
+        assert item.value is not None
+        assert item.value == max(item.up or 0.0, item.down or 0.0)
+        assert item.direction in ("up", "down")
+        other = noisy_sizes[name].value
+        assert other is None or other > 1.5 * item.value
+        (effect,) = item.effects
+        assert effect.output == "omega"
+        assert effect.in_noise == pytest.approx(effect.size / 0.06)
+
+
+def test_what_no_sensor_sees_is_never_found() -> None:
+    """Of two branches at one source only the measured one has a smallest fault."""
+    plant = built(
+        circuit(
+            "  A: {type: R, parameters: {RA: 3 ohm}}\n  B: {type: R, parameters: {RB: 3 ohm}}",
+            "node: 0",
+            "source -> node -> A, node -> B",
+            "i: {reads: A.f, unit: A, noise: 0.01 A}",
+        )
+    )
+    sizes = found(plant, within=10.0)
+    assert sizes["RA"].value is not None
+    assert sizes["RA"].value < 1.5
+    unseen = sizes["RB"]
+    assert (unseen.value, unseen.up, unseen.down, unseen.direction, unseen.effects) == (None, None, None, None, ())
+
+
+def test_a_fault_stays_in_its_range() -> None:
+    """A parameter that can hardly move has no smallest fault, though outputs show it."""
+    change = "{K: {nominal: 2 V*s/rad, range: [1.99 V*s/rad, 2.01 V*s/rad], accuracy: 0.1 %}}"
+    plant = built(example("dc_motor", ("{K: 2 V*s/rad}", change)))
+    assert found(plant, parameters=["K"], within=2.0)["K"].value is None
+
+
+def test_a_slow_error_alarms_too() -> None:
+    """With the CUSUM switched off the tank's leak is still found, by the slow error of the flow out."""
+    model, spec, engine = built(example("tank", ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")))
+    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf))
+    deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, slow_error_limit=inf))
+    assert found((model, deaf, engine), parameters=["K6"], within=150.0)["K6"].up is not None
+    assert found((model, deafer, engine), parameters=["K6"], within=150.0)["K6"].value is None
+
+
+def test_bad_requests_are_refused(motor: Built) -> None:
+    """An unknown parameter, a run too short for the time asked for, and an onset outside the run each get one line."""
+    model = motor[0]
+    with pytest.raises(ModelError, match="no parameter Q; there are R, L, K, J, C"):
+        found(motor, parameters=["Q"])
+    run = simulate(model.plant.graph, square(60, 0.02), seed=None)
+    samples = [Sample(time=t, dt=0.02, u=run.inputs[k], y=run.outputs[k]) for k, t in enumerate(run.time)]
+    with pytest.raises(RecordingError, match="give a longer recording or less time"):
+        found(motor, samples=samples)
+    with pytest.raises(RecordingError, match="choose onsets between them"):
+        found(motor, samples=samples, within=0.2, onsets=[100.0])
