@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.analysis.ranks import counted, reduce, smallest_values
+from faultbond.analysis.ranks import reduce, set_ranks
 from faultbond.analysis.testable import generic_run
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import StepModel, build_step_model
@@ -158,9 +158,9 @@ def compare(model: StepModel, slopes: list[tuple[int, ...]], largest: int) -> in
     assert seen.rank.value == exact_rank(slopes, n, range(n))
     for size in range(1, largest + 1):
         sets = tuple(combinations(range(n), size))
-        independent, unsure = counted(seen.rank, smallest_values(seen, sets))
-        assert not unsure.any()
-        assert [bool(item) for item in independent] == [exact_rank(slopes, n, item) == size for item in sets]
+        ranks, doubt = set_ranks(seen, sets)
+        assert not doubt.any()
+        assert ranks.tolist() == [exact_rank(slopes, n, item) for item in sets]
     return seen.rank.value
 
 

@@ -81,10 +81,11 @@ def _step_range(model: StepModel, recursion: Recursion, reference: FloatArray) -
     nominal = np.array([item.nominal for item in graph.parameters])
     u, z = reference_inputs(model.plant), model.reference_implicit
     slope = recursion.misfit(reference, z, reference, u, nominal, 1.0)[1].full()
+    slope = np.where(np.isfinite(slope), slope, 0.0)  # then the step is only less well chosen
     matrix = np.eye(n_x) - slope[:n_x, :n_x]
     if len(z):
         matrix = matrix + slope[:n_x, n_x:] @ np.linalg.lstsq(slope[n_x:, n_x:], slope[n_x:, :n_x], rcond=None)[0]
-    speeds = np.abs(np.linalg.eigvals(matrix)) if np.all(np.isfinite(matrix)) else np.zeros(0)
+    speeds = np.abs(np.linalg.eigvals(matrix))
     constants = 1.0 / speeds[(speeds * grid < _FAR) & (speeds * grid > 1.0 / _FAR)]
     if not len(constants):
         constants = np.array([_NO_MODE * grid])

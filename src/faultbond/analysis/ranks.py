@@ -160,11 +160,16 @@ def told_rank(values: FloatArray) -> Rank:
     )
 
 
-def smallest_values(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> FloatArray:
-    """Give the smallest singular value of the columns of each set, shape (n_sets,); the sets have one size."""
-    if not sets or len(sets[0]) > reduced.matrix.shape[0]:
-        return np.zeros(len(sets))
-    return np.concatenate([np.linalg.svd(part, compute_uv=False)[:, -1] for part in _blocks(reduced, sets)])
+def set_ranks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> tuple[IntArray, BoolArray]:
+    """Give the rank of the columns of each set, and whether it is in doubt; the sets have one size.
+
+    Where it is in doubt, the rank is the largest that it may be.
+    """
+    if not sets:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=bool)
+    values = np.concatenate([np.linalg.svd(part, compute_uv=False) for part in _blocks(reduced, sets)])
+    rank = reduced.rank
+    return np.sum(values > rank.low, axis=1), np.any((values > rank.low) & (values <= rank.high), axis=1)
 
 
 def bases(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> FloatArray:
@@ -182,11 +187,6 @@ def _blocks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> Iterator[Float
     step = max(1, _BLOCK // max(1, height * size))
     for first in range(0, len(sets), step):
         yield reduced.matrix[:, np.array(sets[first : first + step])].transpose(1, 0, 2)
-
-
-def counted(rank: Rank, values: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Give which singular values count, in doubt too, and which are in doubt."""
-    return values > rank.low, (values > rank.low) & (values <= rank.high)
 
 
 def _still(array: FloatArray) -> FloatArray:

@@ -22,10 +22,12 @@ from faultbond.errors import StructureError
 from faultbond.types import BoolArray, FloatArray
 
 _ITERATIONS = 40
-_HALVINGS = 6
+_PARTS = (1 / 1024, 1 / 64, 1 / 16, 1 / 4, 4.0, 16.0, 64.0)  # of Newton's step
 _SETTLED = 1e-9  # relative size of a Newton step after which, converging by squares, rounding is reached
+_FAST = 0.1  # a step that leaves no more of the misfit than this is as Newton's should be
 _FLAT = 1e-10  # a misfit below this part of its terms need not fall any more
 _TINY = 1e-300
+_HUGE = 1e120
 _GUESSES = (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0)))  # of implicit signals, SI
 
 
@@ -140,7 +142,7 @@ class _Runs:
         self.dt = np.array([item.dt for item in experiments]).reshape(n, self.n_samples)
         start = np.array([item.start for item in experiments]).reshape(n, self.n_x)
         self.w = np.hstack([start, np.array([item.implicit for item in experiments]).reshape(n, self.n_z)])
-        self.size = np.abs(self.w)  # largest seen so far, the measure of a small change
+        self.size = np.hstack([np.abs(start), np.zeros((n, self.n_z))])  # largest so far, the measure of a change
         self.good = np.ones(n, dtype=bool)
         self.moved = np.concatenate([np.zeros((n, self.n_x, self.n_p)), np.tile(np.eye(self.n_x), (n, 1, 1))], axis=2)
         self.x = np.empty((n, self.n_samples, self.n_x))
@@ -161,12 +163,12 @@ class _Runs:
         right = np.concatenate([-by_theta * self.steps[:, None, :], np.zeros((*self.w.shape, self.n_x))], axis=2)
         right[:, : self.n_x] += self.moved
         found = self._divide(slope, right)
-        self.good &= np.isfinite(found).all(axis=(1, 2)) & np.isfinite(y).all(axis=(1, 2))
+        self.good &= _sane(found) & _sane(y)
         self.moved = found[:, : self.n_x]
         self.x[:, k], self.y[:, k] = self.w[:, : self.n_x], y[:, :, 0]
         self.by[:, k] = y_by_w @ found
         self.by[:, k, :, : self.n_p] += y_by_theta * self.steps[:, None, :]
-        self.good &= np.isfinite(self.by[:, k]).all(axis=(1, 2))
+        self.good &= _sane(self.by[:, k])
 
     def result(self, lane: int) -> Sensitivity:
         """Give what was found in one lane."""
@@ -211,27 +213,42 @@ class _Runs:
             move = -self._divide(slope, misfit)[:, :, 0]
             size = np.abs(w) + np.maximum(self.size, np.abs(w + move))
             settled = settled | (np.abs(move) <= _SETTLED * size).all(axis=1)
-            w, misfit, slope = self._line_search(w, move, before, k, misfit, slope)
+            w, misfit, slope = self._search(w, move, before, k, misfit, slope)
             if (settled | ~np.isfinite(move).all(axis=1) | ~self.good).all():
                 break
         return w, settled & np.isfinite(w).all(axis=1)
 
-    def _line_search(
+    def _search(
         self, w: FloatArray, move: FloatArray, before: FloatArray, k: int, misfit: FloatArray, slope: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Take Newton's step, or the first half, quarter, ... of it that does not make the misfit larger."""
-        terms = (np.abs(slope) @ np.maximum(self.size, np.abs(w + move))[:, :, None]) + _TINY
+        """Take Newton's step where it does what it should, else the best of its parts and multiples.
+
+        Parts, since an exponential is overshot from its flat side; multiples, since from its steep side Newton's step
+        is ever the same small one.
+        """
+        terms = np.abs(slope) @ np.maximum(self.size, np.abs(w))[:, :, None] + np.abs(misfit) + _TINY
         old = np.max(np.abs(misfit) / terms, axis=(1, 2), initial=0.0)
-        part = np.ones(len(w))
-        for _ in range(_HALVINGS):
-            trial = w + part[:, None] * move
-            new_misfit, new_slope = self._call(self.misfit_of, trial, before, k)
-            new = np.max(np.abs(new_misfit) / terms, axis=(1, 2), initial=0.0)
-            worse = ~(new <= np.maximum(old, _FLAT)) & self.good
-            if not worse.any():
-                break
-            part = np.where(worse, 0.5 * part, part)
-        return trial, new_misfit, new_slope
+        best, trial = self._try(w + move, before, k, terms)
+        if (best <= np.maximum(_FAST * old, _FLAT))[self.good].all():
+            return trial
+        for part in _PARTS:
+            merit, other = self._try(w + part * move, before, k, terms)
+            better = merit < best
+            best = np.where(better, merit, best)
+            trial = (
+                np.where(better[:, None], other[0], trial[0]),
+                np.where(better[:, None, None], other[1], trial[1]),
+                np.where(better[:, None, None], other[2], trial[2]),
+            )
+        return trial
+
+    def _try(
+        self, w: FloatArray, before: FloatArray, k: int, terms: FloatArray
+    ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Give the misfit as a part of its terms, infinite where it is not a number, and (w, misfit, slope) there."""
+        misfit, slope = self._call(self.misfit_of, w, before, k)
+        part = np.max(np.abs(misfit) / terms, axis=(1, 2), initial=0.0)
+        return np.where(np.isfinite(part), part, np.inf), (w, misfit, slope)
 
     def _divide(self, matrix: FloatArray, right: FloatArray) -> FloatArray:
         """Solve matrix @ solution = right in each lane, rows and columns scaled to like sizes; nan where singular."""
@@ -247,6 +264,11 @@ class _Runs:
             bad = bad | np.asarray(np.linalg.matrix_rank(scaled) < matrix.shape[1])
             found = np.linalg.solve(np.where(bad[:, None, None], np.eye(matrix.shape[1]), scaled), right / row)
         return np.where(bad[:, None, None], np.nan, found * column[:, :, None])
+
+
+def _sane(array: FloatArray) -> BoolArray:
+    """Whether all numbers of a lane are finite, and small enough that sums of their squares are."""
+    return np.asarray((np.abs(array) < _HUGE).all(axis=(1, 2)))
 
 
 def _still(array: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from itertools import combinations, islice
 from math import comb
 
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.ranks import Rank, Reduced, counted, reduce, smallest_values
+from faultbond.analysis.ranks import Rank, Reduced, reduce, set_ranks
 from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import StructureError
@@ -51,10 +51,11 @@ class Judgement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Sets for the bank to test, and those dropped with the reason."""
+    """Sets for the bank to test, and those dropped with the reason; `left_out` sets, the largest, were not judged."""
 
     sets: tuple[tuple[int, ...], ...]
     dropped: tuple[tuple[tuple[int, ...], str], ...]
+    left_out: int = 0
 
 
 def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensitivity:
@@ -92,14 +93,13 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
         sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
         if not sets:
             break
-        counts, unsure = counted(reduced.rank, smallest_values(reduced, sets))
-        for chosen, identifiable, uncertain in zip(sets, counts, unsure, strict=True):
+        for chosen, rank, doubt in zip(sets, *set_ranks(reduced, sets), strict=True):
             verdicts.append(
                 Verdict(
                     parameters=chosen,
-                    identifiable=bool(identifiable),
-                    falsifiable=size < reduced.rank.value if identifiable else False,
-                    uncertain=bool(uncertain) or not reduced.rank.clear,
+                    identifiable=bool(rank == size),
+                    falsifiable=bool(rank < reduced.rank.value),
+                    uncertain=bool(doubt) or not reduced.rank.clear,
                 )
             )
     return Judgement(rank=reduced.rank, verdicts=tuple(verdicts), left_out=total - len(verdicts))
@@ -139,4 +139,5 @@ def sets_to_test(judgement: Judgement) -> Choice:
             for item in verdicts
             if item.parameters not in kept
         ),
+        left_out=judgement.left_out,
     )

@@ -17,8 +17,8 @@ TANK_SENSORS = "  flow:     {reads: sqrt(orifice.e/K_meter), unit: m^3/s, noise:
 
 
 def example(name: str, *changes: tuple[str, str]) -> StepModel:
-    """A built-in plant, some words of its file changed."""
-    path = EXAMPLES / name / "model.yaml"
+    """A built-in plant, by its folder or its file, some words of it changed."""
+    path = EXAMPLES / (name if name.endswith(".yaml") else f"{name}/model.yaml")
     if not changes:
         return build_step_model(build_plant(load_model(path)))
     text = path.read_text(encoding="utf-8")

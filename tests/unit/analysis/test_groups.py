@@ -144,6 +144,20 @@ def test_near_groups() -> None:
     assert NEAR_ANGLE > 4.0
 
 
+def test_where_pairs_differ_most() -> None:
+    """Of two pairs that differ in two directions, the larger difference is named."""
+    small, large = np.radians(1.0), np.radians(5.0)
+    seen = of_columns(
+        [1, 0, 0, 0],
+        [0, 1, 0, 0],
+        [np.cos(small), 0, 0, np.sin(small)],
+        [0, np.cos(large), np.sin(large), 0],
+    )
+    (found,) = near_groups(seen, [(0, 1), (2, 3)])
+    assert found.angle == pytest.approx(5.0)
+    assert found.reason == "what {C, D} does, {A, B} does too but for 8.7 %, most of it in flow"
+
+
 def test_near_groups_take_one_of_each_exact_group() -> None:
     """Of suspects that look exactly alike one is compared with others."""
     tilt = np.radians(4.0)

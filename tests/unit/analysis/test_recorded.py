@@ -43,7 +43,7 @@ def test_a_long_recording_is_seen_as_a_whole_and_where_it_moves_most() -> None:
     assert np.diff(window.times) == pytest.approx(1.0)
     moves = inputs[:, 0] != 60.0
     assert np.sum(window.inputs[:, 0] != 60.0) == moves.sum()
-    assert window.x[0] in whole.x
+    assert window.x[0] in whole.x[150:190]
 
 
 def test_missing_inputs_are_held() -> None:

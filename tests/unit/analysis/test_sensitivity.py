@@ -18,7 +18,7 @@ LEAK = (
 )
 
 
-def rectifier() -> StepModel:
+def rectifier(knee: float = 1.0) -> StepModel:
     """A diode, a resistor and a capacitor in series: the current has no closed form."""
     return circuit(
         "  R: {type: R, parameters: {R: 10 ohm}}\n  C: {type: C, parameters: {C: 10 mF}}\n"
@@ -26,7 +26,7 @@ def rectifier() -> StepModel:
         "line: 1",
         "source -> line -> R, line -> D, line -> C",
         "i: {reads: line.f, unit: A, noise: 1 mA}",
-        extra="constants: {knee: 1 V}\n",
+        extra=f"constants: {{knee: {knee} V}}\n",
     )
 
 
@@ -84,15 +84,23 @@ def test_steps_of_parameters() -> None:
     assert dict(zip(found.parameters, found.steps, strict=True)) == pytest.approx(wanted)
 
 
-def test_the_readings_follow_the_laws() -> None:
-    """Each sample satisfies the implicit relation of the diode and the backward Euler step of the capacitor."""
-    model, inputs, start, dt = case("rectifier")
-    found = run(model, inputs, dt, start)
+@pytest.mark.parametrize("knee", [1.0, 0.026])
+@pytest.mark.parametrize("guess", [0.0, 500.0])
+def test_the_readings_follow_the_laws(knee: float, guess: float) -> None:
+    """Each sample satisfies the diode, steep or not, and the capacitor's step, also from a guess that leads nowhere."""
+    model = rectifier(knee)
+    inputs, dt = np.array([[0.1], [3.0], [-2.0], [5.0], [0.0], [1.0]]), 0.05
+    steps = np.array([0.0, *[dt] * 5])
+    theta = np.array([item.nominal for item in model.plant.graph.parameters])
+    there = Experiment(
+        start=np.array([1e-3]), inputs=inputs, dt=steps, theta=theta, implicit=np.array([guess] * model.z.numel())
+    )
+    found = sensitivity(build_recursion(model.plant), there)
     current, charge = found.y[:, 0], found.x[:, 0]
     drop = inputs[:, 0] - 10.0 * current - charge / 10e-3
-    assert current == pytest.approx(1e-3 * np.expm1(drop), rel=1e-9, abs=1e-15)
+    assert current == pytest.approx(1e-3 * np.expm1(drop / knee), rel=1e-9, abs=1e-15)
     assert np.diff(charge) == pytest.approx(dt * current[1:], rel=1e-9, abs=1e-15)
-    assert charge[0] == start[0]
+    assert charge[0] == 1e-3
 
 
 def test_lanes_do_not_touch_one_another() -> None:
