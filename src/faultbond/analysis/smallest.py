@@ -294,14 +294,14 @@ class _Search:
             found = self._found(shift, np.exp(middle))
             low, high = np.where(found, low, middle), np.where(found, middle, high)
         needed = np.where(high >= trial.reach, np.inf, np.exp((low + high) / 2))
-        quiet = np.flatnonzero(quiet)
-        if not len(quiet):
+        counted = np.flatnonzero(quiet)
+        if not len(counted):
             raise RecordingError(
                 f"{self.spec.model}: in this run noise alone raises the alarm before any fault; "
                 "check the noise and the slow errors that the model declares"
             )
-        ordered = np.sort(needed.reshape(len(needed), -1)[:, quiet], axis=1)
-        return np.asarray(ordered[:, min(int(self.certainty * len(quiet)), len(quiet) - 1)])
+        ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
+        return np.asarray(ordered[:, min(int(self.certainty * len(counted)), len(counted) - 1)])
 
     def _found(self, shift: _Shift, factor: FloatArray) -> BoolArray:
         """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation."""

@@ -40,7 +40,7 @@ def motor() -> Built:
 
 def square(count: int, dt: float) -> Inputs:
     """Give a voltage that steps between 4 V and 10 V every second."""
-    time = dt * np.arange(count)
+    time = dt * np.arange(count, dtype=np.float64)
     return Inputs(time=time, values=np.where(time % 2.0 < 1.0, 4.0, 10.0)[:, None])
 
 
