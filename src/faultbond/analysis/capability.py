@@ -1,0 +1,80 @@
+"""What a plant's sensors can tell of its faults: in general, and along a recording.
+
+In general everything that the plant has is excited, and only exact ranks count. Along a recording, what its noise hides
+counts as not seen. Source: thesis 4.6, 6.1.2, 6.5.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from faultbond.analysis.groups import Group, NearGroup, groups, near_groups
+from faultbond.analysis.ranks import Reduced, above_noise, reduce
+from faultbond.analysis.sensitivity import Recursion, Sensitivity
+from faultbond.analysis.testable import Judgement, generic_run, judge
+from faultbond.dynamics.step import StepModel
+from faultbond.types import FloatArray
+
+MOST_JUDGED = 4096  # sets up to the largest size are judged as long as there are no more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike."""
+
+    judgement: Judgement
+    groups: tuple[Group, ...]
+    near_groups: tuple[NearGroup, ...]
+
+
+def in_general(model: StepModel, recursion: Recursion) -> View:
+    """Give what data can tell when everything is excited.
+
+    Raises
+    ------
+    StructureError
+        Where the equations have no finite solution along any run.
+    """
+    run = generic_run(model, recursion)
+    return _view(model, reduce([run]), reduce([run], _noise(model)))
+
+
+def on_record(model: StepModel, runs: Sequence[Sensitivity]) -> View:
+    """Give what a recording can tell: effects of a faulty parameter that its noise does not hide.
+
+    Parameters
+    ----------
+    runs : those of `recorded.recorded_runs`
+    """
+    reduced = reduce(runs, _noise(model))
+    changes = np.array([item.change for item in model.plant.graph.parameters])
+    seen = above_noise(reduced, changes / np.where(reduced.steps != 0.0, np.abs(reduced.steps), 1.0))
+    return _view(model, seen, seen)
+
+
+def _noise(model: StepModel) -> FloatArray:
+    return np.array([item.noise for item in model.plant.graph.sensors])
+
+
+def _view(model: StepModel, exact: Reduced, in_noises: Reduced) -> View:
+    graph = model.plant.graph
+    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
+    judgement = judge(exact, suspects, largest_size(len(suspects), graph.max_faults))
+    sets = [
+        item.parameters
+        for item in judgement.verdicts
+        if item.identifiable and len(item.parameters) <= graph.max_faults and item.falsifiable
+    ] or [item.parameters for item in judgement.verdicts if item.identifiable and len(item.parameters) == 1]
+    alike = groups(exact, sets)
+    return View(judgement=judgement, groups=alike, near_groups=near_groups(in_noises, sets, alike))
+
+
+def largest_size(n_suspects: int, max_faults: int) -> int:
+    """Give the size up to which all sets of so many suspects are judged: all where they are few."""
+    size, total = 0, 0
+    while size < n_suspects and total + comb(n_suspects, size + 1) <= MOST_JUDGED:
+        size += 1
+        total += comb(n_suspects, size)
+    return max(size, min(max_faults, n_suspects))

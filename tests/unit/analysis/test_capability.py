@@ -1,0 +1,53 @@
+"""What sensors can tell, in general and along a recording."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from plants import example
+
+from faultbond.analysis.capability import View, in_general, largest_size, on_record
+from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.sensitivity import build_recursion
+
+
+def counts(view: View) -> dict[int, int]:
+    """The number of testable sets by size."""
+    return dict(Counter(len(item.parameters) for item in view.judgement.verdicts if item.testable))
+
+
+def test_all_sizes_of_the_motor() -> None:
+    """Fifteen sets of one and two suspects; with the current thirty, of one to four (thesis 6.5)."""
+    models = [example(name) for name in ("dc_motor", "dc_motor_current")]
+    first, second = (counts(in_general(model, build_recursion(model.plant))) for model in models)
+    assert first == {1: 5, 2: 10}
+    assert second == {1: 5, 2: 10, 3: 10, 4: 5}
+
+
+def test_valves_that_stand_still_hide_what_their_movement_shows() -> None:
+    """Along a record of constant valves K4 and K6 are one group, as are K1 and K7; in general there is no group."""
+    model = example("tank")
+    recursion = build_recursion(model.plant)
+    assert in_general(model, recursion).groups == ()
+    times = np.arange(400.0)
+    runs = recorded_runs(model, recursion, times, np.tile([60.0, 35.0], (400, 1)), np.array([0.05]))
+    view = on_record(model, runs)
+    names = [item.name for item in model.plant.graph.parameters]
+    found = {tuple(names[k] for chosen in group.sets for k in chosen) for group in view.groups}
+    assert any({"K4", "K6"} <= set(group) for group in found)
+    assert any({"K1", "K7"} <= set(group) for group in found)
+    assert view.judgement.rank.value < 6
+
+
+def test_where_all_explains_anything_singles_are_compared() -> None:
+    """Of the resistor and the capacitor no set is testable; that they look alike is still told."""
+    model = example("rc")
+    view = in_general(model, build_recursion(model.plant))
+    assert counts(view) == {}
+    assert [group.sets for group in view.groups] == [((0,), (1,))]
+
+
+@pytest.mark.parametrize(("n", "most", "size"), [(5, 2, 5), (12, 2, 12), (13, 2, 6), (20, 2, 3), (20, 4, 4), (1, 2, 1)])
+def test_sizes_that_are_judged(n: int, most: int, size: int) -> None:
+    """All sizes of a few suspects; of many those that stay below four thousand sets, and what max_faults asks."""
+    assert largest_size(n, most) == size
