@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from random import Random
 
+import numpy as np
+
 from faultbond.errors import StructureError
 from faultbond.model.expression import Expression, names
 from faultbond.model.graph import BondGraph, Input
@@ -23,7 +25,7 @@ USUAL_RANGE = (1.0, 10.0)  # of an input, in its own unit
 _MAX_STEPS = 60
 _MAX_STARTS = 12
 _TOLERANCE = 1e-11
-_LEVELS = 40  # an exact input takes one of so many values of its range
+_LEVELS = 90  # an exact input takes one of so many values of its range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,14 +33,15 @@ class Plant:
     """The numbers that go with a component network, in SI.
 
     values: of parameters and constants. changes: standard deviation of a faulty value. inputs: the range in which a
-    test input moves. start: signals before the first sample, 0 where absent. sds: standard deviation of the noise of
-    inputs and sensors.
+    test input moves. one_sided: those that cannot change their sign (percent, temperatures). start: signals before the
+    first sample, 0 where absent. sds: standard deviation of the noise of inputs and sensors.
     """
 
     values: Mapping[str, Fraction]
     changes: Mapping[str, Fraction] = field(default_factory=dict)
     sample_time: Fraction = Fraction(1)
     inputs: Mapping[str, tuple[Fraction, Fraction]]
+    one_sided: frozenset[str] = frozenset()
     start: Mapping[str, Fraction] = field(default_factory=dict)
     sds: Mapping[str, float] = field(default_factory=dict)
 
@@ -58,6 +61,7 @@ def plant_of(graph: BondGraph, sample_time: float | None = None) -> Plant:
         changes={item.name: exact(item.change) for item in graph.parameters},
         sample_time=exact(time),
         inputs={item.name: _range(item) for item in graph.inputs},
+        one_sided=frozenset(item.name for item in graph.inputs if item.unit.text == "percent" or item.unit.offset),
         sds={item.name: item.noise for item in graph.inputs} | {item.name: item.noise for item in graph.sensors},
     )
 
@@ -67,14 +71,24 @@ def _range(item: Input) -> tuple[Fraction, Fraction]:
     return exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
 
 
-def random_inputs(plant: Plant, n: int, seed: int) -> dict[str, tuple[Fraction, ...]]:
-    """Give inputs that jump at every sample, few digits each; the same seed gives the same inputs."""
+def random_inputs(plant: Plant, n: int, seed: int, *, signed: bool = False) -> dict[str, tuple[Fraction, ...]]:
+    """Give inputs that jump at every sample, few digits each; the same seed gives the same inputs.
+
+    Parameters
+    ----------
+    signed : whether an input that rests at 0 takes values of both signs
+    """
     rng = Random(seed)  # noqa: S311 - test data, no secret
     found = {}
     for name, (lower, upper) in plant.inputs.items():
         step = (upper - lower) / _LEVELS
-        found[name] = tuple(lower + step * rng.randint(0, _LEVELS) for _ in range(n))
+        signs = (1, -1) if signed and name not in plant.one_sided else (1,)
+        found[name] = tuple((lower + step * rng.randint(0, _LEVELS)) * rng.choice(signs) for _ in range(n))
     return found
+
+
+class _NotLinearError(Exception):
+    """A block cannot be solved exactly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +106,7 @@ def simulate(
     dt: Value,
     start: Mapping[str, Value] | None = None,
 ) -> Record:
-    """Give every signal over time, by backward Euler.
+    """Give every signal over time, by backward Euler; exactly where `dt` and the rest are fractions and laws linear.
 
     Parameters
     ----------
@@ -107,16 +121,35 @@ def simulate(
         Where the equations of a frame do not fix its signals, or no solution is found.
     """
     order = frame_blocks(network)
+    try:
+        return _advance(network.name, order, network.signals, values, inputs, dt, start or {})
+    except _NotLinearError:
+        plain = {name: tuple(map(float, series)) for name, series in inputs.items()}
+        started = {name: float(value) for name, value in (start or {}).items()}
+        numbers = {name: float(value) for name, value in values.items()}
+        return _advance(network.name, order, network.signals, numbers, plain, float(dt), started)
+
+
+def _advance(
+    name: str,
+    order: Sequence[_Block],
+    signals: Sequence[str],
+    values: Mapping[str, Value],
+    inputs: Mapping[str, Sequence[Value]],
+    dt: Value,
+    start: Mapping[str, Value],
+) -> Record:
     n = min((len(series) for series in inputs.values()), default=0)
-    before = {signal: (start or {}).get(signal, Fraction(0)) for signal in network.signals}
-    record: dict[str, list[Value]] = {signal: [] for signal in network.signals}
+    nothing: Value = Fraction(0) if isinstance(dt, Fraction) else 0.0
+    before = {signal: start.get(signal, nothing) for signal in signals}
+    record: dict[str, list[Value]] = {signal: [] for signal in signals}
     for position in range(n):
-        now = dict(values) | {SAMPLE_TIME: dt} | {name: series[position] for name, series in inputs.items()}
+        now = dict(values) | {SAMPLE_TIME: dt} | {signal: series[position] for signal, series in inputs.items()}
         now |= {signal + PREVIOUS: value for signal, value in before.items()}
         for block in order:
             guess = {signal: before[signal] for signal in block.signals}
-            now |= _solve(block, now, guess, network.name)
-        before = {signal: now[signal] for signal in network.signals}
+            now |= _solve(block, now, guess, name)
+        before = {signal: now[signal] for signal in signals}
         for signal, value in before.items():
             record[signal].append(value)
     return {signal: tuple(series) for signal, series in record.items()}
@@ -153,7 +186,9 @@ def frame_blocks(network: ComponentNetwork) -> tuple[_Block, ...]:
 
 
 def _solve(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value], name: str) -> dict[str, Value]:
-    """Newton's method from the frame before, then from random starts."""
+    """Give the signals of a block: exactly where all is exact, else by Newton's method, from the frame before first."""
+    if isinstance(known[SAMPLE_TIME], Fraction):
+        return _solve_exactly(block, known, guess)
     rng = Random(0)  # noqa: S311 - starting points, no secret
     for attempt in range(_MAX_STARTS):
         found = newton(block.residuals, known, guess)
@@ -164,13 +199,24 @@ def _solve(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value]
     raise StructureError(f"{name}: no value found for {', '.join(block.signals)}; look at the laws that relate them")
 
 
+def _solve_exactly(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value]) -> dict[str, Value]:
+    """One step of Newton's method, which solves linear equations."""
+    rows, right, size = _linearise(block.residuals, known, guess, block.signals)
+    step = solve_linear(rows, right) if size < float("inf") else None
+    if step is None:
+        raise _NotLinearError
+    found = {name: guess[name] + change for name, change in zip(block.signals, step, strict=True)}
+    if any(evaluate(residual, {**known, **found}) != 0 for residual in block.residuals):
+        raise _NotLinearError
+    return found
+
+
 def newton(
     residuals: Sequence[Expression], known: Mapping[str, Value], guess: Mapping[str, Value]
 ) -> dict[str, Value] | None:
     """Give values near the guess at which the residuals are zero; None where Newton's method finds none.
 
-    Exact after one step if residuals are linear and numbers fractions, else in floating point. Steps are halved until
-    the residuals shrink, each measured against the size of what it sums.
+    Steps are halved until the residuals shrink, each measured against the size of what it sums.
     """
     unknown = tuple(guess)
     point = dict(guess)
@@ -179,7 +225,7 @@ def newton(
         rows, right, size = _linearise(residuals, known, point, unknown)
         if size == 0:
             return point
-        step = solve_linear(rows, right) if size < float("inf") else None
+        step = _step(rows, right) if size < float("inf") else None
         if step is None:
             return None
         moved = _damped(residuals, known, point, dict(zip(unknown, step, strict=True)), size)
@@ -188,8 +234,7 @@ def newton(
         done = all(abs(float(moved[key] - point[key])) <= _TOLERANCE * abs(float(moved[key])) for key in unknown)
         if done and size < _TOLERANCE:
             return moved
-        linear = misfit(residuals, {**known, **moved}) == 0
-        point = moved if linear else {name: float(value) for name, value in moved.items()}
+        point = moved
     return None
 
 
@@ -218,6 +263,20 @@ def _relative(value: Value, by: Slopes, everything: Mapping[str, Value], residua
     return abs(float(value)) / (terms or 1.0)
 
 
+def _step(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) -> list[float] | None:
+    """Give x with rows x = right in floating point; None where that is singular."""
+    matrix = np.zeros((len(rows), len(rows)))
+    for position, row in enumerate(rows):
+        for column, entry in row.items():
+            matrix[position, column] = entry
+    weights = np.abs(matrix).max(axis=1)
+    try:
+        found = np.linalg.solve(matrix / weights[:, None], np.array(right, dtype=float) / weights)
+    except np.linalg.LinAlgError:
+        return None
+    return [float(value) for value in found] if np.all(np.isfinite(found)) else None
+
+
 def _damped(
     residuals: Sequence[Expression],
     known: Mapping[str, Value],
@@ -226,9 +285,9 @@ def _damped(
     size: float,
 ) -> dict[str, Value] | None:
     """Give the first of whole, half, quarter, ... steps that lowers the residuals."""
-    part: Value = Fraction(1)
+    part = 1.0
     for _ in range(30):
-        moved = {name: value + part * step[name] for name, value in point.items()}
+        moved: dict[str, Value] = {name: value + part * step[name] for name, value in point.items()}
         if misfit(residuals, {**known, **moved}) < size:
             return moved
         part = part / 2

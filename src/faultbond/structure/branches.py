@@ -92,7 +92,8 @@ def cases(
 def _split(
     case: Case, unknown: frozenset[str], plain: Callable[[str], str], prefer: Callable[[Expression], bool]
 ) -> Iterator[Case]:
-    kink = next((found for item in case.residuals if (found := _kink(item, unknown)) is not None), None)
+    decided = frozenset(case.sides)
+    kink = next((found for item in case.residuals if (found := _kink(item, unknown, decided, plain)) is not None), None)
     if kink is None:
         yield case
         return
@@ -113,14 +114,18 @@ def _split(
         yield from _split(further, unknown, plain, prefer)
 
 
-def _kink(expression: Expression, unknown: frozenset[str]) -> Call | None:
-    """Give the innermost kink of an unknown, the leftmost first."""
+def _kink(
+    expression: Expression, unknown: frozenset[str], decided: frozenset[Expression], plain: Callable[[str], str]
+) -> Call | None:
+    """Give the innermost kink of an unknown, or of what has taken a side before, the leftmost first."""
     for part in _parts(expression):
-        found = _kink(part, unknown)
+        found = _kink(part, unknown, decided, plain)
         if found is not None:
             return found
-    if isinstance(expression, Call) and expression.function in KINKED and unknown.intersection(names(expression)):
-        return expression
+    if isinstance(expression, Call) and expression.function in KINKED:
+        is_open = bool(unknown.intersection(names(expression)))
+        if is_open or _key(_argument(expression), plain)[0] in decided:
+            return expression
     return None
 
 
@@ -219,7 +224,7 @@ def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], s
     residuals, known, applied = case.residuals, list(case.known), list(case.unknown)
     open_ = set(unknown)
     while True:
-        part = next((found for item in residuals if (found := _function(item)) is not None), None)
+        part = next((found for item in residuals if (found := _function(item, frozenset(open_))) is not None), None)
         if part is None:
             break
         is_open = bool(open_.intersection(names(part)))
@@ -239,18 +244,23 @@ def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], s
     )
 
 
-def _function(expression: Expression) -> Expression | None:
-    """Give the innermost function or broken power, the leftmost first."""
+def _function(expression: Expression, unknown: frozenset[str]) -> Expression | None:
+    """Give the innermost function, broken power or power of a known sum, the leftmost first."""
     for part in _parts(expression):
-        found = _function(part)
+        found = _function(part, unknown)
         if found is not None:
             return found
     match expression:
         case Call():
             return expression
-        case Binary("**", _, exponent) if not _is_whole(exponent):
+        case Binary("**", base, exponent) if not _is_whole(exponent) or _is_known_sum(base, unknown):
             return expression
     return None
+
+
+def _is_known_sum(base: Expression, unknown: frozenset[str]) -> bool:
+    """Whether a power had better stay as it is than be multiplied out."""
+    return not isinstance(base, Name | Number) and not unknown.intersection(names(base))
 
 
 def _is_whole(exponent: Expression) -> bool:

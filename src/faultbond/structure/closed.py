@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names
-from faultbond.structure.branches import Condition, cases, name_functions, negative
+from faultbond.structure.branches import Case, Condition, cases, name_functions, negative
 from faultbond.structure.components import SAMPLE_TIME
-from faultbond.structure.elimination import Reduced, eliminate
+from faultbond.structure.elimination import Reduced, SingularError, eliminate
 from faultbond.structure.isolate import collect
 from faultbond.structure.polynomial import (
     Polynomial,
@@ -82,23 +82,26 @@ def find_candidates(search: Search) -> tuple[Candidate, ...]:
 
 
 def _solve_block(search: Search, block: Block, candidate: Candidate) -> list[Candidate]:
+    """Give the candidates of every case that has any; a case may be singular, or go without closed form."""
     unknown = frozenset(block.unknown)
     found = []
-    problem: NoClosedFormError | None = None
+    problem: NoClosedFormError | SingularError | None = None
     for case in cases(block.residuals, unknown, candidate.sides, search.problem.plain, search.prefer):
         try:
-            ordered = order_systems(name_functions(case, unknown, search.fresh), block.unknown, search.fresh)
-            start = Candidate(
-                lines=candidate.lines, conditions=(*candidate.conditions, *ordered.conditions), sides=case.sides
-            )
-            done = [start]
-            for part in ordered.parts:
-                done = [further for item in done for further in _solve_part(search, part, block.parameters, item)]
-            found += done
-        except NoClosedFormError as error:
+            found += _solve_case(search, block, candidate, name_functions(case, unknown, search.fresh))
+        except (NoClosedFormError, SingularError) as error:
             problem = problem or error
     if not found and problem is not None:
         raise problem
+    return found
+
+
+def _solve_case(search: Search, block: Block, candidate: Candidate, case: Case) -> list[Candidate]:
+    ordered = order_systems(case, block.unknown, search.fresh)
+    conditions = dict.fromkeys((*candidate.conditions, *ordered.conditions))
+    found = [Candidate(lines=candidate.lines, conditions=tuple(conditions), sides=case.sides)]
+    for part in ordered.parts:
+        found = [further for item in found for further in _solve_part(search, part, block.parameters, item)]
     return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 
-Value = float | Fraction
+Value = float | Fraction  # whole numbers among them
 Slopes = dict[str, Value]  # derivative by each name; absent where it is zero
 
 NAN = math.nan
@@ -64,9 +64,9 @@ def slopes(expression: Expression, values: Mapping[str, Value], names: Collectio
 def _slopes(expression: Expression, values: Mapping[str, Value], names: Collection[str]) -> tuple[Value, Slopes]:
     match expression:
         case Number(value):
-            return exact(value), {}
+            return (int(value) if value.is_integer() else exact(value)), {}
         case Name(text):
-            return values[text], ({text: Fraction(1)} if text in names else {})
+            return values[text], ({text: 1} if text in names else {})
         case Negative(operand):
             inner, by = _slopes(operand, values, names)
             return -inner, {name: -slope for name, slope in by.items()}
@@ -105,15 +105,21 @@ def _binary(operator: str, left: tuple[Value, Slopes], right: tuple[Value, Slope
         case "*":
             return a * b, combine(by_a, b, by_b, a) if by_a or by_b else {}
         case "/":
-            value = a / b
-            return value, combine(by_a, 1 / b, by_b, -value / b) if by_a or by_b else {}
+            value = _over(a, b)
+            return value, combine(by_a, _over(1, b), by_b, _over(-value, b)) if by_a or by_b else {}
     raise ValueError(operator)
+
+
+def _over(above: Value, below: Value) -> Value:
+    """Give above / below, a fraction where both are whole."""
+    return Fraction(above, below) if isinstance(above, int) and isinstance(below, int) else above / below
 
 
 def _power(base: tuple[Value, Slopes], exponent: tuple[Value, Slopes]) -> tuple[Value, Slopes]:
     (a, by_a), (n, by_n) = base, exponent
     if n == int(n) and not by_n:
         whole = int(n)
+        a = Fraction(a) if isinstance(a, int) and whole < 1 else a
         slope = whole * a ** (whole - 1) if by_a and whole else 0
         return a**whole, {name: slope * inner for name, inner in by_a.items()}
     value = math.pow(a, n)
@@ -123,7 +129,7 @@ def _power(base: tuple[Value, Slopes], exponent: tuple[Value, Slopes]) -> tuple[
 
 def square_root(value: Value) -> Value:
     """Give the root, a fraction where it is one."""
-    if isinstance(value, Fraction) and value >= 0:
+    if isinstance(value, int | Fraction) and value >= 0:
         above, below = math.isqrt(value.numerator), math.isqrt(value.denominator)
         if above * above == value.numerator and below * below == value.denominator:
             return Fraction(above, below)
@@ -178,7 +184,7 @@ def solve_linear(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) ->
             return None
         column = max(row, key=lambda key: (abs(row[key]), -key))
         pivot = row.pop(column)
-        row, value = {key: entry / pivot for key, entry in row.items()}, value / pivot
+        row, value = {key: _over(entry, pivot) for key, entry in row.items()}, _over(value, pivot)
         order.append((column, row, value))
         for position, (other, there) in enumerate(work):
             if factor := other.pop(column, 0):

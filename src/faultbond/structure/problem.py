@@ -9,11 +9,13 @@ from faultbond.model.expression import Expression, Number, names
 from faultbond.structure.backward_euler import Plant, misfit, random_inputs, simulate
 from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, SignalAt, frame_name, in_frame
 from faultbond.structure.isolate import substitute
+from faultbond.structure.linearise import fixes
 from faultbond.structure.numeric import Value
 from faultbond.structure.route import Route, Target
 
 TOLERANCE = 1e-6  # of a residual against what it sums, in floating point
 WARM_UP = 3  # samples that a record has before those that a route uses
+_ATTEMPTS = 4
 CHANGES = (Fraction(6, 5), Fraction(4, 5))  # of the unknown parameters in the further records
 
 
@@ -118,16 +120,22 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
 def trials_of(network: ComponentNetwork, problem: Problem, plant: Plant) -> tuple[Trial, ...]:
     """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
 
-    A record that cannot be computed (a root of a negative number, say) is left out.
+    A record that cannot be computed (a root of a negative number, say), or on which the equations do not fix the
+    unknowns, is made anew with other inputs, a few times; what is left is empty if none is of use.
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]
     found = []
-    for seed, factor in enumerate((Fraction(1), *CHANGES)):
+    for factor in (Fraction(1), *CHANGES):
         values = dict(plant.values)
         values |= {name: _changed(plant, name, factor) for name in unknown}
-        record = _record(network, problem, plant, values, seed)
-        if record is not None:
-            found.append(record)
+        for attempt in range(_ATTEMPTS):
+            record = _record(network, problem, plant, values, attempt)
+            if record is not None and fixes(problem.residuals, problem.unknown, record.true):
+                found.append(record)
+                break
+        else:
+            if not found:
+                return ()
     return tuple(found)
 
 
@@ -140,8 +148,9 @@ def _record(
     network: ComponentNetwork, problem: Problem, plant: Plant, values: Mapping[str, Fraction], seed: int
 ) -> Trial | None:
     n = problem.frames + WARM_UP
+    inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
     try:
-        record = simulate(network, values, random_inputs(plant, n, seed), plant.sample_time, plant.start)
+        record = simulate(network, values, inputs, plant.sample_time, plant.start)
     except StructureError:
         return None
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}

@@ -11,7 +11,7 @@ from random import Random
 from time import monotonic
 
 from faultbond.structure.backward_euler import misfit, newton
-from faultbond.structure.branches import cases, name_functions
+from faultbond.structure.branches import Case, cases, name_functions
 from faultbond.structure.elimination import Reduced, SingularError, eliminate
 from faultbond.structure.numeric import Value, evaluate
 from faultbond.structure.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
@@ -94,24 +94,33 @@ def _same(one: Values, two: Values) -> bool:
 
 
 def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], int]:
-    """Give all continuations of one path through a block, and the number of algebraic roots."""
+    """Give all continuations of one path through a block, and the number of algebraic roots on their own branch."""
     unknown = frozenset(block.unknown)
     found: list[Values] = []
     highest = 0
     try:
         for case in cases(block.residuals, unknown, {}, lambda name: name):
-            ordered = order_systems(name_functions(case, unknown, walk.fresh), block.unknown, walk.fresh)
-            roots, degree = _case_roots(walk, block, ordered, values)
+            roots, degree = _case_roots(walk, block, name_functions(case, unknown, walk.fresh), values)
             good = [root for root in roots if misfit(block.residuals, _floats(root)) < TOLERANCE]
             found += good
-            highest = max(highest, degree)
-    except (NoClosedFormError, NotRationalError, SingularError, TooLargeError):
+            if good:
+                highest = max(highest, degree - len(roots) + len(good))
+    except (NoClosedFormError, NotRationalError, TooLargeError):
         walk.by_newton = True
         return _newton_roots(walk, block, values), 1
     return found, highest
 
 
-def _case_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) -> tuple[list[Values], int]:
+def _case_roots(walk: _Walk, block: Block, case: Case, values: Values) -> tuple[list[Values], int]:
+    """Give the roots in one case; none where it is singular."""
+    try:
+        ordered = order_systems(case, block.unknown, walk.fresh)
+        return _ordered_roots(walk, block, ordered, values)
+    except SingularError:
+        return [], 0
+
+
+def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) -> tuple[list[Values], int]:
     paths, total = [values], 1
     for part in ordered.parts:
         if isinstance(part, Given):

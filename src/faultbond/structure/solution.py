@@ -27,6 +27,7 @@ class Kind(Enum):
     QUADRATIC = "quadratic"
     POLYNOMIAL = "polynomial"
     NUMERIC = "numeric"
+    UNDETERMINED = "undetermined"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +61,8 @@ class Solution:
     Parameters
     ----------
     targets : parameters by name, signals by name and frame (`omega_0`)
-    kind : linear, quadratic, polynomial, or numeric where there is no closed form
+    kind : linear, quadratic, polynomial; numeric where roots are found by Newton's method only; undetermined where the
+        equations leave the targets open, whatever the samples
     degree : number of algebraic roots, complex ones and those of every case included; None where not counted
     real_roots : number of real roots that satisfy all equations, at the nominal plant; None where not counted
     roots : closed forms, each checked in the original equations; empty where there is none

@@ -69,8 +69,10 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
     limits = limits or Limits()
     problem = prepare(network, route, plant)
     records = trials_of(network, problem, plant)
+    if not records:
+        return _undetermined(problem)
     roots, remarks = _closed_forms(problem, records, limits)
-    count = _count(problem, records, limits)
+    count = _count(problem, records[0], limits)
     return Solution(
         targets=problem.targets,
         kind=_kind(roots, count),
@@ -110,8 +112,6 @@ def _closed_forms(
     problem: Problem, records: Sequence[Trial], limits: Limits
 ) -> tuple[tuple[Root, ...], tuple[str, ...]]:
     """Give the closed forms that hold, and remarks."""
-    if not records:
-        return (), ("no closed form: no test record of this plant could be computed to check one",)
     search = Search(
         problem=problem,
         prefer=_positive_at(records[0].true),
@@ -134,8 +134,14 @@ def _closed_forms(
     roots = tuple(_finished(candidates[k], problem) for k in valid)
     if not all(any(_is_true(root, problem, record) for root in roots) for record in records):
         return (), (*remarks, "no closed form: none gives back the values that the test records were made with")
-    remarks += _not_met([root for k, root in enumerate(drafts) if k not in valid], roots)
+    dropped = [_spelled_out(candidate, problem) for k, candidate in enumerate(candidates) if k not in valid]
+    remarks += _not_met(dropped, roots)
     return tuple(sorted(roots, key=lambda root: not _is_true(root, problem, records[0]))), tuple(remarks)
+
+
+def _undetermined(problem: Problem) -> Solution:
+    words = f"the equations of this route do not fix {', '.join(problem.targets)} on any test record"
+    return Solution(targets=problem.targets, kind=Kind.UNDETERMINED, degree=None, real_roots=None, remarks=(words,))
 
 
 def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
@@ -176,7 +182,6 @@ def _is_true(root: Root, problem: Problem, record: Trial) -> bool:
 
 def _finished(candidate: Candidate, problem: Problem) -> Root:
     """Give the lines that the targets need, in lowest terms, grouped by parameters; conditions in plain names."""
-    values = dict(candidate.lines)
     outer = [name for name in _all_names(candidate) if name not in problem.signals]
     lines: list[Line] = []
     open_ = set(problem.targets) | {name for item in candidate.conditions for name in names(item.expression)}
@@ -184,11 +189,17 @@ def _finished(candidate: Candidate, problem: Problem) -> Root:
         if name in open_:
             lines.append(Line(name=name, value=_lowest(value, outer)))
             open_.update(names(lines[-1].value))
-    conditions = tuple(
+    return Root(lines=tuple(reversed(lines)), conditions=_spelled_out(candidate, problem))
+
+
+def _spelled_out(candidate: Candidate, problem: Problem) -> tuple[Condition, ...]:
+    """Give the conditions of a candidate in plain names."""
+    values = dict(candidate.lines)
+    spelled = (
         Condition(expression=_spelled(item.expression, values, problem), strict=item.strict)
         for item in candidate.conditions
     )
-    return Root(lines=tuple(reversed(lines)), conditions=conditions)
+    return tuple(dict.fromkeys(spelled))
 
 
 def _all_names(candidate: Candidate) -> tuple[str, ...]:
@@ -220,10 +231,10 @@ def _spelled(condition: Expression, values: Mapping[str, Expression | Quotient],
     return condition
 
 
-def _not_met(dropped: Sequence[Root], roots: Sequence[Root]) -> list[str]:
+def _not_met(dropped: Sequence[tuple[Condition, ...]], roots: Sequence[Root]) -> list[str]:
     """Say which cases no test record reached."""
     kept = {root.conditions for root in roots}
-    missed = dict.fromkeys(_in_words(root.conditions) for root in dropped if root.conditions not in kept)
+    missed = dict.fromkeys(_in_words(conditions) for conditions in dropped if conditions not in kept)
     return [f"no solution on any test record where {words}" for words in missed if words]
 
 
@@ -231,12 +242,10 @@ def _in_words(conditions: Sequence[Condition]) -> str:
     return " and ".join(condition.text for condition in conditions)
 
 
-def _count(problem: Problem, records: Sequence[Trial], limits: Limits) -> Count | None:
-    """Count the roots at the nominal plant; None where that takes too long or is no way."""
-    if not records:
-        return None
+def _count(problem: Problem, record: Trial, limits: Limits) -> Count | None:
+    """Count the roots on a record of the nominal plant; None where that takes too long."""
     try:
-        return find_roots(problem, records[0].known, records[0].true, limits.seconds)
+        return find_roots(problem, record.known, record.true, limits.seconds)
     except TooLargeError:
         return None
 
