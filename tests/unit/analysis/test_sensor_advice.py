@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plants import TANK_SENSORS, example, named, stated
+from plants import TANK_SENSORS, circuit, example, named, stated
 
 from faultbond.analysis import sensors
 from faultbond.analysis.sensors import advise_sensors, candidates, restricted
@@ -97,3 +97,15 @@ def test_a_run_restricted_to_some_outputs() -> None:
     assert found.outputs == ("i",)
     assert np.array_equal(found.y[:, 0], whole.y[:, 1])
     assert np.array_equal(found.by_start[:, 0], whole.by_start[:, 1])
+
+
+def test_signals_without_a_name_are_no_candidates() -> None:
+    """The effort between two 1-junctions belongs to a bond only: no law can read it, so no sensor is advised there."""
+    model = circuit(
+        "  R: {type: R, parameters: {R: 10 ohm}}\n  C: {type: C, parameters: {C: 10 mF}}",
+        "one: 1, two: 1",
+        "source -> one -> R, one -> two -> C",
+        "v: {reads: C.e, unit: V, noise: 1 mV}",
+    )
+    assert any("->" in name for name in model.plant.network.signals)
+    assert not any("->" in name for name in candidates(model))
