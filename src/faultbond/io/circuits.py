@@ -7,7 +7,7 @@ Source: the competition's synthetic track; docs/commands.md.
 import re
 import xml.etree.ElementTree as ET  # document types, hence entities, are refused before anything is parsed
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from faultbond.errors import ModelError, RecordingError
@@ -135,15 +135,29 @@ def _system(text: str, path: str | Path) -> ET.Element:
     return system
 
 
+def _texts(system: ET.Element, group: str, item: str) -> Iterator[dict[str, str]]:
+    """Give the texts of the children of each `item` under `group`, by their tags."""
+    for holder in system:
+        if _local(holder.tag) == group:
+            for element in holder:
+                if _local(element.tag) == item:
+                    yield {_local(child.tag): (child.text or "").strip() for child in element}
+
+
+def _local(tag: str) -> str:
+    """Give a tag without its namespace."""
+    return tag.rpartition("}")[2]
+
+
 def _kinds(system: ET.Element, text: str, path: str | Path) -> dict[str, str]:
     """Give the type of each component by its name."""
     kinds: dict[str, str] = {}
-    for component in system.iterfind("{*}components/{*}component"):
-        name, kind = (component.findtext("{*}name") or "").strip(), component.findtext("{*}componentType") or ""
+    for component in _texts(system, "components", "component"):
+        name = component.get("name", "")
         if not name or name in kinds:
             problem = f"component {name} stands twice" if name else "a component has no name"
             raise ModelError(f"{path}:{_line(text, f'>{name}<', bool(name))}: {problem}. Give each a name of its own.")
-        kinds[name] = kind.strip()
+        kinds[name] = component.get("componentType", "")
     return kinds
 
 
@@ -156,8 +170,8 @@ def _nets(system: ET.Element, kinds: Mapping[str, str], text: str, path: str | P
             parent[name] = name = parent[parent[name]]
         return name
 
-    for connection in system.iterfind("{*}connections/{*}connection"):
-        ends = [(connection.findtext(tag) or "").strip() for tag in ("{*}c1", "{*}c2")]
+    for connection in _texts(system, "connections", "connection"):
+        ends = (connection.get("c1", ""), connection.get("c2", ""))
         for end in ends:
             if end not in parent:
                 raise ModelError(

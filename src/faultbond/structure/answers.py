@@ -15,8 +15,9 @@ from faultbond.errors import StructureError
 from faultbond.model.logic import GateFunction
 from faultbond.structure.circuit import Circuit, Node
 
-# All optima, each set of shown atoms once; from below, by unsatisfiable cores: quick where few gates explain much.
-OPTIONS = ("--opt-mode=optN", "--project=show", "--models=0", "--opt-strategy=usc", "--warn=none")
+# All optima, from below by unsatisfiable cores: quick where few gates explain much.
+OPTIONS = ("--opt-mode=optN", "--models=0", "--opt-strategy=usc,k,0,7", "--warn=none")
+PROJECTED = ("--project=show",)  # each set of shown atoms once; costs time, and is needed where more atoms are open
 SHORTEST = 0.02  # s, so that the solver is asked at all
 
 
@@ -104,7 +105,7 @@ def smallest_sets(
         When the time is over.
     """
     begin = time.perf_counter()
-    control = clingo.Control(OPTIONS)
+    control = clingo.Control(OPTIONS if strict else OPTIONS + PROJECTED)
     with control.backend() as backend:
         true = backend.add_atom()
         backend.add_rule([true], [])

@@ -74,15 +74,16 @@ def minimum_diagnoses(
     open_cases = list(dict.fromkeys(case for case in cases if not _is_healthy(circuit, case)))
     if not open_cases:
         return (frozenset(),)
-    place = {name: index for index, name in enumerate(network.suspects)}
     left = time_limit - (time.perf_counter() - begin)
     if len(open_cases) == 1 and None not in open_cases[0].inputs and _single_outputs(circuit):
         sets = _by_regions(circuit, open_cases[0], left)
     else:
         suspects = list(dict.fromkeys(node.component for node in circuit.nodes if node.component is not None))
         sets = smallest_sets(circuit, open_cases, suspects, strict=False, time_limit=left)
-    ordered = sorted(tuple(sorted(place[name] for name in names)) for names in sets)
-    return tuple(frozenset(network.suspects[index] for index in indices) for indices in ordered)
+    names = network.suspects
+    place = {name: index for index, name in enumerate(names)}
+    ordered = sorted(tuple(sorted(place[name] for name in found)) for found in sets)
+    return tuple(frozenset(names[index] for index in indices) for indices in ordered)
 
 
 def explains(network: LogicNetwork, abnormal: Diagnosis, observations: Iterable[Observation]) -> bool:
