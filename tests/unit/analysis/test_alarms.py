@@ -1,0 +1,45 @@
+"""Noise through the linearised detector, against the monitor."""
+
+import numpy as np
+import pytest
+from plants import example
+
+from faultbond.analysis.alarms import accumulated, windows_of
+from faultbond.analysis.operation import generic_samples, operate
+from faultbond.runtime.monitor import Sample, init, step
+from faultbond.simulate import Inputs, simulate
+from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.specify import build_spec
+
+
+@pytest.mark.parametrize("name", ["dc_motor_current", "rlc"])
+def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> None:
+    """Noise that passes the filter's recursion leaves as the filter expects: sd 1, no memory, and hardly an alarm."""
+    model = example(name)
+    spec = build_spec(model)
+    run = generic_samples(model, spec, 260)
+    operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
+    windows = windows_of(spec, operation, [60, 100], 100)
+    noise = windows.noise
+    assert np.std(noise, axis=(0, 1, 2)) == pytest.approx(1.0, abs=0.05)
+    assert np.abs(np.mean(noise[:, 1:] * noise[:, :-1], axis=(0, 1, 2))).max() < 0.05
+    assert windows.quiet.mean() > 0.9
+
+
+def test_the_sums_are_those_of_the_monitor() -> None:
+    """From the monitor's own innovations the array form accumulates the same CUSUM, sample for sample."""
+    model = example("dc_motor")
+    spec = build_spec(model)
+    engine = VirtualMachine(build_filter(spec, model))
+    time = 0.02 * np.arange(160, dtype=np.float64)
+    made = simulate(model.plant.graph, Inputs(time=time, values=np.where(time < 1.5, 4.0, 9.0)[:, None]), seed=3)
+    state, cusum = init(spec), np.zeros((2, 1))
+    for k in range(160):
+        sample = Sample(time=float(time[k]), dt=0.02 * (k > 0), u=made.inputs[k], y=made.outputs[k])
+        state, report = step(spec, engine, state, sample)
+        if state.index > spec.thresholds.warm_up_samples and state.running and k >= spec.thresholds.warm_up_samples:
+            score = (made.outputs[k] - report.expected) / np.sqrt(report.variance)
+            cusum = accumulated(spec, cusum, score, np.array([True]))
+            assert report.cusum == pytest.approx(cusum.max(axis=0), abs=1e-9)
+    assert cusum.max() > 0.0
