@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Never, Protocol, TypeAlias
 
 from faultbond import app
-from faultbond.app import Imperfections
+from faultbond.app import Imperfections, Wishes
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.out import STANDARD_OUTPUT, Out, open_out
@@ -30,6 +30,12 @@ class Verbs(Protocol):
 
     def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
         """Tell what was understood of a model."""
+
+    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
+        """Tell what can be found and told apart."""
+
+    def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Print the thesis' search for a route."""
 
     def simulate(
         self,
@@ -87,6 +93,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", dest="verb")
     _add_check(verbs)
+    _add_analyse(verbs)
     _add_simulate(verbs)
     _add_run(verbs)
     _add_demo(verbs)
@@ -181,6 +188,46 @@ def _add_check(verbs: Subparsers) -> None:
     parser = _add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
     _add_model(parser)
     _add_engine(parser)
+
+
+def _add_analyse(verbs: Subparsers) -> None:
+    """Add `analyse`."""
+
+    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
+        if arguments.trace is not None:
+            verbs.trace(arguments.model, arguments.trace, out=out)
+            return DONE
+        wishes = Wishes(data=arguments.data, within=arguments.within, separate=tuple(arguments.separate))
+        verbs.analyse(arguments.model, wishes=wishes, out=out)
+        return DONE
+
+    example = "faultbond analyse model.yaml --data healthy.csv"
+    summary = "tell which faults can be found and told apart, how small, and what would help"
+    parser = _add_verb(verbs, "analyse", call, summary, example)
+    _add_model(parser)
+    parser.add_argument("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
+    parser.add_argument(
+        "--within", metavar="TIME", type=_time, help="find the smallest faults within '60 s' (default: 300 samples)"
+    )
+    parser.add_argument(
+        "--separate",
+        metavar="SET",
+        nargs="+",
+        type=_names,
+        default=[],
+        help="find the input that best separates these sets, such as K4 K6,K1 (default: those alike at rest)",
+    )
+    parser.add_argument(
+        "--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step"
+    )
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names):
+        raise FaultbondError(f"{text!r}: expected names with commas between, such as R,L")
+    return names
 
 
 def _add_simulate(verbs: Subparsers) -> None:

@@ -47,7 +47,7 @@ def simulate(
     """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state."""
     graph = load_model(model)
     points, held = _inputs(graph, inputs)
-    begin = {**_solved_start(graph, inputs), **start}
+    begin = {**solved_start(graph, inputs), **start}
     from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
 
     seed = secrets.randbelow(2**31) if seed is None else seed
@@ -89,7 +89,7 @@ def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
     return points, held
 
 
-def _solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
+def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
     known = {item.name for item in graph.components if item.start is not None}
     try:

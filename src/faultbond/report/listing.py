@@ -2,16 +2,14 @@
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from rich import box
 from rich.console import Console
-from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
 from faultbond.model.graph import BondGraph, Component, Parameter, SlowError, Unit
 from faultbond.model.parser import to_text
+from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
@@ -73,40 +71,16 @@ def print_check(console: Console, seen: Understanding) -> None:
     _print_defaults(console, seen)
 
 
-def _title(console: Console, title: str) -> None:
-    console.print()
-    console.print(Text(title, style="bold underline"))
-
-
-def _lines(console: Console, lines: Iterable[tuple[str, str]]) -> None:
-    """Print labels and texts that wrap beside them."""
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column(overflow="fold")
-    for label, text in lines:
-        grid.add_row(Text(label), Text(text))
-    console.print(Padding(grid, (0, 0, 0, 1)))
-
-
-def _table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
-    for name in header:
-        table.add_column(name, overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    console.print(table)
-
-
 def _print_plant(console: Console, graph: BondGraph) -> None:
-    _title(console, "Components")
-    _table(console, ("name", "type", "law"), [_component(item) for item in graph.components])
+    title(console, "Components")
+    table(console, ("name", "type", "law"), [_component(item) for item in graph.components])
     if graph.parameters or not graph.is_block_network:
-        _title(console, "Parameters")
+        title(console, "Parameters")
         header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
-        _table(console, header, [_parameter(item) for item in graph.parameters])
+        table(console, header, [_parameter(item) for item in graph.parameters])
     if graph.constants:
         constants = (f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants)
-        _lines(console, [("constants", ", ".join(constants))])
+        lines(console, [("constants", ", ".join(constants))])
 
 
 def _component(item: Component) -> tuple[str, ...]:
@@ -156,18 +130,18 @@ def _print_structure(console: Console, seen: Understanding) -> None:
         ("loops", "\n".join(_loops(seen)) or "none"),
     ]
     if seen.graph.is_block_network:
-        _title(console, "Signals")
+        title(console, "Signals")
         suspects = ", ".join(seen.graph.suspect_blocks) or "the parameters"
         signals = _wrapped(seen.graph.block_signals, console.width - LABELS)
-        _lines(console, [("signals", signals), ("suspects", suspects), *memory])
+        lines(console, [("signals", signals), ("suspects", suspects), *memory])
         return
     graph, causality = seen.graph, seen.model.plant.causality
     strokes = dict(causality.strokes)
     bonds = [
         f"{bond.tail} {'->|' if strokes[k] == bond.head else '|->'} {bond.head}" for k, bond in enumerate(graph.bonds)
     ]
-    _title(console, "Bonds and causality")
-    _lines(
+    title(console, "Bonds and causality")
+    lines(
         console,
         [
             ("junctions", ", ".join(f"{item.name} ({item.type.value})" for item in graph.junctions) or "none"),
@@ -210,7 +184,7 @@ def _loops(seen: Understanding) -> Iterable[str]:
 
 def _print_signals(console: Console, seen: Understanding) -> None:
     graph = seen.graph
-    _title(console, "Inputs")
+    title(console, "Inputs")
     inputs = [
         (
             *(item.name, item.column, unit_text(item.unit.text, Notation.FILE)),
@@ -219,10 +193,10 @@ def _print_signals(console: Console, seen: Understanding) -> None:
         for k, item in enumerate(graph.inputs)
     ]
     if inputs:
-        _table(console, ("name", "column", "unit", "noise (sd)", "settling", "a step is more than"), inputs)
+        table(console, ("name", "column", "unit", "noise (sd)", "settling", "a step is more than"), inputs)
     else:
-        _lines(console, [("", "none")])
-    _title(console, "Sensors")
+        lines(console, [("", "none")])
+    title(console, "Sensors")
     sensors = [
         (
             *(item.name, item.column, to_text(item.reads), unit_text(item.unit.text, Notation.FILE)),
@@ -230,14 +204,14 @@ def _print_signals(console: Console, seen: Understanding) -> None:
         )
         for item, known in zip(graph.sensors, seen.spec.outputs, strict=True)
     ]
-    _table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
+    table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
     if graph.slow_errors:
-        _title(console, "Slow errors")
+        title(console, "Slow errors")
         rows = [
             (error.target, _slow_size(graph, error), duration_text(error.memory), "yes" if known.alarms else "no")
             for error, known in zip(graph.slow_errors, seen.spec.slow_errors, strict=True)
         ]
-        _table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
+        table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
 
 
 def _step(seen: Understanding, k: int) -> str:
@@ -256,9 +230,9 @@ def _slow_size(graph: BondGraph, error: SlowError) -> str:
 def _print_method(console: Console, seen: Understanding) -> None:
     graph, spec = seen.graph, seen.spec
     if graph.grid is TimeGrid.NONE:
-        _title(console, "Observations")
+        title(console, "Observations")
         sets = f"with up to {graph.max_faults} suspects"
-        _lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets {sets}")])
+        lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets {sets}")])
         return
     step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
     substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
@@ -266,8 +240,8 @@ def _print_method(console: Console, seen: Understanding) -> None:
     sets = " and ".join(
         f"{number} {SET_NAMES.get(size, f'set of {size}')}{'s' if number > 1 else ''}" for size, number in sizes.items()
     )
-    _title(console, "Engine")
-    _lines(
+    title(console, "Engine")
+    lines(
         console,
         [
             ("sampled", step),
@@ -281,9 +255,9 @@ def _print_method(console: Console, seen: Understanding) -> None:
 
 
 def _print_defaults(console: Console, seen: Understanding) -> None:
-    _title(console, "Defaults in force: what the model file does not state")
-    _lines(console, seen.graph.defaults)
+    title(console, "Defaults in force: what the model file does not state")
+    lines(console, seen.graph.defaults)
     if seen.graph.grid is TimeGrid.NONE:
         return
-    _title(console, "Settings of the method")
-    _lines(console, [(f"{value:g}", MEANING.get(name, name)) for name, value in settings_of(seen.spec).items()])
+    title(console, "Settings of the method")
+    lines(console, [(f"{value:g}", MEANING.get(name, name)) for name, value in settings_of(seen.spec).items()])

@@ -1,0 +1,73 @@
+"""`analyse`: what a plant's sensors can tell of its faults, before a sample is recorded, and on a recording."""
+
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from faultbond.errors import StructureError
+from faultbond.io.out import Out
+from faultbond.model.text import load_model
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wishes:
+    """What an analysis is asked for beside the usual.
+
+    data: recording, or None. within: s, for the smallest faults; None takes 300 samples. separate: sets of parameters
+    that an input shall tell apart; none: those that look alike with inputs at rest.
+    """
+
+    data: str | None = None
+    within: float | None = None
+    separate: tuple[tuple[str, ...], ...] = ()
+
+
+def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
+    """Tell what can be found and told apart, how small, by which routes, and what would help."""
+    graph = load_model(model)
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads rich
+    from faultbond.report.terminal import PLAIN_WIDTH  # noqa: PLC0415 - loads rich
+
+    console = None if out.text is None else Console(file=out.text)
+    if console is not None and not console.is_terminal:
+        console.width = PLAIN_WIDTH
+    record: dict[str, object] = {}
+    for title, work in sections(graph, wishes):
+        try:
+            with _waiting(title):
+                section = work()
+        except StructureError as error:  # what cannot be told is said, and the rest goes on
+            if console is not None:
+                print_refusal(console, title, str(error))
+            continue
+        record |= section.record
+        if console is not None:
+            section.show(console)
+            console.file.flush()
+    out.record(record)
+
+
+def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
+    """Print the thesis' search for the shortest route to a set of parameters, step by step."""
+    graph = load_model(model)
+    from faultbond.app.study import find_trace  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.analysed import trace_record  # noqa: PLC0415
+    from faultbond.structure.trace import trace_lines  # noqa: PLC0415 - loads scipy
+
+    found = find_trace(graph, names)
+    for line in trace_lines(found):
+        out.say(line)
+    out.record(trace_record(graph, found))
+
+
+def _waiting(title: str) -> AbstractContextManager[object]:
+    """Say on a terminal what is being worked out."""
+    if not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    return Console(stderr=True).status(f"{title} ...")

@@ -1,0 +1,235 @@
+"""The sections of an analysis, each worked out when its turn comes. Loads casadi and sympy."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rich.console import Console
+
+from faultbond.analysis.capability import View, in_general, on_record
+from faultbond.analysis.operation import reference_levels
+from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.sensitivity import Recursion, build_recursion
+from faultbond.analysis.sensors import advise_sensors
+from faultbond.analysis.smallest import smallest_faults
+from faultbond.analysis.solutions import other_solutions
+from faultbond.analysis.stimulus import Stimulus, input_advice
+from faultbond.analysis.twins import twins
+from faultbond.app.analysing import Wishes
+from faultbond.app.rows import no_time, sample_of
+from faultbond.app.simulating import solved_start
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import ModelError, RecordingError, StructureError
+from faultbond.io.grid import Grid, GridPoint, on_grid
+from faultbond.io.recording import columns_of, read_rows
+from faultbond.model.graph import BondGraph
+from faultbond.report import analysed, analysis
+from faultbond.structure.causality import assign_causality
+from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.isolability import Interpretation, isolability
+from faultbond.structure.network import build_network
+from faultbond.structure.questions import parameters
+from faultbond.structure.search import Search, search_route
+from faultbond.structure.structural import structural_model
+from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.types import TimeGrid
+
+MOST_SETS = 60  # sets whose other solutions are looked for; single suspects where there are more
+MOST_TWINS = 8  # suspects up to which pairs are compared as twins
+REST_SAMPLES = 400  # of the record of inputs at rest
+MOST_GROUPS = 5  # groups for which a change of an input is looked for
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Study:
+    """A plant with all that its sections share."""
+
+    graph: BondGraph
+    network: ComponentNetwork
+    model: StepModel
+    recursion: Recursion
+    points: tuple[GridPoint, ...]
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the result: keys of the record, and how it is printed."""
+
+    record: Mapping[str, object]
+    show: Callable[[Console], None]
+
+
+def sections(graph: BondGraph, wishes: Wishes) -> Iterator[tuple[str, Callable[[], Section]]]:
+    """Give the title of each section and how it is worked out, in order.
+
+    Raises
+    ------
+    ModelError
+        Where the network is one of gates, or a parameter is asked for that does not exist.
+    """
+    study = _study(_numeric(graph), wishes)
+    yield "plant", lambda: _plant(study)
+    if not study.network.suspects:
+        return
+    view = in_general(study.model, study.recursion)
+    yield "testable sets", lambda: _general(study, view)
+    recorded = _recorded(study) if study.points else None
+    if recorded is not None:
+        yield "the recording", lambda: _on_data(study, recorded)
+    yield "structure", lambda: _structure(study)
+    yield "other solutions", lambda: _solutions(study, view, recorded)
+    if study.graph.grid is not TimeGrid.NONE:
+        yield "smallest faults", lambda: _smallest(study, wishes)
+    yield "further sensors", lambda: _sensors(study)
+    if study.graph.inputs and study.graph.grid is not TimeGrid.NONE:
+        yield "test inputs", lambda: _inputs(study, wishes, recorded)
+
+
+def find_trace(graph: BondGraph, names: tuple[str, ...]) -> Search:
+    """Search the shortest route to a set of parameters as the thesis does."""
+    network = build_components(_numeric(graph), build_network(graph, assign_causality(graph)))
+    _known(graph, names)
+    return search_route(network, parameters(network, names))
+
+
+def _numeric(graph: BondGraph) -> BondGraph:
+    if graph.is_logic:
+        raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")
+    return graph
+
+
+def _known(graph: BondGraph, names: tuple[str, ...]) -> None:
+    known = [item.name for item in graph.parameters]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known) or 'none'}")
+
+
+def _study(graph: BondGraph, wishes: Wishes) -> _Study:
+    model = build_model(graph)
+    for names in wishes.separate:
+        _known(graph, names)
+    return _Study(
+        graph=graph,
+        network=build_components(graph, model.plant.network),
+        model=model,
+        recursion=build_recursion(model.plant),
+        points=_points(graph, wishes.data) if wishes.data is not None else (),
+        start=solved_start(graph, wishes.data) if wishes.data is not None else {},
+    )
+
+
+def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
+    points = tuple(on_grid(read_rows(recording, columns_of(graph)), Grid(graph.sample_time)))
+    if not points:
+        raise RecordingError(no_time(recording))
+    return points
+
+
+def _plant(study: _Study) -> Section:
+    return Section(
+        record=analysed.plant_record(study.graph, study.network),
+        show=lambda console: analysis.print_plant(console, study.graph, study.network),
+    )
+
+
+def _general(study: _Study, view: View) -> Section:
+    return Section(
+        record=analysed.groups_record(study.graph, view),
+        show=lambda console: analysis.print_view(
+            console, study.graph, view, "What the sensors can tell", "with everything excited"
+        ),
+    )
+
+
+def _recorded(study: _Study) -> View:
+    model = study.model
+    start = np.array([study.start.get(store.name, 0.0) for store in model.plant.network.states])
+    times = np.array([point.time for point in study.points])
+    inputs = np.array([point.u for point in study.points]).reshape(len(times), len(study.graph.inputs))
+    return on_record(model, recorded_runs(model, study.recursion, times, inputs, start))
+
+
+def _on_data(study: _Study, view: View) -> Section:
+    return Section(
+        record={"on_data": analysed.groups_record(study.graph, view)},
+        show=lambda console: analysis.print_view(
+            console, study.graph, view, "What this recording can tell", "effects that its noise does not hide"
+        ),
+    )
+
+
+def _structure(study: _Study) -> Section:
+    model = structural_model(study.model.plant.network, study.network.suspects)
+    found = {kind.value: isolability(model, kind) for kind in Interpretation}
+    return Section(
+        record=analysed.structure_record(study.network.suspects, found),
+        show=lambda console: analysis.print_structure(console, study.network.suspects, found),
+    )
+
+
+def _solutions(study: _Study, view: View, recorded: View | None) -> Section:
+    """Other values of each identifiable set, and sets that imitate each other."""
+    graph = study.graph
+    names = [item.name for item in graph.parameters]
+    small = [item for item in view.judgement.verdicts if item.identifiable and len(item.parameters) <= graph.max_faults]
+    if len(small) > MOST_SETS:
+        small = [item for item in small if len(item.parameters) == 1]
+    sets = [tuple(names[k] for k in item.parameters) for item in small]
+    found = other_solutions(study.model, sets) if sets else ()
+    alike = twins(study.model) if len(study.network.suspects) <= MOST_TWINS else ()
+    return Section(
+        record=analysed.hypotheses_record(graph, view, recorded, found, alike),
+        show=lambda console: analysis.print_solutions(console, graph, found, alike),
+    )
+
+
+def _smallest(study: _Study, wishes: Wishes) -> Section:
+    spec, engine = build_engine(study.graph, compiled=False)
+    samples = [sample_of(point) for point in study.points] or None
+    try:
+        found = tuple(smallest_faults(study.model, spec, engine, samples, within=wishes.within))
+    except RecordingError as error:
+        raise StructureError(str(error)) from error
+    return Section(
+        record=analysed.smallest_record(found),
+        show=lambda console: analysis.print_smallest(console, study.graph, found),
+    )
+
+
+def _sensors(study: _Study) -> Section:
+    advice = advise_sensors(study.model)
+    return Section(
+        record=analysed.sensors_record(study.graph, advice),
+        show=lambda console: analysis.print_sensor_advice(console, advice),
+    )
+
+
+def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
+    """What to move so that sets can be told apart: those that were named, else those that look alike at rest."""
+    if wishes.separate:
+        groups = [wishes.separate]
+    else:
+        view = recorded if recorded is not None else _at_rest(study)
+        names = [item.name for item in study.graph.parameters]
+        groups = [tuple(tuple(names[k] for k in chosen) for chosen in group.sets) for group in view.groups]
+        groups = [group for group in groups if len(group[0]) == 1][:MOST_GROUPS]
+    found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group) for group in groups)
+    return Section(
+        record=analysed.inputs_record(found),
+        show=lambda console: analysis.print_input_advice(console, study.graph, found, asked=bool(wishes.separate)),
+    )
+
+
+def _at_rest(study: _Study) -> View:
+    """What can be told where all inputs stand still."""
+    levels = reference_levels(study.model)
+    times = np.arange(REST_SAMPLES) * (study.graph.sample_time or 1.0)
+    start = study.model.contents(
+        study.model.reference_state, np.array([item.nominal for item in study.graph.parameters])
+    ).full()[:, 0]
+    runs = recorded_runs(
+        study.model, study.recursion, times.astype(np.float64), np.tile(levels, (REST_SAMPLES, 1)), start
+    )
+    return on_record(study.model, runs)

@@ -1,0 +1,196 @@
+"""What the analysis of a plant found, as one record: plain mappings ready for JSON; SI units, percent stays percent."""
+
+from collections.abc import Mapping, Sequence
+
+from faultbond.analysis.capability import View
+from faultbond.analysis.groups import Group, NearGroup
+from faultbond.analysis.sensors import Advice, SensorAdvice
+from faultbond.analysis.smallest import SmallestFault
+from faultbond.analysis.solutions import OtherSolutions
+from faultbond.analysis.stimulus import Stimulus
+from faultbond.analysis.testable import Verdict
+from faultbond.analysis.twins import Twins
+from faultbond.model.graph import BondGraph
+from faultbond.runtime.records import Record
+from faultbond.structure.components import ComponentNetwork, frame_name
+from faultbond.structure.isolability import Isolability
+from faultbond.structure.search import Search
+
+
+def plant_record(graph: BondGraph, network: ComponentNetwork) -> Record:
+    """Give what names the plant; lists are empty until the sections that fill them."""
+    return {
+        "record": "analyse",
+        "model": graph.name,
+        "model_sha256": graph.sha256,
+        "states": [state.signal for state in network.states],
+        "inputs": list(network.inputs),
+        "sensors": list(network.outputs),
+        "suspects": list(network.suspects),
+        "max_faults": graph.max_faults,
+        "hypotheses": [],
+        "groups": [],
+        "near_groups": [],
+        "detectable": {},
+        "isolable": {},
+        "routes": [],
+        "smallest_fault": {},
+        "sensor_advice": [],
+        "input_advice": [],
+    }
+
+
+def groups_record(graph: BondGraph, view: View) -> Record:
+    """Give what cannot be told apart, and why."""
+    return {
+        "rank": view.judgement.rank.value,
+        "groups": [_sets(graph, group) for group in view.groups],
+        "group_reasons": [group.reason for group in view.groups],
+        "near_groups": [
+            {"sets": _sets(graph, group), "angle": group.angle, "reason": group.reason} for group in view.near_groups
+        ],
+    }
+
+
+def _sets(graph: BondGraph, group: Group | NearGroup) -> list[list[str]]:
+    return [_names(graph, chosen) for chosen in group.sets]
+
+
+def _names(graph: BondGraph, chosen: Sequence[int]) -> list[str]:
+    return [graph.parameters[k].name for k in chosen]
+
+
+def hypotheses_record(
+    graph: BondGraph,
+    view: View,
+    recorded: View | None,
+    solutions: Sequence[OtherSolutions],
+    twins: Sequence[Twins],
+) -> Record:
+    """Give the verdict on every set, with the number of values that look the same, and the sets that imitate others."""
+    known = {item.parameters: item for item in solutions}
+    on_data = {item.parameters: item for item in recorded.judgement.verdicts} if recorded else {}
+    return {
+        "hypotheses": [_hypothesis(graph, item, on_data, known) for item in view.judgement.verdicts],
+        "sets_left_out": view.judgement.left_out,
+        "twins": [
+            {"first": list(item.first), "second": list(item.second), "always": item.always, "words": item.words}
+            for item in twins
+        ],
+    }
+
+
+def _hypothesis(
+    graph: BondGraph,
+    item: Verdict,
+    on_data: Mapping[tuple[int, ...], Verdict],
+    known: Mapping[tuple[str, ...], OtherSolutions],
+) -> Record:
+    names = _names(graph, item.parameters)
+    solution = known.get(tuple(names))
+    unique = None if solution is None or solution.continuum else 1 + len(solution.others)
+    record: Record = {"parameters": names, **_verdict(item), "uncertain": item.uncertain, "roots": unique}
+    if solution is not None and solution.others:
+        record["other_values"] = [dict(zip(names, values, strict=True)) for values in solution.others]
+    if item.parameters in on_data:
+        record["on_data"] = _verdict(on_data[item.parameters])
+    return record
+
+
+def _verdict(item: Verdict) -> Record:
+    return {"identifiable": item.identifiable, "falsifiable": item.falsifiable, "testable": item.testable}
+
+
+def structure_record(suspects: Sequence[str], found: Mapping[str, Isolability]) -> Record:
+    """Give what the structure says, in mixed causality, and the same for stores that work one way only."""
+    parts = {name: _isolability(suspects, item) for name, item in found.items()}
+    return {**parts.pop("mixed"), "by_causality": parts}
+
+
+def _isolability(suspects: Sequence[str], found: Isolability) -> Record:
+    return {
+        "detectable": {name: bool(found.detectable[k]) for k, name in enumerate(suspects)},
+        "isolable": {
+            name: {other: bool(found.isolable[k, n]) for n, other in enumerate(suspects) if n != k}
+            for k, name in enumerate(suspects)
+        },
+    }
+
+
+def smallest_record(found: Sequence[SmallestFault]) -> Record:
+    """Give the smallest fault of each parameter, SI."""
+    return {
+        "smallest_fault": {
+            item.parameter: {
+                "value": item.value,
+                "within": item.within,
+                "up": item.up,
+                "down": item.down,
+                "certainty": item.certainty,
+                "effects": {
+                    effect.output: {"size": effect.size, "in_noise": effect.in_noise} for effect in item.effects
+                },
+            }
+            for item in found
+        }
+    }
+
+
+def sensors_record(graph: BondGraph, advice: Advice) -> Record:
+    """Give which further sensors would tell more, best first, beside the plant as it is."""
+    return {
+        "sensor_advice": [_sensors(graph, item) for item in advice.further],
+        "sensors_now": _sensors(graph, advice.now),
+        "sensors_not_tried": advice.left_out,
+    }
+
+
+def _sensors(graph: BondGraph, item: SensorAdvice) -> Record:
+    return {
+        "sensors": list(item.sensors),
+        "rank": item.rank,
+        "testable": item.testable,
+        "classes": item.classes,
+        "near": item.near,
+        "groups": [_sets(graph, group) for group in item.groups],
+    }
+
+
+def inputs_record(found: Sequence[Stimulus]) -> Record:
+    """Give which input to move, for each group of sets that look alike; SI, percent stays percent."""
+    return {
+        "input_advice": [
+            {
+                "sets": [list(names) for names in item.sets],
+                "words": item.words,
+                "choices": [
+                    {
+                        "input": choice.input,
+                        "level": choice.level,
+                        "change": choice.change,
+                        "hold": choice.hold,
+                        "before": choice.before,
+                        "after": choice.after,
+                        "words": choice.words,
+                    }
+                    for choice in item.choices
+                ],
+            }
+            for item in found
+        ]
+    }
+
+
+def trace_record(graph: BondGraph, found: Search) -> Record:
+    """Give the course of the thesis' search."""
+    route = found.route
+    return {
+        "record": "trace",
+        "model": graph.name,
+        "targets": [item if isinstance(item, str) else frame_name(item) for item in found.question.targets],
+        "ending": found.ending.value,
+        "expanded": found.expanded,
+        "distinct": found.distinct,
+        "steps": [frame_name((step.equation, step.frame)) for step in route.steps] if route is not None else None,
+        "observations": route.observations if route is not None else None,
+    }

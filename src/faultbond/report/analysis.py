@@ -1,0 +1,210 @@
+"""What the analysis of a plant found, as text for people."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from faultbond.analysis.capability import View
+from faultbond.analysis.sensors import Advice, SensorAdvice
+from faultbond.analysis.smallest import SmallestFault
+from faultbond.analysis.solutions import OtherSolutions
+from faultbond.analysis.stimulus import Stimulus
+from faultbond.analysis.twins import Twins
+from faultbond.model.graph import BondGraph
+from faultbond.report.console import lines, table, title
+from faultbond.report.numbers import Notation, duration_text, figure, unit_text
+from faultbond.report.verdict import join
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.isolability import Isolability
+
+LISTED = 12  # groups, near groups and the like that are listed
+NOWHERE = "not found"
+
+
+def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:
+    """Print what is known of the plant and what is suspected."""
+    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
+    lines(
+        console,
+        [
+            ("inputs", ", ".join(network.inputs) or "none"),
+            ("sensors", ", ".join(network.outputs)),
+            ("states", ", ".join(state.signal for state in network.states) or "none"),
+            ("suspects", ", ".join(network.suspects) or "none: no parameter may change"),
+        ],
+    )
+
+
+def print_view(console: Console, graph: BondGraph, view: View, heading: str, note: str) -> None:
+    """Print how many sets are testable, and which cannot be told apart."""
+    title(console, heading, note)
+    rows = _verdict_rows(view)
+    table(console, ("suspects in a set", "sets", "testable", "explain anything", "values not fixed"), rows)
+    rank = view.judgement.rank
+    plural = "" if rank.value == 1 else "s"
+    shown = f"{rank.value} combination{plural} of the {len(graph.parameters)} parameters"
+    lines(console, [("shows", shown if rank.clear else f"{shown}; rounding decides, so this is a guess")])
+    told = [(_sets(graph, group.sets), group.reason) for group in view.groups]
+    near = [(_sets(graph, group.sets), group.reason) for group in view.near_groups]
+    _print_groups(console, "cannot be told apart", told)
+    _print_groups(console, "hard to tell apart", near)
+    if not told and not near:
+        lines(console, [("groups", "all testable sets can be told apart")])
+
+
+def _verdict_rows(view: View) -> list[tuple[str, ...]]:
+    verdicts = view.judgement.verdicts
+    total = Counter(len(item.parameters) for item in verdicts)
+    testable = Counter(len(item.parameters) for item in verdicts if item.testable)
+    loose = Counter(len(item.parameters) for item in verdicts if not item.identifiable)
+    rest = {size: total[size] - testable[size] - loose[size] for size in total}
+    counts = [(size, total[size], testable[size], rest[size], loose[size]) for size in sorted(total)]
+    return [tuple(str(number) for number in row) for row in counts]
+
+
+def _print_groups(console: Console, label: str, found: Sequence[tuple[str, str]]) -> None:
+    more = [("", f"... and {len(found) - LISTED} more; --json writes all")] if len(found) > LISTED else []
+    items = [f"{sets}: {reason}" for sets, reason in found[:LISTED]]
+    lines(console, [*((label if k == 0 else "", text) for k, text in enumerate(items)), *more])
+
+
+def _sets(graph: BondGraph, sets: Iterable[Sequence[int]]) -> str:
+    """Name sets: `{K4} and {K6}`."""
+    named = ["{" + ", ".join(graph.parameters[k].name for k in chosen) + "}" for chosen in sets]
+    return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
+
+
+def print_structure(console: Console, suspects: Sequence[str], found: dict[str, Isolability]) -> None:
+    """Print what the equations alone say, whatever the values of the parameters."""
+    title(console, "By structure alone", "which equation checks which, whatever the values")
+    mixed = found["mixed"]
+    hidden = [name for name, seen in zip(suspects, mixed.detectable, strict=True) if not seen]
+    together = ["{" + ", ".join(names) + "}" for names in structural_groups(suspects, mixed) if len(names) > 1]
+    lines(
+        console,
+        [
+            ("detectable", f"all but {', '.join(hidden)}" if hidden else "all faults"),
+            ("not isolable", join(together) if together else "none: each fault can be told from every other"),
+            ("one way only", _one_way(found)),
+        ],
+    )
+
+
+def _one_way(found: dict[str, Isolability]) -> str:
+    """Say how many pairs remain where stores may only integrate, or only differentiate."""
+    pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
+    words = {"integral": "integrating", "derivative": "differentiating"}
+    return "; ".join(
+        f"{'as many' if pairs[name] == pairs['mixed'] else pairs[name]} of {pairs['mixed']} pairs isolable by "
+        f"{words[name]} only"
+        for name in ("integral", "derivative")
+    )
+
+
+def structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tuple[str, ...], ...]:
+    """Give the classes of detectable faults of which none can be told from another, by structure."""
+    groups: list[list[int]] = []
+    for k in range(len(suspects)):
+        if not found.detectable[k]:
+            continue
+        for group in groups:
+            if not found.isolable[k, group[0]] and not found.isolable[group[0], k]:
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return tuple(tuple(suspects[k] for k in group) for group in groups)
+
+
+def print_solutions(
+    console: Console, graph: BondGraph, solutions: Sequence[OtherSolutions], twins: Sequence[Twins]
+) -> None:
+    """Print other values that would look the same, and sets of suspects that can imitate each other."""
+    title(console, "Other values that look the same", "of long records without noise")
+    several = [item for item in solutions if not item.unique]
+    rows = [
+        ("{" + ", ".join(item.parameters) + "}", _values(graph, item.parameters, item.true), other)
+        for item in several
+        for other in ([_values(graph, item.parameters, values) for values in item.others] or ["infinitely many"])
+    ]
+    if rows:
+        table(console, ("suspects", "these values", "look exactly like"), rows[:LISTED])
+    alone = len(solutions) - len(several)
+    what = f"{alone} of {len(solutions)} sets: a record leaves one set of values"
+    words = _twins(twins)
+    lines(console, [("unique", what), *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
+
+
+def _twins(twins: Sequence[Twins]) -> list[str]:
+    """Say what imitates what; of pairs that meet in odd proportions only how many there are."""
+    plain = [item.words for item in twins if item.always or item.first_powers is not None]
+    odd = len(twins) - len(plain)
+    meet = f"{odd} other pairs of sets look alike for faults in certain proportions; --json writes them"
+    return [*plain[:LISTED], *([meet] if odd else [])]
+
+
+def _values(graph: BondGraph, names: Sequence[str], values: Sequence[float]) -> str:
+    parts = []
+    for name, value in zip(names, values, strict=True):
+        unit = graph.parameter(name).unit
+        text = figure(unit.from_si(value), digits=4).number(Notation.FILE)
+        parts.append(f"{name} = {text} {unit_text(unit.text, Notation.FILE)}".rstrip())
+    return ", ".join(parts)
+
+
+def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestFault]) -> None:
+    """Print the smallest fault of each parameter that is found in time."""
+    if not found:
+        return
+    within = f"within {duration_text(found[0].within)}, in {100 * found[0].certainty:.0f} of 100 cases"
+    title(console, "Smallest faults that are detected", within)
+    header = ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd")
+    table(console, header, [_smallest(graph, item) for item in found])
+
+
+def _smallest(graph: BondGraph, item: SmallestFault) -> tuple[str, ...]:
+    parameter = graph.parameter(item.parameter)
+    unit = parameter.unit
+    effects = ", ".join(f"{effect.output} {effect.in_noise:.2g}" for effect in item.effects)
+    if item.value is None:
+        return (item.parameter, NOWHERE, unit_text(unit.text, Notation.FILE), "", "")
+    change = figure(unit.difference_from_si(item.value), digits=3).number(Notation.FILE)
+    part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
+    return (item.parameter, change, unit_text(unit.text, Notation.FILE), part, effects)
+
+
+def print_sensor_advice(console: Console, advice: Advice) -> None:
+    """Print which further sensors would tell more."""
+    title(console, "Further sensors", "each of the signals that the bonds allow, noise 1 % of its size")
+    if not advice.further:
+        lines(console, [("", "no further sensor would tell more")])
+        return
+    rows = [_sensors(advice.now, "as it is"), *(_sensors(item, " and ".join(item.sensors)) for item in advice.further)]
+    header = ("sensor", "testable sets", "of which differ", "hard to tell apart", "combinations shown")
+    table(console, header, rows)
+    if advice.left_out:
+        lines(console, [("", f"{advice.left_out} combinations were not tried")])
+
+
+def _sensors(item: SensorAdvice, name: str) -> tuple[str, ...]:
+    return (name, str(item.testable), str(item.classes), str(item.near), str(item.rank))
+
+
+def print_input_advice(console: Console, graph: BondGraph, found: Sequence[Stimulus], *, asked: bool) -> None:
+    """Print which input to move so that sets can be told apart."""
+    title(console, "Test inputs", "" if asked else "for what looks alike while the inputs stand still")
+    if not found:
+        lines(console, [("", "nothing looks alike, even while the inputs stand still")])
+        return
+    for item in found:
+        named = join(["{" + ", ".join(names) + "}" for names in item.sets])
+        choices = [("", choice.words) for choice in item.choices[1:3]]
+        lines(console, [(named, item.words), *choices])
+
+
+def print_refusal(console: Console, heading: str, message: str) -> None:
+    """Print that a section cannot be told."""
+    title(console, heading[0].upper() + heading[1:])
+    lines(console, [("cannot be told", message)])

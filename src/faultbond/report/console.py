@@ -1,0 +1,35 @@
+"""Headings, labelled lines and tables on a terminal; the same in every listing."""
+
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+
+def title(console: Console, text: str, note: str = "") -> None:
+    """Print the heading of a section."""
+    console.print()
+    console.print(Text.assemble((text, "bold underline"), (f"  {note}" if note else "", "dim")))
+
+
+def lines(console: Console, items: Iterable[tuple[str, str]]) -> None:
+    """Print labels and texts that wrap beside them."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for label, text in items:
+        grid.add_row(Text(label), Text(text))
+    console.print(Padding(grid, (0, 0, 0, 1)))
+
+
+def table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table."""
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
+    for name in header:
+        made.add_column(name, overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(cell) for cell in row))
+    console.print(made)
