@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.parser import to_text
+from faultbond.structure.tidy import ONE, ZERO, difference, negative, replaced
 
 KINKED = frozenset({"abs", "sign", "min", "max", "where"})
-ONE: Expression = Number(1.0)
-ZERO: Expression = Number(0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,27 +168,6 @@ def _on_side(kink: Call, side: int) -> Expression:
     raise ValueError(kink)
 
 
-def difference(left: Expression, right: Expression) -> Expression:
-    """Give left - right, folding zeros."""
-    if right == ZERO:
-        return left
-    return negative(right) if left == ZERO else Binary("-", left, right)
-
-
-def negative(expression: Expression) -> Expression:
-    """Give minus an expression, a difference turned round."""
-    match expression:
-        case Negative(operand):
-            return operand
-        case Binary("-", left, right):
-            return Binary("-", right, left)
-        case Binary(("*" | "/") as operator, Negative(left), right):
-            return Binary(operator, left, right)
-        case Number(value):
-            return Number(-value)
-    return Negative(expression)
-
-
 def _key(argument: Expression, plain: Callable[[str], str]) -> tuple[Expression, int]:
     """Give an expression without frames, and its sign: x and -x share a key."""
     stripped = rename(argument, plain)
@@ -198,20 +176,6 @@ def _key(argument: Expression, plain: Callable[[str], str]) -> tuple[Expression,
     if isinstance(stripped, Binary) and stripped.operator == "-" and repr(stripped.left) > repr(stripped.right):
         return Binary("-", stripped.right, stripped.left), -1
     return stripped, 1
-
-
-def replaced(expression: Expression, old: Expression, new: Expression) -> Expression:
-    """Give an expression with every part that equals `old` replaced."""
-    if expression == old:
-        return new
-    match expression:
-        case Negative(operand):
-            return Negative(replaced(operand, old, new))
-        case Binary(operator, left, right):
-            return Binary(operator, replaced(left, old, new), replaced(right, old, new))
-        case Call(function, arguments):
-            return Call(function, tuple(replaced(argument, old, new) for argument in arguments))
-    return expression
 
 
 def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], str]) -> Case:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names
-from faultbond.structure.branches import Case, Condition, cases, name_functions, negative
+from faultbond.structure.branches import Case, Condition, cases, name_functions
 from faultbond.structure.components import SAMPLE_TIME
 from faultbond.structure.elimination import Reduced, SingularError, eliminate
 from faultbond.structure.isolate import collect
@@ -20,9 +20,9 @@ from faultbond.structure.problem import Block, Problem
 from faultbond.structure.rational import NotRationalError, Quotient, quotient
 from faultbond.structure.symbols import factors
 from faultbond.structure.systems import Given, NoClosedFormError, System, order_systems
+from faultbond.structure.tidy import ONE, ZERO, fold, negative
 
 MAX_CANDIDATES = 16
-ONE, ZERO = Number(1.0), Number(0.0)
 
 Draft = tuple[str, Expression | Quotient]  # a line, its value not yet in lowest terms
 
@@ -126,38 +126,7 @@ def linear_value(residual: Expression, name: str) -> Expression | None:
     value, slope = (constant, slope.operand) if isinstance(slope, Negative) else (negative(constant), slope)
     if isinstance(slope, Binary) and slope.operator == "-" and isinstance(value, Negative):
         value, slope = value.operand, negative(slope)
-    return tidy(value if slope == ONE or constant == ZERO else _divided(value, slope))
-
-
-def tidy(expression: Expression) -> Expression:
-    """Give an expression without a minus sign that a sum or a product can take up."""
-    match expression:
-        case Negative(operand):
-            return negative(tidy(operand))
-        case Binary(operator, left, right):
-            return _tidy_pair(operator, tidy(left), tidy(right))
-        case Call(function, arguments):
-            return Call(function, tuple(map(tidy, arguments)))
-    return expression
-
-
-def _tidy_pair(operator: str, left: Expression, right: Expression) -> Expression:
-    match operator, left, right:
-        case (("+" | "-"), Negative(one), Negative(two)):
-            return Negative(Binary("+", one, two)) if operator == "+" else Binary("-", two, one)
-        case (("+" | "-"), _, Negative(two)):
-            return Binary("-" if operator == "+" else "+", left, two)
-        case "+", Negative(one), _:
-            return Binary("-", right, one)
-        case "-", Negative(one), _:
-            return Negative(Binary("+", one, right))
-        case (("*" | "/"), Negative(one), Negative(two)):
-            return Binary(operator, one, two)
-        case (("*" | "/"), Negative(one), _):
-            return Negative(Binary(operator, one, right))
-        case (("*" | "/"), _, Negative(two)):
-            return Negative(Binary(operator, left, two))
-    return Binary(operator, left, right)
+    return fold(value if slope == ONE or constant == ZERO else _divided(value, slope))
 
 
 def _divided(value: Expression, slope: Expression) -> Expression:
@@ -237,6 +206,8 @@ def _roots(
         return [replace(candidate, lines=(*candidate.lines, (name, value)))]
     if 1 not in parts:
         return _square_roots(search, parts, name, space, signal, candidate)
+    if all(coefficient < 0 for coefficient in parts[2].values()):
+        parts = {power: scale(part, -1) for power, part in parts.items()}
     a, b, c = (search.fresh(f"{letter}") for letter in "abc")
     lines: list[Draft] = [(a, _line(parts[2], space)), (b, _line(parts[1], space)), (c, _line(parts.get(0, {}), space))]
     inner = Binary("-", Binary("**", Name(b), Number(2.0)), Binary("*", Binary("*", Number(4.0), Name(a)), Name(c)))

@@ -89,7 +89,7 @@ def multiply(left: Polynomial, right: Polynomial, space: Space) -> Polynomial:
             key = one + two
             result[key] = result.get(key, 0) + factor * coefficient
     result = {monomial: coefficient for monomial, coefficient in result.items() if coefficient}
-    if len(result) > space.max_terms or any(monomial & space.guard for monomial in result):
+    if len(result) > space.max_terms or uses(result, space.guard):
         raise TooLargeError
     return result
 

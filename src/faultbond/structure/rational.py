@@ -1,6 +1,6 @@
 """Expressions as quotients of polynomials, and back."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
@@ -20,6 +20,7 @@ from faultbond.structure.polynomial import (
 )
 
 _MAX_EXPONENT = 16
+_LONG = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +154,16 @@ def _sum(polynomial: Polynomial, space: Space, outer: Collection[str]) -> Expres
     ordered = [part for _, part in sorted(zip(keys, parts, strict=True), key=lambda item: _rank(item[0], space))]
     first = next((k for k, (sign, _) in enumerate(ordered) if sign > 0), 0)
     ordered.insert(0, ordered.pop(first))
-    sign, result = ordered[0]
+    return _folded(ordered)
+
+
+def _folded(parts: Sequence[tuple[int, Expression]]) -> Expression:
+    """Give a sum of signed parts; a long one as a sum of sums, so that no tree gets too deep."""
+    if len(parts) > _LONG:
+        return _folded([(1, _folded(parts[k : k + _LONG])) for k in range(0, len(parts), _LONG)])
+    sign, result = parts[0]
     result = Negative(result) if sign < 0 else result
-    for sign, part in ordered[1:]:
+    for sign, part in parts[1:]:
         result = Binary("+" if sign > 0 else "-", result, part)
     return result
 

@@ -48,8 +48,9 @@ class Root:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Singular:
-    """Where `expression` is zero (negative, if a root is taken of it) the targets have no value; words say why."""
+    """Where `name`, and what follows from it, has no value: words say for which values of the expression."""
 
+    name: str
     expression: Expression
     words: str
 
@@ -152,7 +153,7 @@ def to_record(solution: Solution) -> dict[str, Any]:
             }
             for root in solution.roots
         ],
-        "singular": [[_listed(item.expression), item.words] for item in solution.singular],
+        "singular": [[item.name, _listed(item.expression), item.words] for item in solution.singular],
         "remarks": list(solution.remarks),
     }
 
@@ -179,7 +180,10 @@ def from_record(record: Mapping[str, Any]) -> Solution:
             )
             for root in record["roots"]
         ),
-        singular=tuple(Singular(expression=_unlisted(value), words=str(words)) for value, words in record["singular"]),
+        singular=tuple(
+            Singular(name=str(name), expression=_unlisted(value), words=str(words))
+            for name, value, words in record["singular"]
+        ),
         remarks=tuple(map(str, record["remarks"])),
     )
 

@@ -41,6 +41,7 @@ from faultbond.structure.solution import (
 )
 from faultbond.structure.symbols import lowest_terms
 from faultbond.structure.systems import NoClosedFormError
+from faultbond.structure.tidy import fold
 
 _TINY = 1e-300
 MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in place of a name
@@ -80,7 +81,7 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
         real_roots=len(count.roots) if count else None,
         roots=roots,
         singular=_singular(roots, problem),
-        remarks=remarks,
+        remarks=(*remarks, *_not_closed(problem, records[0], roots, count)),
     )
 
 
@@ -131,7 +132,7 @@ def _closed_forms(
         remarks.append(f"{search.left_out} further combinations of signs and cases were left out")
     drafts = [_draft(candidate) for candidate in candidates]
     valid = [k for k, root in enumerate(drafts) if any(_is_met(root, problem, record) for record in records)]
-    roots = tuple(_finished(candidates[k], problem) for k in valid)
+    roots = tuple(dict.fromkeys(_finished(candidates[k], problem) for k in valid))
     if not all(any(_is_true(root, problem, record) for root in roots) for record in records):
         return (), (*remarks, "no closed form: none gives back the values that the test records were made with")
     dropped = [_spelled_out(candidate, problem) for k, candidate in enumerate(candidates) if k not in valid]
@@ -173,10 +174,12 @@ def _is_met(root: Root, problem: Problem, record: Trial) -> bool:
 
 def _is_true(root: Root, problem: Problem, record: Trial) -> bool:
     """Whether a root gives the values that a record was made with."""
-    found = evaluate_root(root, record.known)
+    return _agree(evaluate_root(root, record.known), record.true, problem.targets)
+
+
+def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str]) -> bool:
     return all(
-        abs(float(found[name] - record.true[name])) <= TOLERANCE * abs(float(record.true[name])) + _TINY
-        for name in problem.targets
+        abs(float(found[name]) - float(other[name])) <= TOLERANCE * abs(float(other[name])) + _TINY for name in names_
     )
 
 
@@ -250,6 +253,17 @@ def _count(problem: Problem, record: Trial, limits: Limits) -> Count | None:
         return None
 
 
+def _not_closed(problem: Problem, record: Trial, roots: Sequence[Root], count: Count | None) -> tuple[str, ...]:
+    """Say how many of the real roots at the nominal plant no closed form gives."""
+    if count is None or not roots:
+        return ()
+    given = [evaluate_root(root, record.known) for root in roots]
+    missing = sum(not any(_agree(found, root, problem.targets) for found in given) for root in count.roots)
+    if not missing:
+        return ()
+    return (f"{missing} of {len(count.roots)} real roots at the nominal plant have no closed form here",)
+
+
 def _kind(roots: Sequence[Root], count: Count | None) -> Kind:
     if count is None or count.degree is None:
         return Kind.NUMERIC
@@ -262,20 +276,27 @@ def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:
     """Name where a closed form has no value: a denominator that samples make zero, a root of a negative number."""
     found: dict[Expression, Singular] = {}
     for root in roots:
-        own = {line.name: line.value for line in root.lines if line.name not in problem.signals}
-        varying = set(own) - set(problem.targets) | set(problem.signals)
-        for line in root.lines:
+        own = {line.name: line.value for line in root.lines if _is_ours(line.name, problem)}
+        varying = set(own) | set(problem.signals)
+        name = ""
+        for line in reversed(root.lines):
+            name = name if line.name in own else line.name
             for part in walk(line.value):
                 for inside, words in _no_value(part, varying):
-                    expression = substitute(inside, {name: own[name] for name in names(inside) if name in own})
-                    found.setdefault(expression, Singular(expression=expression, words=f"{line.name} {words}"))
-    return tuple(found.values())
+                    spelled = fold(substitute(inside, {key: own[key] for key in names(inside) if key in own}))
+                    found.setdefault(spelled, Singular(name=name, expression=spelled, words=words))
+    return tuple(reversed(found.values()))
+
+
+def _is_ours(name: str, problem: Problem) -> bool:
+    """Whether a name was made here, for a part of a formula."""
+    return name not in problem.signals and name not in problem.targets and name not in problem.unknown
 
 
 def _no_value(part: Expression, varying: set[str]) -> Iterator[tuple[Expression, str]]:
     match part:
         case Binary("/", _, below) if varying.intersection(names(below)):
             inner = below.right if isinstance(below, Binary) and isinstance(below.left, Number) else below
-            yield inner, "has no value where this is 0: the samples do not excite it"
+            yield inner, "no value where this is 0: the samples do not excite"
         case Call("sqrt", (inside,)) if varying.intersection(names(inside)):
-            yield inside, "has no real value where this is negative"
+            yield inside, "no real value where this is negative"

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Number, names
-from faultbond.structure.branches import Applied, Case, Condition, replaced
+from faultbond.structure.branches import Applied, Case, Condition
 from faultbond.structure.matching import blocks, holdings, match
+from faultbond.structure.tidy import replaced
 
 MAX_ROOT = 4
 
