@@ -51,7 +51,8 @@ def print_view(console: Console, graph: BondGraph, view: View, heading: str, not
     _print_groups(console, "cannot be told apart", told)
     _print_groups(console, "hard to tell apart", near)
     if not told and not near:
-        lines(console, [("groups", "all testable sets can be told apart")])
+        testable = sum(item.testable for item in view.judgement.verdicts)
+        lines(console, [("groups", "all testable sets can be told apart" if testable else "no set is testable")])
 
 
 def _verdict_rows(view: View) -> list[tuple[str, ...]]:
@@ -82,25 +83,16 @@ def print_structure(console: Console, suspects: Sequence[str], found: dict[str, 
     mixed = found["mixed"]
     hidden = [name for name, seen in zip(suspects, mixed.detectable, strict=True) if not seen]
     together = ["{" + ", ".join(names) + "}" for names in structural_groups(suspects, mixed) if len(names) > 1]
-    lines(
-        console,
-        [
-            ("detectable", f"all but {', '.join(hidden)}" if hidden else "all faults"),
-            ("not isolable", join(together) if together else "none: each fault can be told from every other"),
-            ("one way only", _one_way(found)),
-        ],
-    )
-
-
-def _one_way(found: dict[str, Isolability]) -> str:
-    """Say how many pairs remain where stores may only integrate, or only differentiate."""
+    items = [
+        ("detectable", f"all but {', '.join(hidden)}" if hidden else "all faults"),
+        ("not isolable", join(together) if together else "none: each fault can be told from every other"),
+    ]
     pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
-    words = {"integral": "integrating", "derivative": "differentiating"}
-    return "; ".join(
-        f"{'as many' if pairs[name] == pairs['mixed'] else pairs[name]} of {pairs['mixed']} pairs isolable by "
-        f"{words[name]} only"
-        for name in ("integral", "derivative")
-    )
+    if pairs["mixed"]:
+        words = (("integral", "integrating only"), ("derivative", "differentiating only"))
+        kept = [f"{pairs[name]} of {pairs['mixed']} isolable pairs by {text}" for name, text in words]
+        items.append(("one way", "; ".join(kept)))
+    lines(console, items)
 
 
 def structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tuple[str, ...], ...]:
