@@ -11,21 +11,27 @@ from itertools import combinations
 from math import inf
 from typing import Protocol
 
+import numpy as np
+
 from faultbond.analysis import static_fit, static_noise
-from faultbond.analysis.static_hypothesis import Hypothesis, advance, is_consistent
+from faultbond.analysis.static_equations import holds
+from faultbond.analysis.static_hypothesis import Hypothesis, advance, is_consistent, nearest
+from faultbond.analysis.static_logic import watch_logic
 from faultbond.analysis.static_network import (
     Observation,
     StaticNetwork,
-    holds,
-    magnitude,
+    conflicts,
+    healthy_of,
     observation,
     static_network,
-    without_readings,
+    with_healthy,
 )
 from faultbond.analysis.static_solve import value_of
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
+
+_SURELY = 1e-10  # relative: closer than the tolerance by what floating point may add
 
 Solution = Mapping[str, tuple[float, float]]  # value and standard deviation by parameter; inf: not determined
 
@@ -55,14 +61,17 @@ def watch(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection |
 
     Parameters
     ----------
-    graph : a static network of numbers
+    graph : a static network, of numbers or of logic
     points : its observations in order
 
     Raises
     ------
     StructureError
-        if the model is no static network of numbers, or nothing in it is suspected.
+        if the model is no static network, or nothing in it is suspected; with noise, if a signal does not follow.
     """
+    if graph.is_logic:
+        yield from watch_logic(graph, points)
+        return
     network = static_network(graph)
     prover: Prover = NoisyProver(network) if network.is_noisy else ExactProver(network)
     rows: list[Observation] = []
@@ -75,7 +84,7 @@ def watch(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection |
             if not signals:
                 continue
             yield Detection(time=seen.time, sample=seen.index, change_time=seen.time, signals=signals)
-        rows.append(seen)
+        rows.append(with_healthy(network, seen))
         yield Diagnosis(time=seen.time, candidates=candidates(network, prover.explanations(rows)))
 
 
@@ -86,31 +95,49 @@ class ExactProver:
         self.network = network
         self.size = 0
         self.left: tuple[Hypothesis, ...] = ()
+        self.conflicts: set[frozenset[str]] = set()
 
     def contradicting(self, seen: Observation) -> tuple[str, ...]:
         """Give the sensors that disagree; none where the observation agrees with the healthy network."""
         network = self.network
-        if is_consistent(network, (), seen):
+        if self._agrees_quickly(seen) or is_consistent(network, (), seen):
             return ()
-        known = {**without_readings(network, seen), **seen.values}
-        sizes = {name: magnitude(value) for name, value in known.items()}
-        readings = [item for item in network.equations if item.sensor in seen.sensors and known.keys() >= {*item.names}]
-        wrong = tuple(item.sensor for item in readings if not holds(item, known, sizes))
+        known = healthy_of(network, seen)
+        read = [item for item in network.readings if item.sensor in seen.sensors]
+        told = [item for item in read if known.values.keys() >= {*item.names}]
+        wrong = tuple(item.sensor for item in told if not holds(item, known.values, known.sizes))
         return wrong or seen.sensors
+
+    def _agrees_quickly(self, seen: Observation) -> bool:
+        """Whether floating point is enough to see that an observation agrees."""
+        if self.network.reader is None:
+            return False
+        data = static_fit.data_of(self.network, [seen])
+        y, _, _ = self.network.reader(self.network.reader.nominal, data.u)
+        near = np.abs(y - data.y) <= _SURELY * np.maximum(np.abs(y), np.abs(data.y))
+        return bool(np.all(near | np.isnan(data.y)))
 
     def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
         """Give all explanations of least size; what was rejected stays so, and sizes only grow."""
-        network = self.network
-        self.left = _possible(advance(network, item, rows) for item in self.left)
-        while not self.left and self.size < min(network.graph.max_faults, len(network.suspects)):
+        self.conflicts |= set(conflicts(self.network, rows[-1]))
+        self.left, found = self._kept((advance(self.network, item, rows) for item in self.left), rows)
+        while not found and self.size < min(self.network.graph.max_faults, len(self.network.suspects)):
             self.size += 1
-            tested = combinations(network.suspects, self.size)
-            self.left = _possible(_from_the_first(network, suspects, rows) for suspects in tested)
-        return tuple(_explanation(network, item) for item in self.left)
+            tested = (item for item in combinations(self.network.suspects, self.size) if self._meets_conflicts(item))
+            fresh = (_from_the_first(self.network, suspects, rows) for suspects in tested)
+            self.left, found = self._kept(fresh, rows)
+        return found
 
+    def _meets_conflicts(self, suspects: tuple[str, ...]) -> bool:
+        return not any(conflict.isdisjoint(suspects) for conflict in self.conflicts)
 
-def _possible(hypotheses: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
-    return tuple(item for item in hypotheses if item.is_possible)
+    def _kept(
+        self, tested: Iterable[Hypothesis], rows: Sequence[Observation]
+    ) -> tuple[tuple[Hypothesis, ...], tuple[Explanation, ...]]:
+        """Give the hypotheses that have a solution, with what they explain."""
+        explained = ((item, _explanation(self.network, item, rows)) for item in tested if item.is_possible)
+        kept = [(item, explanation) for item, explanation in explained if explanation.solutions]
+        return tuple(item for item, _ in kept), tuple(explanation for _, explanation in kept)
 
 
 def _from_the_first(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Hypothesis:
@@ -122,14 +149,15 @@ def _from_the_first(network: StaticNetwork, suspects: tuple[str, ...], rows: Seq
     return held
 
 
-def _explanation(network: StaticNetwork, held: Hypothesis) -> Explanation:
+def _explanation(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Explanation:
+    """Give all points, and of infinitely many solutions one near the nominal values; none where that is not real."""
     if network.of_blocks:
         return Explanation(suspects=held.suspects, solutions=({},))
-    points = [(point, 0.0) for point in held.points] + ([(held.nearest, inf)] if held.nearest is not None else [])
-    return Explanation(
-        suspects=held.suspects,
-        solutions=tuple({name: (float(value_of(point[name])), sd) for name in held.suspects} for point, sd in points),
-    )
+    solutions = [{name: (float(value_of(point[name])), 0.0) for name in held.suspects} for point in held.points]
+    near = nearest(network, held.suspects, rows) if held.systems else None
+    if near is not None:
+        solutions.append({name: (near.values[name], inf) for name in held.suspects})
+    return Explanation(suspects=held.suspects, solutions=tuple(solutions))
 
 
 class NoisyProver:
@@ -137,13 +165,15 @@ class NoisyProver:
 
     def __init__(self, network: StaticNetwork) -> None:
         self.network = network
-        self.healthy = static_fit.reader(network, ())
         self.trials: dict[tuple[str, ...], static_noise.Trial] = {}
 
     def contradicting(self, seen: Observation) -> tuple[str, ...]:
         """Give the sensors that disagree beyond their noise."""
+        if self.network.reader is None:
+            return ()
         sensors = [item.name for item in self.network.graph.sensors]
-        return static_fit.contradicting(self.healthy, sensors, static_fit.data_of(self.network, [seen]))
+        data = static_fit.data_of(self.network, [seen])
+        return static_fit.contradicting(self.network.reader.of(()), sensors, data)
 
     def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
         """Give all explanations of least size whose misfit passes."""

@@ -5,17 +5,15 @@ Healthy parameters have their nominal values. Source: thesis 3.8 (noise on obser
 of squares of normal errors.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtri
 
-from faultbond.analysis.static_network import READING, Equation, Observation, StaticNetwork, defines
-from faultbond.dynamics.evaluate import evaluate
-from faultbond.errors import StructureError
+from faultbond.analysis.static_network import READING, Observation, StaticNetwork
+from faultbond.analysis.static_reader import Reader
 from faultbond.types import BoolArray, FloatArray
 
 DETECTED = 1e-6  # chance that an observation of the healthy network is taken for a fault
@@ -30,16 +28,6 @@ class Data:
 
     u: FloatArray
     y: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reader:
-    """What the sensors read as a function of free values and inputs, with slopes."""
-
-    function: ca.Function
-    free: tuple[str, ...]
-    output_noise: FloatArray
-    input_noise: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,63 +51,6 @@ def data_of(network: StaticNetwork, rows: Sequence[Observation]) -> Data:
     return Data(u=np.array(inputs).reshape(-1, len(rows)), y=np.array(readings).reshape(-1, len(rows)))
 
 
-def reader(network: StaticNetwork, free: Iterable[str], suspended: Iterable[str] = ()) -> Reader:
-    """Give the readings of a network as a function.
-
-    Parameters
-    ----------
-    network : the network
-    free : parameters, or signals of suspended blocks, that stay open
-    suspended : blocks whose laws are not used
-
-    Raises
-    ------
-    StructureError
-        if a signal does not follow: laws in a loop that is not linear, or equations that define no signal.
-    """
-    graph, names = network.graph, tuple(free)
-    symbols = {name: ca.SX.sym(name) for name in (*names, *(item.name for item in graph.inputs))}
-    values = {name: ca.SX(float(value)) for name, value in network.values.items()} | symbols
-    out = set(suspended)
-    laws = [law for law in network.equations if not law.sensor and law.block not in out]
-    _follow(laws, values, graph.file)
-    y = ca.vertcat(*(evaluate(item.reads, values) for item in graph.sensors))
-    x, u = ca.vertcat(*(symbols[name] for name in names)), ca.vertcat(*(symbols[item.name] for item in graph.inputs))
-    x, u = (ca.SX.sym("none", 0, 1) if item.is_empty() else item for item in (x, u))
-    return Reader(
-        function=ca.Function("readings", [x, u], [y, ca.jacobian(y, x), ca.jacobian(y, u)]),
-        free=names,
-        output_noise=np.array([item.noise for item in graph.sensors]),
-        input_noise=np.array([item.noise for item in graph.inputs]),
-    )
-
-
-def _follow(laws: list[Equation], values: dict[str, ca.SX], file: str) -> None:
-    """Add the signals that laws define; those in a loop at once, if the loop is linear."""
-    loop = []
-    for law in laws:
-        signal = defines(law)
-        if signal is None:
-            raise StructureError(
-                f"{file}: block {law.block}: with noise, a law has to define a signal, as in `y = 2*x`"
-            )
-        if all(name in values for name in law.names if name != signal):
-            values[signal] = evaluate(law.right, values)
-        else:
-            loop.append((signal, law))
-    if not loop:
-        return
-    unknown = {signal: ca.SX.sym(signal) for signal, _ in loop}
-    missing = {name for _, law in loop for name in law.names} - values.keys() - unknown.keys()
-    z = ca.vertcat(*unknown.values())
-    gap = None if missing else ca.vertcat(*(unknown[s] - evaluate(law.right, {**values, **unknown}) for s, law in loop))
-    if gap is None or ca.depends_on(ca.jacobian(gap, z), z):
-        blocks = ", ".join(dict.fromkeys(law.block for _, law in loop))
-        raise StructureError(f"{file}: blocks {blocks}: with noise, a loop has to be linear; state the noises as 0")
-    solution = ca.solve(ca.jacobian(gap, z), -ca.substitute(gap, z, ca.SX.zeros(z.shape)))
-    values.update({signal: solution[k] for k, signal in enumerate(unknown)})
-
-
 def whitened(read: Reader, x: FloatArray, data: Data) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Give misfits in their standard deviations (n, m), slopes by the free values (n, m, p), what is there (n, m).
 
@@ -128,21 +59,24 @@ def whitened(read: Reader, x: FloatArray, data: Data) -> tuple[FloatArray, Float
     Parameters
     ----------
     read : the readings as a function
-    x : free values (p,), or (p, n) where they differ from observation to observation
+    x : free values (p,)
     data : the observations
     """
-    n, m = data.y.shape[1], data.y.shape[0]
-    free = np.broadcast_to(x if x.ndim == 2 else x[:, None], (len(read.free), n))
-    y, by_x, by_u = (np.asarray(item.full()) for item in read.function.map(n)(free, data.u))
-    by_x, by_u = by_x.reshape(m, n, -1).transpose(1, 0, 2), by_u.reshape(m, n, -1).transpose(1, 0, 2)
+    y, by_x, by_u = read(x, data.u)
     seen = np.isfinite(data.y) & np.isfinite(y)
     gap = np.where(seen, data.y - np.where(seen, y, 0.0), 0.0).T
-    spread = np.nan_to_num(by_u) * read.input_noise
-    own = np.maximum(read.output_noise[:, None], EXACT * np.abs(np.where(seen, data.y, 1.0))) + 1e-300
-    cover = np.where(seen.T[:, :, None], spread, 0.0)
-    root = np.linalg.cholesky(cover @ cover.transpose(0, 2, 1) + own.T[:, :, None] ** 2 * np.eye(m))
-    slopes = np.where(seen.T[:, :, None], -by_x, 0.0)
+    cover = np.where(seen.T[:, :, None], np.nan_to_num(by_u) * read.input_noise, 0.0)
+    own = np.maximum(read.output_noise[:, None], EXACT * _sizes(data.y)).T
+    root = np.linalg.cholesky(cover @ cover.transpose(0, 2, 1) + own[:, :, None] ** 2 * np.eye(len(data.y)))
+    slopes = np.where(seen.T[:, :, None], -np.nan_to_num(by_x), 0.0)
     return np.linalg.solve(root, gap[:, :, None])[:, :, 0], np.linalg.solve(root, slopes), seen.T
+
+
+def _sizes(y: FloatArray) -> FloatArray:
+    """Give what a reading's rounding is relative to: its size, else the largest of its sensor."""
+    sizes = np.abs(np.nan_to_num(y))
+    largest = sizes.max(axis=1, initial=0.0, keepdims=True)
+    return np.where(sizes > 0.0, sizes, np.where(largest > 0.0, largest, 1.0))
 
 
 def fit(read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatArray, FloatArray], data: Data) -> Fit:
@@ -160,8 +94,7 @@ def fit(read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatA
         return whitened(read, t * scale, data)[0].ravel()
 
     def slopes(t: FloatArray) -> FloatArray:
-        found = whitened(read, t * scale, data)[1] * scale
-        return np.nan_to_num(found.reshape(-1, len(start)))
+        return np.asarray((whitened(read, t * scale, data)[1] * scale).reshape(-1, len(start)))
 
     low, high = np.sort([bounds[0] / scale, bounds[1] / scale], axis=0)
     inside = np.clip(start / scale, low + 1e-9, high - 1e-9)

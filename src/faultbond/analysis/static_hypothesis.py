@@ -9,15 +9,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-from faultbond.analysis.static_network import (
-    TOLERANCE,
-    Observation,
-    Propagated,
-    StaticNetwork,
-    equations_of,
-    propagate,
-    without_readings,
-)
+import numpy as np
+
+from faultbond.analysis.static_equations import TOLERANCE
+from faultbond.analysis.static_explicit import agrees, is_explicit, reading_equations
+from faultbond.analysis.static_fit import data_of, fit
+from faultbond.analysis.static_network import Observation, StaticNetwork
+from faultbond.analysis.static_propagation import Propagated, propagate, suspend, without_readings
 from faultbond.analysis.static_search import Found, search
 from faultbond.analysis.static_solve import (
     NotPolynomialError,
@@ -38,14 +36,13 @@ MAX_SEARCHED = 40  # observations that a search looks at; all are checked
 class Hypothesis:
     """Suspended parameters, or blocks, and what explains the observations so far.
 
-    points: solutions that are left; of blocks the empty one. systems: equations, each with infinitely many solutions,
-    one of which is near the nominal values: `nearest`. At the start everything is possible.
+    points: solutions that are left; of blocks the empty one. systems: equations, each with infinitely many solutions.
+    At the start everything is possible.
     """
 
     suspects: tuple[str, ...]
     points: tuple[Point, ...] = ()
     systems: tuple[System, ...] = ((),)
-    nearest: Point | None = None
 
     @property
     def is_possible(self) -> bool:
@@ -59,37 +56,58 @@ def advance(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation
         consistent = is_consistent(network, held.suspects, rows[-1])
         return replace(held, points=({},) if consistent else (), systems=())
     points = [point for point in held.points if explains(network, point, rows[-1])]
-    systems: list[System] = []
-    if held.systems:
-        found = equations_of(network, rows[-1], held.suspects, {})
-        if found.conflict is not None:
-            return replace(held, points=(), systems=(), nearest=None)
+    systems = list(held.systems)
+    if systems:
         try:
-            systems, more = _combined(held, found, rows[-1])
+            cases = equations_of_parameters(network, held.suspects, rows[-1])
+            if len(cases) * len(systems) > MAX_SYSTEMS:
+                raise NotPolynomialError
+            systems, more = _combined(held, cases)
         except NotPolynomialError:
             return _searched(network, held, rows)
         points += [point for point in more if all(explains(network, point, row) for row in rows)]
-    after = replace(held, points=tuple(_distinct(points)), systems=tuple(systems), nearest=None)
-    if after.is_possible and not (after.systems and not after.points):
-        return after
-    return _confirmed(network, held, after, rows)
+        if not (points or systems) and cases and len(held.suspects) > 1:
+            return _confirmed(network, held, rows)
+    return replace(held, points=tuple(_distinct(points)), systems=tuple(systems))
 
 
-def _combined(held: Hypothesis, found: Propagated, seen: Observation) -> tuple[list[System], list[Point]]:
+def equations_of_parameters(network: StaticNetwork, suspects: tuple[str, ...], seen: Observation) -> list[System]:
+    """Give what an observation says of suspended parameters, one system for each combination of branches."""
+    if is_explicit(network, seen):
+        try:
+            system = reading_equations(network, suspects, seen)
+        except NotPolynomialError:
+            pass
+        else:
+            return [] if system is None else [system]
+    found = suspend(network, seen, suspects, {})
+    return [] if found.conflict is not None else polynomial_cases(found, suspects, str(seen.index))
+
+
+def _combined(held: Hypothesis, cases: Sequence[System]) -> tuple[list[System], list[Point]]:
     """Give the systems with infinitely many solutions, and the points, that all branches lead to."""
-    cases = polynomial_cases(found, held.suspects, str(seen.index))
-    if len(cases) * len(held.systems) > MAX_SYSTEMS:
-        raise NotPolynomialError
     systems: list[System] = []
     points: list[Point] = []
     for system, case in product(held.systems, cases):
-        joined = tuple(dict.fromkeys((*system, *case)))
-        solutions = real_points(joined, held.suspects)
-        if solutions is None:
-            systems.append(joined)
-        else:
-            points += solutions
+        more, found = _joined(system, case, held.suspects)
+        points += found
+        if more is not None:
+            systems.append(more)
     return list(dict.fromkeys(systems)), points
+
+
+def _joined(system: System, case: System, suspects: tuple[str, ...]) -> tuple[System | None, list[Point]]:
+    """Give the system with a case added as long as solutions are infinitely many, else the points.
+
+    One equation is added after the other: those after the points are known are left to the check, which bears rounding.
+    """
+    private = any(symbol.name not in suspects for item in case for symbol in item.free_symbols)
+    for step in (case,) if private else ((item,) for item in case):
+        system = tuple(dict.fromkeys((*system, *step)))
+        found = real_points(system, suspects)
+        if found is not None:
+            return None, found
+    return system, []
 
 
 def _distinct(points: Iterable[Point]) -> list[Point]:
@@ -102,32 +120,38 @@ def _distinct(points: Iterable[Point]) -> list[Point]:
     return kept
 
 
-def _confirmed(
-    network: StaticNetwork, before: Hypothesis, after: Hypothesis, rows: Sequence[Observation]
-) -> Hypothesis:
-    """Look for a real solution by search: of systems, and where rounding of the data may have hidden the exact one."""
-    found = _search(network, after.suspects, rows)
-    if not found:
-        return replace(after, systems=())
-    if not found[0].free:
-        points = [_point(item) for item in found]
-        return replace(after, points=tuple(points), systems=())
-    return replace(after, systems=after.systems or before.systems or ((),), nearest=_point(found[0]))
+def _confirmed(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
+    """Look for a solution near the nominal values that rounding of the data may have hidden from exact arithmetic."""
+    found = nearest(network, held.suspects, rows)
+    if found is None:
+        return replace(held, points=(), systems=())
+    if found.free:  # the newest observation says what others said, but for rounding
+        return replace(held, points=())
+    return replace(held, points=(_point(found),), systems=())
+
+
+def nearest(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Found | None:
+    """Give a solution near the nominal values that explains all rows; `free` where there are others as near."""
+    if network.reader is None:
+        return next(iter(_search(network, suspects, rows)), None)
+    items = [network.graph.parameter(name) for name in suspects]
+    start, scale = np.array([item.nominal for item in items]), np.array([item.scale for item in items])
+    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
+    best = fit(network.reader.of(suspects), start, scale, bounds, data_of(network, rows))
+    found = Found(values=dict(zip(suspects, best.values.tolist(), strict=True)), free=best.rank < len(suspects))
+    return found if all(explains(network, _point(found), row) for row in rows) else None
 
 
 def _searched(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
     found = _search(network, held.suspects, rows)
     points = tuple(_point(item) for item in found if not item.free)
-    free = next((item for item in found if item.free), None)
-    if free is None:
-        return replace(held, points=points, systems=(), nearest=None)
-    return replace(held, points=points, systems=((),), nearest=_point(free))
+    return replace(held, points=points, systems=((),) if any(item.free for item in found) else ())
 
 
 def _search(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> list[Found]:
     """Give solutions by search that explain all rows."""
     some = rows[:MAX_SEARCHED]
-    systems = [equations_of(network, row, suspects, {}) for row in some]
+    systems = [suspend(network, row, suspects, {}) for row in some]
     if any(system.conflict is not None for system in systems):
         return []
     nominal = {name: float(network.values[name]) for name in suspects}
@@ -147,7 +171,9 @@ def explains(network: StaticNetwork, point: Point, seen: Observation) -> bool:
         slack = TOLERANCE * abs(float(value))
         if not item.lower - slack <= float(value) <= item.upper + slack:
             return False
-    return _has_solution(network, equations_of(network, seen, point, values), seen)
+    if is_explicit(network, seen):
+        return agrees(network, seen, values)
+    return _has_solution(network, suspend(network, seen, point, values), seen)
 
 
 def is_consistent(network: StaticNetwork, blocks: Iterable[str], seen: Observation) -> bool:
@@ -155,7 +181,7 @@ def is_consistent(network: StaticNetwork, blocks: Iterable[str], seen: Observati
 
     Source: thesis 3.6 and 6.4.1.
     """
-    return _has_solution(network, equations_of(network, seen, blocks, {}), seen)
+    return _has_solution(network, suspend(network, seen, blocks, {}), seen)
 
 
 def _has_solution(network: StaticNetwork, found: Propagated, seen: Observation) -> bool:

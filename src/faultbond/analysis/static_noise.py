@@ -11,9 +11,11 @@ from math import inf
 
 import numpy as np
 
-from faultbond.analysis.static_fit import REJECTED, Data, Fit, Reader, data_of, fit, limit, reader
+from faultbond.analysis.static_equations import defines
+from faultbond.analysis.static_fit import REJECTED, Data, Fit, data_of, fit, limit
 from faultbond.analysis.static_hypothesis import Hypothesis, advance
-from faultbond.analysis.static_network import READING, Observation, StaticNetwork, defines, without_readings
+from faultbond.analysis.static_network import READING, Observation, StaticNetwork, healthy_of
+from faultbond.analysis.static_reader import Reader, reader
 from faultbond.analysis.static_solve import Point, value_of
 from faultbond.types import FloatArray
 
@@ -71,10 +73,11 @@ def trials(
 
 
 def _reader(network: StaticNetwork, suspects: tuple[str, ...]) -> Reader:
-    if not network.of_blocks:
-        return reader(network, suspects)
-    signals = [defines(law) for law in network.equations if law.block in suspects]
-    return reader(network, [name for name in signals if name is not None], suspects)
+    if network.reader is not None and not network.of_blocks:
+        return network.reader.of(suspects)
+    laws = [law for law in network.laws if law.block not in suspects]
+    free = [defines(law) for law in network.laws if law.block in suspects]
+    return reader(network.graph, laws, network.values, {name: 1.0 for name in free if name is not None})
 
 
 def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> Trial:
@@ -127,7 +130,7 @@ def _of_blocks(network: StaticNetwork, held: Trial, rows: Sequence[Observation],
         return replace(held, allowed=0.0)
     misfit, freedom = held.least, held.freedom
     for k in range(held.count, len(rows)):
-        healthy = without_readings(network, rows[k])
+        healthy = healthy_of(network, rows[k]).values
         start = np.array([float(healthy.get(name, 1.0)) for name in held.read.free])
         scale = np.where(start == 0.0, 1.0, np.abs(start))
         one = Data(u=data.u[:, k : k + 1], y=data.y[:, k : k + 1])

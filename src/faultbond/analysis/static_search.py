@@ -10,7 +10,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from faultbond.analysis.static_network import Propagated, holds, magnitude
+from faultbond.analysis.static_equations import holds, magnitude
+from faultbond.analysis.static_propagation import Propagated
 from faultbond.structure.numeric import Value, slopes
 from faultbond.types import FloatArray
 

@@ -15,7 +15,8 @@ from math import isfinite, prod
 
 import sympy as sp
 
-from faultbond.analysis.static_network import Equation, Propagated
+from faultbond.analysis.static_equations import Equation
+from faultbond.analysis.static_propagation import Propagated
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, walk
 from faultbond.structure.numeric import Value, evaluate, exact
 
@@ -200,8 +201,15 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
     others = [symbol for symbol in every if symbol not in target]
     if not system:
         return None if target else [{}]
-    degrees = prod(max(int(sp.Poly(item, *every).total_degree()), 1) for item in system)
-    if len(every) > MAX_UNKNOWNS or degrees > MAX_SOLUTIONS:
+    polynomials = [sp.Poly(item, *every) for item in system]
+    degrees = [int(item.total_degree()) for item in polynomials]
+    if not others and max(degrees) == 1:
+        return _linear_point(polynomials, target)
+    if not others and len(every) < len(target):
+        return [] if real_points(system, [symbol.name for symbol in every]) == [] else None
+    if len(every) == len(system) == 1:
+        return [{every[0].name: root} for root in real_roots(polynomials[0])]
+    if len(every) > MAX_UNKNOWNS or prod(degrees) > MAX_SOLUTIONS:
         raise NotPolynomialError
     basis = sp.groebner(system, *others, *target, order="lex").exprs
     if basis == [1]:
@@ -209,7 +217,28 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
     own = [item for item in basis if not item.free_symbols & set(others)]
     if not own or not sp.groebner(own, *target, order="lex").is_zero_dimensional:
         return None
-    return list(_triangular(own, target))
+    return [{symbol.name: point[symbol.name] for symbol in target} for point in _triangular(own, target)]
+
+
+def _linear_point(system: list[sp.Poly], target: list[sp.Symbol]) -> list[Point] | None:
+    """Give the solution of linear equations, by Gauss's elimination in fractions."""
+    width = len(target)
+    place = [target.index(symbol) for symbol in system[0].gens]
+    done: list[tuple[int, list[sp.Rational]]] = []
+    for polynomial in system:
+        row = [sp.Rational(0)] * (width + 1)
+        for powers, coefficient in polynomial.as_dict().items():
+            row[place[powers.index(1)] if any(powers) else width] = coefficient
+        for column, other in done:
+            row = [entry - row[column] * above for entry, above in zip(row, other, strict=True)]
+        pivot = next((column for column in range(width) if row[column] != 0), None)
+        if pivot is None and row[width] != 0:
+            return []
+        if pivot is not None:
+            row = [entry / row[pivot] for entry in row]
+            done = [(c, [e - other[pivot] * r for e, r in zip(other, row, strict=True)]) for c, other in done]
+            done.append((pivot, row))
+    return None if len(done) < width else [{target[column].name: -row[width] for column, row in sorted(done)}]
 
 
 def _triangular(basis: list[sp.Expr], target: list[sp.Symbol]) -> Iterator[Point]:

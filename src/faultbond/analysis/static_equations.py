@@ -1,0 +1,74 @@
+"""Equations of a static network, and when two values of a signal agree."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names
+from faultbond.structure.numeric import Value, evaluate
+
+TOLERANCE = 1e-9  # two values of a signal agree within this part of the larger one
+ROUNDING = 1e-13  # and within this part of the terms that they are sums of, for data that are no exact decimals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equation:
+    """A law of a block, or what a sensor reads: left = right, naming `names`."""
+
+    left: Expression
+    right: Expression
+    names: tuple[str, ...]
+    block: str = ""
+    sensor: str = ""
+
+
+def equation(left: Expression, right: Expression, *, block: str = "", sensor: str = "") -> Equation:
+    """Give the equation left = right."""
+    used = tuple(dict.fromkeys((*names(left), *names(right))))
+    return Equation(left=left, right=right, names=used, block=block, sensor=sensor)
+
+
+def defines(law: Equation) -> str | None:
+    """Give the signal that a law gives in terms of others, if it does."""
+    if isinstance(law.left, Name) and not law.sensor and law.left.text not in names(law.right):
+        return law.left.text
+    return None
+
+
+def holds(equation: Equation, known: Mapping[str, Value], sizes: Mapping[str, float]) -> bool:
+    """Whether both sides agree, to rounding; not where one has no real value."""
+    left, right = evaluate(equation.left, known), evaluate(equation.right, known)
+    if not (isfinite(left) and isfinite(right)):
+        return False
+    if left == right:
+        return True
+    larger = max(magnitude(left), magnitude(right))
+    terms = max(size(equation.left, known, sizes), size(equation.right, known, sizes))
+    return magnitude(left - right) <= TOLERANCE * larger + ROUNDING * terms
+
+
+def magnitude(value: Value) -> float:
+    """Give the size of a value, infinite beyond the range of floating point."""
+    try:
+        return abs(float(value))
+    except OverflowError:
+        return inf
+
+
+def size(expression: Expression, known: Mapping[str, Value], sizes: Mapping[str, float]) -> float:
+    """Give the size of the terms that a value is the sum of: what rounding is relative to."""
+    match expression:
+        case Name(text):
+            return sizes[text]
+        case Negative(operand):
+            return size(operand, known, sizes)
+        case Binary("+" | "-", left, right):
+            return size(left, known, sizes) + size(right, known, sizes)
+        case Binary("*", left, right):
+            return size(left, known, sizes) * size(right, known, sizes)
+        case Binary("/", left, right):
+            divisor = magnitude(evaluate(right, known))
+            return size(left, known, sizes) / divisor if divisor else 0.0
+        case Call("abs" | "min" | "max", arguments):
+            return max(size(argument, known, sizes) for argument in arguments)
+    return magnitude(evaluate(expression, known))

@@ -1,0 +1,492 @@
+"""Static networks of numbers and of logic: detection, diagnoses, branches, loops, noise, missing values."""
+
+from collections.abc import Sequence
+from math import exp, inf, nan, sqrt
+
+import numpy as np
+import pytest
+
+from faultbond.analysis.static import watch
+from faultbond.analysis.static_network import Observation, StaticNetwork, observation, static_network
+from faultbond.analysis.static_tables import relations, solve
+from faultbond.errors import RecordingError, StructureError
+from faultbond.io.grid import GridPoint
+from faultbond.model.text import parse_model
+from faultbond.runtime.history import Detection, Diagnosis
+
+Row = tuple[float, ...]
+
+PRODUCT = """
+sample_time: none
+inputs: {x: {}}
+blocks:
+  a: {law: p = A*x, parameters: {A: {nominal: 2, range: any}}}
+  b: {law: y = B*p, parameters: {B: {nominal: 3, range: any}}}
+sensors: {y: {reads: y}}
+"""
+SUM = """
+sample_time: none
+inputs: {x: {}, z: {}}
+blocks:
+  a: {law: p = A*x, parameters: {A: 2}}
+  b: {law: q = B*z, parameters: {B: 3}}
+  s: {law: s = p + q}
+sensors: {p: {reads: p}, s: {reads: s}}
+"""
+GAUGES = """
+sample_time: none
+inputs: {in1: {}, in2: {}, in3: {}, in4: {}}
+blocks:
+  A: {law: S1 = in3 + in4}
+  B: {law: S2 = in1 + in2}
+  C: {law: S3 = S1*S2}
+  D: {law: out1 = S1 + S2}
+  E: {law: out2 = S1*S3}
+sensors: {out1: {reads: out1, noise: 0.01}, out2: {reads: out2, noise: 0.01}}
+"""
+
+
+def grid_points(text: str, rows: Sequence[Row]) -> list[GridPoint]:
+    """Give rows of inputs and readings as grid points."""
+    count = len(parse_model(text).inputs)
+    return [
+        GridPoint(index=k, time=float(k), dt=0.0, u=np.array(row[:count]), y=np.array(row[count:]))
+        for k, row in enumerate(np.array(rows, dtype=np.float64).tolist())
+    ]
+
+
+def report(text: str, rows: Sequence[Row]) -> tuple[Detection | None, list[Diagnosis]]:
+    """Give the detection and the diagnoses of rows."""
+    records = list(watch(parse_model(text), grid_points(text, rows)))
+    if not records:
+        return None, []
+    first, *rest = records
+    assert isinstance(first, Detection)
+    return first, [item for item in rest if isinstance(item, Diagnosis)]
+
+
+def estimates(diagnosis: Diagnosis) -> dict[tuple[str, ...], list[tuple[float, ...]]]:
+    """Give the estimates by set of parameters, in the order in which they are reported."""
+    found: dict[tuple[str, ...], list[tuple[float, ...]]] = {}
+    for item in diagnosis.candidates:
+        found.setdefault(item.parameters, []).append(tuple(suspect.estimate for suspect in item.suspects))
+    return found
+
+
+def singles(diagnosis: Diagnosis) -> dict[str, float]:
+    """Give the only estimate of each single parameter."""
+    return {names[0]: value for names, ((value,),) in estimates(diagnosis).items()}
+
+
+def blocks(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Give the suspected blocks."""
+    return [item.blocks for item in diagnosis.candidates]
+
+
+def observed(text: str, rows: Sequence[Row]) -> tuple[StaticNetwork, list[Observation]]:
+    """Give the network and its observations."""
+    network = static_network(parse_model(text))
+    return network, [observation(network, point) for point in grid_points(text, rows)]
+
+
+def test_healthy_observations_report_nothing() -> None:
+    """As long as all rows agree with the network there is no record."""
+    assert report(PRODUCT, [(1, 6), (2, 12), (0, 0)]) == (None, [])
+
+
+def test_detection_at_the_first_row_that_contradicts() -> None:
+    """The detection names its row and sensor; one diagnosis follows for it and for each later row."""
+    detection, diagnoses = report(SUM, [(1, 1, 2, 5), (1, 1, 2, 6), (1, 2, 2, 10)])
+    assert detection == Detection(time=1.0, sample=1, change_time=1.0, signals=("s",))
+    assert [item.time for item in diagnoses] == [1.0, 2.0]
+    assert estimates(diagnoses[-1]) == {("B",): [(4.0,)]}
+
+
+def test_rows_before_the_detection_do_not_count() -> None:
+    """A healthy row before the fault is not held against the changed parameter."""
+    _, diagnoses = report(SUM, [(1, 1, 2, 5), (1, 1, 4, 7)])
+    assert estimates(diagnoses[-1]) == {("A",): [(4.0,)]}
+
+
+def test_a_reading_that_a_suspect_cannot_change_clears_it() -> None:
+    """B does not influence p, and so cannot explain it, at any value."""
+    detection, (diagnosis,) = report(SUM, [(1, 1, 4, 7)])
+    assert detection is not None
+    assert detection.signals == ("p", "s")
+    assert estimates(diagnosis) == {("A",): [(4.0,)]}
+
+
+def test_larger_sets_when_no_smaller_one_explains() -> None:
+    """Two changed parameters are found once no single one fits all rows, with values that fit all."""
+    _, (diagnosis,) = report(SUM, [(1, 1, 4, 8)])
+    assert estimates(diagnosis) == {("A", "B"): [(4.0, 4.0)]}
+
+
+def test_no_set_up_to_the_limit_explains() -> None:
+    """With one fault at most, two changed parameters leave a diagnosis without candidates."""
+    _, diagnoses = report(SUM.replace("none\n", "none\nmax_faults: 1\n", 1), [(1, 1, 4, 8), (1, 1, 4, 8)])
+    assert [item.candidates for item in diagnoses] == [(), ()]
+
+
+def test_sets_that_observations_do_not_determine() -> None:
+    """Where only a pair can explain a single row, one of its infinitely many solutions is given, with no certainty."""
+    text = SUM.replace("a + b", "a").replace("sensors: {p: {reads: p}, s: {reads: s}}", "sensors: {s: {reads: s}}")
+    pair = text.replace("{A: 2}", "{A: {nominal: 2, range: [1, 3]}}").replace(
+        "{B: 3}", "{B: {nominal: 3, range: [2, 4]}}"
+    )
+    _, (diagnosis,) = report(pair, [(1, 1, 6.5)])
+    (candidate,) = diagnosis.candidates
+    a, b = candidate.suspects
+    assert a.estimate + b.estimate == pytest.approx(6.5)
+    assert a.sd == b.sd == inf
+    network, rows = observed(pair, [(1, 1, 6.5)])
+    assert solve(network, ("A", "B"), rows).free
+
+
+def test_equations_without_real_solution_explain_nothing() -> None:
+    """The square of a sum cannot be negative, whatever its parameters."""
+    text = """
+sample_time: none
+inputs: {x: {}, z: {}}
+blocks:
+  a: {law: p = A*x + B*z, parameters: {A: {nominal: 1, range: any}, B: {nominal: 1, range: any}}}
+  b: {law: y = p**2}
+sensors: {y: {reads: y}}
+"""
+    _, (diagnosis,) = report(text, [(1, 1, -4)])
+    assert diagnosis.candidates == ()
+
+
+def test_stated_ranges_discard_roots() -> None:
+    """Of the two roots of a square, the one outside the range of its parameter is no diagnosis."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = (A*x)**2, parameters: {A: {nominal: 1, range: any}}}}
+sensors: {y: {reads: y}}
+"""
+    _, (both,) = report(text, [(2, 36)])
+    assert estimates(both) == {("A",): [(3.0,), (-3.0,)]}
+    _, (one,) = report(text.replace("any", "[0, 10]"), [(2, 36)])
+    assert estimates(one) == {("A",): [(3.0,)]}
+
+
+def test_roots_outside_their_branch_are_discarded() -> None:
+    """Friction of one value forward and another backward: a row tells of the branch that it is in."""
+    text = """
+sample_time: none
+inputs: {v: {}, w: {}}
+blocks:
+  friction: {law: "f = where(v > 0, C1, C2)", parameters: {C1: 2, C2: {nominal: -3, range: any}}}
+  load: {law: y = f + G*w, parameters: {G: 4}}
+sensors: {y: {reads: y}}
+"""
+    _, diagnoses = report(text, [(1, 1, 7), (-1, 1, 1)])
+    assert estimates(diagnoses[0]) == {("C1",): [(3.0,)], ("G",): [(5.0,)]}
+    assert estimates(diagnoses[1]) == {("C1",): [(3.0,)]}
+
+
+def test_branches_that_depend_on_the_suspect() -> None:
+    """|A x| = 6 has a root in each branch; max(A x, 1) = 6 has one."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: "y = FORM", parameters: {A: {nominal: 1, range: any}}}}
+sensors: {y: {reads: y}}
+"""
+    expected = {
+        "abs(A*x)": [(3.0,), (-3.0,)],
+        "max(A*x, 1)": [(3.0,)],
+        "min(A*x, 10)": [(3.0,)],
+        "where(A > 2, 2*A, A + 100)": [(3.0,), (-94.0,)],
+        "A*x + sign(A)": [(2.5,)],
+    }
+    for form, values in expected.items():
+        _, (diagnosis,) = report(text.replace("FORM", form), [(2, 6)])
+        assert estimates(diagnosis) == {("A",): values}, form
+
+
+def test_roots_of_numbers() -> None:
+    """A square root is undone by squaring, and a root with the wrong sign is not taken."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = sqrt(A*x + B) - 1, parameters: {A: 2, B: 1}}}
+sensors: {y: {reads: y}}
+"""
+    _, (diagnosis,) = report(text, [(4, 4)])
+    assert estimates(diagnosis) == {("A",): [(6.0,)], ("B",): [(17.0,)]}
+    assert report(text, [(4, -3)])[1][0].candidates == ()
+
+
+def test_quotients() -> None:
+    """A parameter below a fraction line is found."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: q = x/P, parameters: {P: 4}}, b: {law: y = q/(q + B), parameters: {B: 2}}}
+sensors: {y: {reads: y}}
+"""
+    _, (diagnosis,) = report(text, [(8, 0.6)])
+    assert singles(diagnosis) == pytest.approx({"P": 8 / 3, "B": 4 / 3})
+
+
+def test_functions_without_closed_form() -> None:
+    """A parameter inside an exponential and outside of it is found by search, the other is cleared by a second row."""
+    text = """
+sample_time: none
+max_faults: 1
+inputs: {x: {}}
+blocks: {a: {law: q = exp(A*x) + A, parameters: {A: 1}}, b: {law: y = K*q, parameters: {K: 3}}}
+sensors: {y: {reads: y}}
+"""
+    rows = [(x, 3 * (exp(1.5 * x) + 1.5)) for x in (1.0, 2.0)]
+    _, diagnoses = report(text, rows)
+    assert set(estimates(diagnoses[0])) == {("A",), ("K",)}
+    assert singles(diagnoses[1]) == pytest.approx({"A": 1.5})
+
+
+def test_loops_of_blocks() -> None:
+    """A feedback loop is solved at once: y = G (x - H y)."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {e: {law: e = x - H*y, parameters: {H: 0.5}}, g: {law: y = G*e, parameters: {G: 4}}}
+sensors: {y: {reads: y}}
+"""
+    _, diagnoses = report(text, [(3, 4), (3, 2)])
+    assert estimates(diagnoses[0]) == {("H",): [(1.25,)], ("G",): [(1.0,)]}
+    noisy = text.replace("reads: y}", "reads: y, noise: 0.01}")
+    _, diagnoses = report(noisy, [(3, 4.003), (3, 2.01)])
+    assert singles(diagnoses[0])["G"] == pytest.approx(1.0, abs=0.02)
+    with pytest.raises(StructureError, match="e, g form a loop that is not linear"):
+        report(noisy.replace("H*y", "H*y**2"), [(3, 4)])
+
+
+def test_equations_that_define_no_signal() -> None:
+    """Equations of any form between stated signals are solved together."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks:
+  one: {law: 0 = u*v - A*x, parameters: {A: 6}, signals: [u, v]}
+  two: {law: 0 = u - B*v, parameters: {B: 1.5}}
+sensors: {u: {reads: u}, v: {reads: v}}
+"""
+    detection, diagnoses = report(text, [(1, 3, 2), (1, 4, 2), (4, 8, 4)])
+    assert detection is not None
+    assert detection.sample == 1
+    assert estimates(diagnoses[-1]) == {("A", "B"): [(8.0, 2.0)]}
+
+
+def test_missing_values() -> None:
+    """What is there of a row is used; a row without any reading is passed over."""
+    rows = [(1, nan, 2, nan), (nan, 1, 3, 9), (1, 1, nan, nan), (2, nan, 6, nan)]
+    detection, diagnoses = report(SUM, rows)
+    assert detection is not None
+    assert detection.sample == 1  # with x unknown, p = 3 and s = 9 leave q = 6
+    assert [item.time for item in diagnoses] == [1.0, 3.0]
+    assert estimates(diagnoses[0]) == {("B",): [(6.0,)]}
+    assert estimates(diagnoses[1]) == {("A", "B"): [(3.0, 6.0)]}
+
+
+def test_rounded_data_are_not_taken_for_a_fault() -> None:
+    """Values that are converted from a unit are no exact decimals, and agree nevertheless."""
+    assert 57 * 0.01 != 0.57
+    rows = [(0.57, 0.29, 1.14, 2.01), (0.57, 0.29, 1.71, 2.58), (0.58, 0.31, 1.74, 2.67)]
+    scaled = [tuple(100 * value * 0.01 for value in row) for row in rows]
+    detection, diagnoses = report(SUM, scaled)
+    assert detection is not None
+    assert detection.sample == 1
+    assert singles(diagnoses[-1]) == pytest.approx({"A": 3.0})
+
+
+def test_an_observation_seen_twice_tells_nothing_new() -> None:
+    """The same row again, with a rounding error, neither determines a pair nor rejects it."""
+    text = """
+sample_time: none
+inputs: {x: {}, z: {}}
+blocks:
+  a: {law: p = A*x, parameters: {A: {nominal: 2, range: any}}}
+  b: {law: q = B*z, parameters: {B: {nominal: 3, range: any}}}
+  s: {law: s = p + q}
+sensors: {s: {reads: s}}
+"""
+    network, rows = observed(text, [(1, 2, 12), (1, 2, 12), (1, 2, 12 + 1e-11), (2, 1, 13)])
+    assert solve(network, ("A", "B"), rows[:3]).free
+    (point,) = solve(network, ("A", "B"), rows).points
+    assert [float(point[name]) for name in "AB"] == pytest.approx([14 / 3, 11 / 3])
+
+
+def test_a_suspect_without_influence_stays_open() -> None:
+    """A factor of 0 says nothing of its parameter, and nothing can be explained by it."""
+    network, (agreeing, wrong) = observed(PRODUCT, [(0, 0), (0, 5)])
+    assert solve(network, ("A",), [agreeing]).free
+    assert not solve(network, ("A",), [wrong]).explains
+    assert relations(network, ("A", "B"), agreeing) == ()
+
+
+def test_relation_with_its_singular_case() -> None:
+    """Two factors are tied by their product; the relation fails where the other one is 0."""
+    network, rows = observed(PRODUCT, [(4, 32)])
+    (relation,) = relations(network, ("A", "B"), rows[0])
+    assert (relation.text, relation.unless) == ("A = 8/B", ("B = 0",))
+
+
+def test_constancy_of_two_roots() -> None:
+    """A root that the second row does not share is dropped, the other kept."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = (A*x + 1)**2, parameters: {A: {nominal: 0, accuracy: 1, change: 1}}}}
+sensors: {y: {reads: y}}
+"""
+    _, diagnoses = report(text, [(1, 9), (2, 25)])
+    assert estimates(diagnoses[0]) == {("A",): [(2.0,), (-4.0,)]}
+    assert estimates(diagnoses[1]) == {("A",): [(2.0,)]}
+
+
+def test_irrational_roots_have_full_precision() -> None:
+    """Both roots of A^2 = 2 are kept over further rows."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = A**2*x, parameters: {A: {nominal: 1, range: any}}}}
+sensors: {y: {reads: y}}
+"""
+    _, diagnoses = report(text, [(1, 2), (3, 6), (0.1, 0.2)])
+    assert estimates(diagnoses[-1]) == {("A",): [(sqrt(2.0),), (-sqrt(2.0),)]}
+
+
+def test_fit_over_all_rows_with_noise() -> None:
+    """With noise, estimate and standard deviation come from all rows, and the true set is kept."""
+    rng = np.random.default_rng(1)
+    x, z = rng.uniform(1.0, 4.0, (2, 50))
+    text = SUM.replace("reads: p", "reads: p, noise: 0.1").replace("reads: s", "reads: s, noise: 0.1")
+    rows = np.column_stack([x, z, 2 * x, 2 * x + 4 * z]) + rng.standard_normal((50, 4)) * [0, 0, 0.1, 0.1]
+    _, diagnoses = report(text, [tuple(row) for row in rows])
+    ((suspect,),) = (item.suspects for item in diagnoses[-1].candidates)
+    assert suspect.parameter == "B"
+    assert suspect.sd == pytest.approx(0.1 / sqrt(float(np.sum(z**2))), rel=1e-6)
+    assert abs(suspect.estimate - 4.0) < 3.0 * suspect.sd
+
+
+def test_noise_of_inputs_counts() -> None:
+    """A reading that input noise explains is no fault, and one beyond it is."""
+    text = PRODUCT.replace("x: {}", "x: {noise: 0.1}")
+    assert report(text, [(1.2, 6.0)]) == (None, [])  # 6 times 0.2 is two standard deviations
+    detection, _ = report(text, [(2.2, 6.0)])
+    assert detection is not None
+
+
+def test_both_roots_with_noise() -> None:
+    """Each root is a fit of its own as long as both pass the test."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = (A*x + 1)**2, parameters: {A: {nominal: 1, range: any}}}}
+sensors: {y: {reads: y, noise: 0.1}}
+"""
+    _, diagnoses = report(text, [(1, 9.05), (2, 24.95)])
+    assert [item[0] for item in estimates(diagnoses[0])["A",]] == pytest.approx([2.0, -4.0], abs=0.05)
+    assert [item[0] for item in estimates(diagnoses[1])["A",]] == pytest.approx([2.0], abs=0.05)
+
+
+def test_blocks_with_noise() -> None:
+    """With noise 0.01, C and E explain what they explain without it, and nothing else does."""
+    detection, (diagnosis,) = report(GAUGES, [(2, 3, 2, 4, 11.01, 179.99), (2, 3, 2, 4, 11.01, 170)])
+    assert detection is not None
+    assert (detection.sample, detection.signals) == (1, ("out2",))
+    assert blocks(diagnosis) == [("C",), ("E",)]
+
+
+def test_blocks_differ_from_row_to_row() -> None:
+    """A suspended block may give anything, anew in every observation; what explains each row alone is kept."""
+    text = GAUGES.replace(", noise: 0.01", "")
+    _, diagnoses = report(text, [(2, 3, 2, 4, 11, 170), (2, 3, 2, 4, 11, 90)])
+    assert blocks(diagnoses[-1]) == [("C",), ("E",)]
+
+
+def test_blocks_need_real_signals() -> None:
+    """A square behind a suspended block can be anything but negative."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: c = x + 1}, b: {law: d = c**2 + c}}
+sensors: {d: {reads: d}}
+"""
+    _, diagnoses = report(text, [(1, 30), (1, -4)])
+    assert blocks(diagnoses[0]) == [("a",), ("b",)]
+    assert blocks(diagnoses[1]) == [("b",)]
+
+
+def test_trusted_blocks_are_no_suspects() -> None:
+    """A block with `suspect: no` is never in a diagnosis."""
+    text = GAUGES.replace(", noise: 0.01", "").replace("{law: S3 = S1*S2}", "{law: S3 = S1*S2, suspect: no}")
+    _, (diagnosis,) = report(text, [(2, 3, 2, 4, 11, 170)])
+    assert blocks(diagnosis) == [("E",)]
+
+
+LOGIC = """
+sample_time: none
+inputs: {A: {unit: logic}, B: {unit: logic}}
+blocks: {N: {law: n = ~A}, O: {law: o = n | B}, X: {law: x = A ^ B}}
+sensors: {o: {reads: o, unit: logic}, x: {reads: x, unit: logic}}
+"""
+
+
+def test_logic() -> None:
+    """Rows of logic are detected and explained by the smallest sets of gates that explain all of them."""
+    detection, diagnoses = report(LOGIC, [(1, 1, 1, 0), (1, 0, 1, 1), (1, 0, 0, 0)])
+    assert detection == Detection(time=1.0, sample=1, change_time=1.0, signals=("o",))
+    assert blocks(diagnoses[0]) == [("N",), ("O",)]
+    assert blocks(diagnoses[1]) == [("N", "X"), ("O", "X")]
+    assert [item.probability for item in diagnoses[1].candidates] == [0.5, 0.5]
+
+
+def test_logic_with_missing_values() -> None:
+    """A missing input may have had any value; a row without readings is passed over."""
+    assert report(LOGIC, [(nan, 1, 1, 1), (1, 1, nan, nan)]) == (None, [])
+    detection, _ = report(LOGIC, [(nan, 1, 0, 1)])
+    assert detection is not None
+    assert detection.signals == ("o", "x")
+
+
+def test_logic_that_is_neither() -> None:
+    """A value between 0 and 1 is refused with its row."""
+    with pytest.raises(RecordingError, match=r"observation 2: o is 0\.5, not 0 or 1"):
+        report(LOGIC, [(1, 1, 1, 0), (1, 1, 0.5, 0)])
+
+
+def test_models_that_are_no_static_networks() -> None:
+    """A model in time, and one without suspects, are refused in one line."""
+    with pytest.raises(StructureError, match="needs `blocks` and `sample_time: none`"):
+        static_network(parse_model(PRODUCT.replace("none", "1 s").replace("reads: y", "reads: y, noise: 1")))
+    trusted = PRODUCT.replace("range: any}}", "range: any}}, suspect: no")
+    with pytest.raises(StructureError, match="leave one to be suspected"):
+        static_network(parse_model(trusted))
+
+
+def test_many_suspects() -> None:
+    """Of twelve parameters in two sums, the pair that changed is found, conflicts spare those that cannot matter."""
+    count = 12
+    law = "  b{k}: {{law: a{k} = P{k}*x{k}, parameters: {{P{k}: {{nominal: {nominal}, range: any}}}}}}"
+    terms = "\n".join(law.format(k=k, nominal=k + 1) for k in range(count))
+    text = f"""
+sample_time: none
+inputs: {{{", ".join(f"x{k}: {{}}" for k in range(count))}}}
+blocks:
+{terms}
+  left: {{law: l = {" + ".join(f"a{k}" for k in range(count // 2))}}}
+  right: {{law: r = {" + ".join(f"a{k}" for k in range(count // 2, count))}}}
+sensors: {{l: {{reads: l}}, r: {{reads: r}}}}
+"""
+    rng = np.random.default_rng(2)
+    x = rng.integers(1, 9, (4, count)).astype(np.float64)
+    gains = np.arange(1.0, count + 1.0)
+    gains[[1, 9]] = 7.0, -2.0
+    half = count // 2
+    rows = [(*row, row[:half] @ gains[:half], row[half:] @ gains[half:]) for row in x]
+    _, diagnoses = report(text, rows)
+    assert len(diagnoses[0].candidates) == half * half
+    assert estimates(diagnoses[-1]) == {("P1", "P9"): [(7.0, -2.0)]}
