@@ -17,7 +17,7 @@ from faultbond.model.text import parse_model
 
 Mapping = dict[str, Any]
 UNITS = {"R": "ohm", "C": "F", "I": "H"}
-FEW = settings(max_examples=15, deadline=None)
+FEW = settings(max_examples=10, deadline=None)
 
 
 @st.composite

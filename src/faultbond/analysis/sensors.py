@@ -5,6 +5,7 @@ sets are testable, how many independent combinations of parameters show, and how
 noise of a sensor that is not there is taken as `NOISE_PART` of the signal's usual size.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -23,6 +24,7 @@ from faultbond.model.graph import BondGraph, Sensor, Unit
 
 NOISE_PART = 0.01  # of the root mean square of the signal along the run
 MOST_TRIED = 300  # combinations of sensors judged
+MOST_COMPARED = 100  # sets compared for nearness, sizes whole
 MOST_NUMBERS = 2 * 10**7  # of sensitivities held at a time
 MOST_ADVISED = 5  # of one sensor, and of two
 _BOND = "->"  # in the name of a signal that only a bond has; no law can read it
@@ -33,8 +35,8 @@ class SensorAdvice:
     """What the plant would tell with further sensors.
 
     sensors: signals to read; none for the plant as it is. classes: testable sets that can be told apart, sets that look
-    alike counted once. near: pairs hard to tell apart. clearness: size of the combination of parameters that shows
-    least, relative to that which shows most, to one digit.
+    alike counted once. near: pairs hard to tell apart, of small sets where there are many. clearness: size of the
+    combination of parameters that shows least, relative to that which shows most, to one digit.
     """
 
     sensors: tuple[str, ...]
@@ -149,6 +151,13 @@ def _order(item: SensorAdvice) -> tuple[object, ...]:
     return tuple(-part for part in item.merit), -item.clearness
 
 
+def _few(sets: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Give the sets up to the largest size at which there are not too many to compare; the smallest at least."""
+    sizes = [len(chosen) for chosen in sets]
+    most = max((size for size in sizes if bisect_right(sizes, size) <= MOST_COMPARED), default=min(sizes, default=0))
+    return [chosen for chosen in sets if len(chosen) <= most]
+
+
 def _advice(graph: BondGraph, run: Sensitivity, further: tuple[int, ...]) -> SensorAdvice:
     """Judge the plant with its sensors and some further outputs of the run."""
     present = len(graph.sensors)
@@ -166,7 +175,7 @@ def _advice(graph: BondGraph, run: Sensitivity, further: tuple[int, ...]) -> Sen
         rank=seen.rank.value,
         testable=len(judged),
         classes=len(sets) - sum(len(group.sets) - 1 for group in alike) if judged else 0,
-        near=len(near_groups(weighed, sets, alike)),
+        near=len(near_groups(weighed, _few(sets), alike)),
         clearness=float(f"{weighed.rank.kept:.0e}"),
         groups=alike,
     )

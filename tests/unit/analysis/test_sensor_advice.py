@@ -90,6 +90,14 @@ def test_the_number_of_trials_is_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len({name for item in advise_sensors(model).further for name in item.sensors}) <= 1
 
 
+def test_many_sets_are_compared_by_small_ones_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there are too many sets to compare for nearness, those of the largest sizes are left aside."""
+    model = example("dc_motor")
+    assert advise_sensors(model).now.near > 0
+    monkeypatch.setattr(sensors, "MOST_COMPARED", 14)
+    assert advise_sensors(model).now.near == 0  # no two of the motor's single suspects are near
+
+
 def test_a_run_restricted_to_some_outputs() -> None:
     """The outputs chosen are kept in the order asked for."""
     whole = generic_run(example("dc_motor_current"))
