@@ -38,30 +38,34 @@ def in_general(model: StepModel, recursion: Recursion) -> View:
         Where the equations have no finite solution along any run.
     """
     run = generic_run(model, recursion)
-    return _view(model, reduce([run]), reduce([run], _noise(model)))
+    exact = reduce([run])
+    return _view(model, exact, exact, reduce([run], _noise(model)))
 
 
 def on_record(model: StepModel, runs: Sequence[Sensitivity]) -> View:
     """Give what a recording can tell: effects of a faulty parameter that its noise does not hide.
 
+    Groups are sets that look exactly alike along the record, near groups those that its noise makes hard to tell apart.
+
     Parameters
     ----------
+    model : the plant
     runs : those of `recorded.recorded_runs`
     """
     reduced = reduce(runs, _noise(model))
     changes = np.array([item.change for item in model.plant.graph.parameters])
     seen = above_noise(reduced, changes / np.where(reduced.steps != 0.0, np.abs(reduced.steps), 1.0))
-    return _view(model, seen, seen)
+    return _view(model, seen, reduced, reduced)
 
 
 def _noise(model: StepModel) -> FloatArray:
     return np.array([item.noise for item in model.plant.graph.sensors])
 
 
-def _view(model: StepModel, exact: Reduced, in_noises: Reduced) -> View:
+def _view(model: StepModel, judged: Reduced, exact: Reduced, in_noises: Reduced) -> View:
     graph = model.plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
-    judgement = judge(exact, suspects, largest_size(len(suspects), graph.max_faults))
+    judgement = judge(judged, suspects, largest_size(len(suspects), graph.max_faults))
     sets = [
         item.parameters
         for item in judgement.verdicts
