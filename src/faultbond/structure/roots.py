@@ -15,7 +15,7 @@ from faultbond.structure.branches import Case, cases, name_functions
 from faultbond.structure.elimination import Reduced, SingularError, eliminate
 from faultbond.structure.numeric import Value, evaluate
 from faultbond.structure.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
-from faultbond.structure.problem import TOLERANCE, Block, Problem
+from faultbond.structure.problem import TOLERANCE, Block, Problem, without
 from faultbond.structure.rational import NotRationalError, quotient, specialise
 from faultbond.structure.symbols import real_roots
 from faultbond.structure.systems import Given, NoClosedFormError, Ordered, System, order_systems
@@ -57,11 +57,11 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
 
     Parameters
     ----------
-    known : samples, parameters that are known, `dt`
+    known : samples, parameters, `dt`; values of unknowns among them are not used
     guess : where Newton's method starts from, for all unknowns, where it is needed
     """
     walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
-    paths: list[Values] = [{name: _fraction(value) for name, value in known.items()}]
+    paths: list[Values] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
     total = 1
     for block in problem.blocks:
         further = [_through(walk, block, values) for values in paths]
