@@ -4,6 +4,7 @@ Ports, probes and wires are wiring: what they connect is one signal. Gates, inve
 Source: the competition's synthetic track; docs/commands.md.
 """
 
+import math
 import re
 import xml.etree.ElementTree as ET  # document types, hence entities, are refused before anything is parsed
 from collections import defaultdict
@@ -18,8 +19,7 @@ MAX_BYTES = 64_000_000  # a circuit of 3500 gates has 4 MB
 MILLISECONDS = 1e-3
 WIRING = ("port", "probe", "wire")
 FUNCTIONS = {item.value: item for item in GateFunction} | {"inverter": GateFunction.NOT, "buf": GateFunction.BUFFER}
-TYPE = re.compile(r"([a-z]+?)([0-9]*)")
-PIN = re.compile(r"(.+)\.(?:o|i([0-9]+))")
+TYPE = re.compile(r"([a-z]+)([0-9]{0,4})")
 
 STATEMENT = re.compile(r"(\w+)\s*(?:@\s*([0-9.]+)\s*)?(.*)", re.DOTALL)
 ASSIGNMENT = re.compile(r"([\w.]+)\s*=\s*(\w+)")
@@ -93,6 +93,8 @@ def read_scenario(path: str | Path) -> Scenario:
                 cardinality = _cardinality(rest)
             case "normalizationFactor":
                 normalization = _number(rest.removeprefix("=").strip(), where)
+                if not 0 < normalization < math.inf:
+                    raise RecordingError(f"{where}: normalizationFactor {normalization:g} is not positive and finite.")
     if not observations:
         raise RecordingError(f"{path}: no observation. Expected lines such as: sensors @0 {{ i1 = true, o1 = false }};")
     return Scenario(
@@ -124,7 +126,7 @@ def _read(path: str | Path, error: type[ModelError] | type[RecordingError]) -> s
 def _system(text: str, path: str | Path) -> ET.Element:
     """Parse the XML and give its system."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ModelError(f"{path}:{_line(text, '<!')}: a document type is not read. Remove the <!DOCTYPE> part.")
+        raise ModelError(f"{path}:{_line(text, '<!DOCTYPE')}: a document type is not read. Remove the <!DOCTYPE> part.")
     try:
         root = ET.fromstring(text)  # noqa: S314 - no entities left, see above
     except ET.ParseError as problem:
@@ -199,8 +201,9 @@ def _gates(
     """Give the gates with the signals at their pins."""
     pins: dict[str, dict[int, str]] = defaultdict(dict)  # 0 is the output
     for name, net in nets.items():
-        if pin := PIN.fullmatch(name):
-            pins[pin[1]][int(pin[2] or 0)] = names[net]
+        gate, _, pin = name.rpartition(".")
+        if pin == "o" or (pin[:1] == "i" and pin[1:].isdecimal()):
+            pins[gate][int(pin[1:] or 0)] = names[net]
     gates = []
     for name, kind in kinds.items():
         if kind in WIRING:
@@ -213,7 +216,7 @@ def _gates(
             )
         function = FUNCTIONS[match[1]]
         count = 1 if function.is_unary else int(match[2] or len(pins[name]) - 1)
-        if count < 1 or set(pins[name]) != set(range(count + 1)):
+        if count < 1 or sorted(pins[name]) != list(range(count + 1)):
             raise ModelError(
                 f"{path}:{_line(text, f'>{name}<')}: {kind} {name} needs the wires {name}.o and {name}.i1"
                 f"{f' to {name}.i{count}' if count > 1 else ''}. Declare them."
@@ -302,7 +305,7 @@ def _cardinality(text: str) -> int | None:
 
 
 def _number(text: str, where: str) -> float:
-    """Read a number that is not negative."""
+    """Read a number."""
     try:
         return float(text)
     except ValueError as problem:

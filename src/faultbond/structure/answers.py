@@ -18,7 +18,6 @@ from faultbond.structure.circuit import Circuit, Node
 # All optima, from below by unsatisfiable cores: quick where few gates explain much.
 OPTIONS = ("--opt-mode=optN", "--models=0", "--opt-strategy=usc,k,0,7", "--warn=none")
 PROJECTED = ("--project=show",)  # each set of shown atoms once; costs time, and is needed where more atoms are open
-SHORTEST = 0.02  # s, so that the solver is asked at all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +85,7 @@ class _Program:
 
 
 def smallest_sets(
-    circuit: Circuit, cases: Sequence[Case], suspects: Collection[str], *, strict: bool, time_limit: float
+    circuit: Circuit, cases: Sequence[Case], suspects: Collection[str], *, strict: bool, deadline: float
 ) -> list[tuple[str, ...]]:
     """Give all smallest sets of components whose being abnormal makes every case consistent; none if there is none.
 
@@ -97,14 +96,13 @@ def smallest_sets(
     suspects : components that may be abnormal
     strict : an abnormal gate always gives the opposite; else it may also be right. Being strict loses no smallest set
         of a single case whose inputs are all known, if each suspect has one gate.
-    time_limit : s
+    deadline : when to stop, on the clock of `time.perf_counter`
 
     Raises
     ------
     StructureError
         When the time is over.
     """
-    begin = time.perf_counter()
     control = clingo.Control(OPTIONS if strict else OPTIONS + PROJECTED)
     with control.backend() as backend:
         true = backend.add_atom()
@@ -117,7 +115,7 @@ def smallest_sets(
         for case in cases:
             _add_case(program, circuit, case, strict)
         backend.add_minimize(0, [(atom, 1) for atom in program.abnormal.values()])
-    return _enumerate(control, begin + time_limit, time_limit)
+    return _enumerate(control, deadline)
 
 
 def _add_case(program: _Program, circuit: Circuit, case: Case, strict: bool) -> None:
@@ -147,7 +145,7 @@ def _may_flip(program: _Program, abnormal: int) -> int:
     return atom
 
 
-def _enumerate(control: clingo.Control, deadline: float, time_limit: float) -> list[tuple[str, ...]]:
+def _enumerate(control: clingo.Control, deadline: float) -> list[tuple[str, ...]]:
     """Give the shown atoms of every optimum."""
     found: list[tuple[str, ...]] = []
 
@@ -156,10 +154,11 @@ def _enumerate(control: clingo.Control, deadline: float, time_limit: float) -> l
             found.append(tuple(symbol.arguments[0].string for symbol in model.symbols(shown=True)))
 
     with control.solve(on_model=take, async_=True) as handle:
-        if not handle.wait(max(deadline - time.perf_counter(), SHORTEST)):
+        left = deadline - time.perf_counter()
+        if left <= 0 or not handle.wait(left):
             handle.cancel()
             raise StructureError(
-                f"no end of the search for the smallest diagnoses within {time_limit:g} s"
-                f"{f', {len(found)} found so far' if found else ''}. Allow more time, or observe more signals."
+                "the search for the smallest diagnoses did not end in time"
+                f"{f'; {len(found)} were found so far' if found else ''}. Allow more time, or observe more signals."
             )
     return found

@@ -66,7 +66,7 @@ def minimum_diagnoses(
         When the network is not sound, an observed signal is unknown, the time is over, or there are more diagnoses
         than fit in memory.
     """
-    begin = time.perf_counter()
+    deadline = time.perf_counter() + time_limit
     rows = tuple(observations)
     circuit = build_circuit(network, _seen(network, rows))
     number = {name: index for index, name in enumerate(circuit.names)}
@@ -74,12 +74,11 @@ def minimum_diagnoses(
     open_cases = list(dict.fromkeys(case for case in cases if not _is_healthy(circuit, case)))
     if not open_cases:
         return (frozenset(),)
-    left = time_limit - (time.perf_counter() - begin)
     if len(open_cases) == 1 and None not in open_cases[0].inputs and _single_outputs(circuit):
-        sets = _by_regions(circuit, open_cases[0], left)
+        sets = _by_regions(circuit, open_cases[0], deadline)
     else:
         suspects = list(dict.fromkeys(node.component for node in circuit.nodes if node.component is not None))
-        sets = smallest_sets(circuit, open_cases, suspects, strict=False, time_limit=left)
+        sets = smallest_sets(circuit, open_cases, suspects, strict=False, deadline=deadline)
     names = network.suspects
     place = {name: index for index, name in enumerate(names)}
     ordered = sorted(tuple(sorted(place[name] for name in found)) for found in sets)
@@ -117,23 +116,23 @@ def logic_network(graph: BondGraph) -> LogicNetwork:
     Raises
     ------
     StructureError
-        When a law is not of the form `signal = expression`, or a sensor has the name of an input.
+        When a law is not of the form `signal = expression`.
     """
-    names = _signal_names(graph)
+    signals = set(graph.block_signals)
     suspects = set(graph.suspect_blocks)
     gates: list[Gate] = []
     for component in graph.components:
         for law in component.laws:
-            if not isinstance(law.left, Name) or law.left.text not in names:
+            if not isinstance(law.left, Name) or law.left.text not in signals:
                 raise StructureError(
                     f"{graph.file}:{law.line}: block {component.name}: a law of logic sets a signal, as in "
                     "`c = y | z`. Write that signal on its left."
                 )
             trusted = component.name not in suspects
-            gates += _gates(component.name, names[law.left.text], law.right, names, trusted)
+            gates += _gates(component.name, law.left.text, law.right, trusted)
     for sensor in graph.sensors:
         if sensor.reads != Name(sensor.name):
-            gates += _gates(sensor.name, sensor.name, sensor.reads, names, trusted=True)
+            gates += _gates(sensor.name, sensor.name, sensor.reads, trusted=True)
     return LogicNetwork(
         name=graph.name,
         gates=tuple(gates),
@@ -195,7 +194,7 @@ def _single_outputs(circuit: Circuit) -> bool:
     return len(components) == len(set(components))
 
 
-def _by_regions(circuit: Circuit, case: Case, time_limit: float) -> list[tuple[str, ...]]:
+def _by_regions(circuit: Circuit, case: Case, deadline: float) -> list[tuple[str, ...]]:
     """Give the smallest diagnoses of one observation: sets of roots, and what each root may be exchanged for."""
     regions = find_regions(circuit, [signal for signal, _ in case.seen])
     roots = {
@@ -203,7 +202,7 @@ def _by_regions(circuit: Circuit, case: Case, time_limit: float) -> list[tuple[s
         for node in circuit.nodes
         if node.component is not None and regions.root[node.output] == node.output
     }
-    sets = smallest_sets(circuit, [case], list(roots), strict=True, time_limit=time_limit)
+    sets = smallest_sets(circuit, [case], list(roots), strict=True, deadline=deadline)
     signals = [[roots[name] for name in names] for names in sets]
     choices = exchanges(circuit, regions, [bool(value) for value in case.inputs], signals)
     count = sum(prod(map(len, choice)) for choice in choices)
@@ -213,23 +212,13 @@ def _by_regions(circuit: Circuit, case: Case, time_limit: float) -> list[tuple[s
     return [tuple(owner[signal] for signal in members) for choice in choices for members in product(*choice)]
 
 
-def _signal_names(graph: BondGraph) -> dict[str, str]:
-    """Give the signal of the network for each name in a law: another one where a sensor has that name."""
-    own = {item.name for item in graph.sensors if item.reads != Name(item.name)}
-    for item in graph.inputs:
-        if item.name in own:
-            raise StructureError(f"{graph.file}: sensor {item.name} has the name of an input. Rename the sensor.")
-    signals = (*(item.name for item in graph.inputs), *graph.block_signals)
-    return {name: f"{name}'" if name in own else name for name in signals}
-
-
-def _gates(name: str, output: str, expression: Expression, names: dict[str, str], trusted: bool) -> list[Gate]:
+def _gates(name: str, output: str, expression: Expression, trusted: bool) -> list[Gate]:
     """Give the gate that sets `output`, after trusted ones for the parts of its expression."""
     gates: list[Gate] = []
 
     def place(part: Expression, outermost: bool) -> str:
         if isinstance(part, Name) and not outermost:
-            return names[part.text]
+            return part.text
         function, arguments = _operation(part)
         inputs = tuple(place(argument, False) for argument in arguments)
         signal = output if outermost else f"{output}.{len(gates)}"  # no name of a user has a dot
