@@ -23,6 +23,7 @@ DONE, FAULT_DETECTED, USER_MISTAKE, INTERNAL_ERROR = 0, 1, 2, 3
 INTERRUPTED, NOBODY_READS = 130, 141  # as shells report a program stopped by Ctrl-C or a closed pipe
 TRACEBACK = "FAULTBOND_TRACEBACK"
 ENGINE = "FAULTBOND_ENGINE"
+MAX_CLOSED = 5
 
 
 class Verbs(Protocol):
@@ -33,6 +34,9 @@ class Verbs(Protocol):
 
     def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
         """Tell what can be found and told apart."""
+
+    def print_code(self, model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
+        """Print the closed forms as code."""
 
     def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
         """Print the thesis' search for a route."""
@@ -197,8 +201,17 @@ def _add_analyse(verbs: Subparsers) -> None:
         if arguments.trace is not None:
             verbs.trace(arguments.model, arguments.trace, out=out)
             return DONE
-        wishes = Wishes(data=arguments.data, within=arguments.within, separate=tuple(arguments.separate))
-        verbs.analyse(arguments.model, wishes=wishes, out=out)
+        wishes = Wishes(
+            data=arguments.data,
+            within=arguments.within,
+            separate=tuple(arguments.separate),
+            closed=arguments.closed,
+            preference=arguments.preference,
+        )
+        if arguments.code is not None:
+            verbs.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
+        else:
+            verbs.analyse(arguments.model, wishes=wishes, out=out)
         return DONE
 
     example = "faultbond analyse model.yaml --data healthy.csv"
@@ -218,8 +231,30 @@ def _add_analyse(verbs: Subparsers) -> None:
         help="find the input that best separates these sets, such as K4 K6,K1 (default: those alike at rest)",
     )
     parser.add_argument(
+        "--closed",
+        metavar="N",
+        type=_size,
+        default=1,
+        help="solve sets of up to N parameters in closed form (default: %(default)s; 0 none)",
+    )
+    routes = parser.add_mutually_exclusive_group()
+    for option, value in (("--fewest", "fewest components"), ("--least-noise", "least noise")):
+        summary = f"take routes with the {value}, not with the fewest samples"
+        routes.add_argument(option, dest="preference", action="store_const", const=value, help=summary)
+    parser.set_defaults(preference="fewest frames")
+    parser.add_argument(
+        "--code", choices=["python", "c", "latex"], help="print the closed forms as functions, and nothing else"
+    )
+    parser.add_argument(
         "--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step"
     )
+
+
+def _size(text: str) -> int:
+    """Read the size of a set."""
+    if not (text.isascii() and text.isdigit() and int(text) <= MAX_CLOSED):
+        raise FaultbondError(f"--closed {text}: expected a whole number from 0 to {MAX_CLOSED}")
+    return int(text)
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -1,9 +1,9 @@
 """What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them."""
 
-from faultbond.app.analysing import Wishes, analyse, trace
+from faultbond.app.analysing import Wishes, analyse, print_code, trace
 from faultbond.app.checking import check
 from faultbond.app.demonstration import demo
 from faultbond.app.simulating import Imperfections, simulate
 from faultbond.app.watching import run
 
-__all__ = ["Imperfections", "Wishes", "analyse", "check", "demo", "run", "simulate", "trace"]
+__all__ = ["Imperfections", "Wishes", "analyse", "check", "demo", "print_code", "run", "simulate", "trace"]

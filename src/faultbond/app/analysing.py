@@ -15,12 +15,15 @@ class Wishes:
     """What an analysis is asked for beside the usual.
 
     data: recording, or None. within: s, for the smallest faults; None takes 300 samples. separate: sets of parameters
-    that an input shall tell apart; none: those that look alike with inputs at rest.
+    that an input shall tell apart; none: those that look alike with inputs at rest. closed: largest set of parameters
+    solved in closed form. preference: which of several routes, a value of `structure.functions.Preference`.
     """
 
     data: str | None = None
     within: float | None = None
     separate: tuple[tuple[str, ...], ...] = ()
+    closed: int = 1
+    preference: str = "fewest frames"
 
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
@@ -49,6 +52,19 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
             section.show(console)
             console.file.flush()
     out.record(record)
+
+
+def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
+    """Print the closed forms of a plant as functions of Python or C, or as LaTeX."""
+    graph = load_model(model)
+    from faultbond.app.study import answers, components_of  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
+
+    network = components_of(graph)
+    text = code(answers(graph, network, wishes), network.parameters, Form(form))
+    if out.text is not None:
+        out.text.write(text)
+    out.record({"record": "code", "model": graph.name, "form": form, "text": text})
 
 
 def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:

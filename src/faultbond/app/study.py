@@ -24,13 +24,17 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.report import analysed, analysis
+from faultbond.report.formulas import print_routes
+from faultbond.structure.backward_euler import plant_of
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.functions import Function, Preference, answer, asked, trial_record
 from faultbond.structure.isolability import Interpretation, isolability
 from faultbond.structure.network import build_network
 from faultbond.structure.questions import parameters
 from faultbond.structure.search import Search, search_route
 from faultbond.structure.structural import structural_model
+from faultbond.synthesis.compile import cache_folder
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 
@@ -78,6 +82,7 @@ def sections(graph: BondGraph, wishes: Wishes) -> Iterator[tuple[str, Callable[[
     if recorded is not None:
         yield "the recording", lambda: _on_data(study, recorded)
     yield "structure", lambda: _structure(study)
+    yield "routes", lambda: _routes(study, wishes)
     yield "other solutions", lambda: _solutions(study, view, recorded)
     if study.graph.grid is not TimeGrid.NONE:
         yield "smallest faults", lambda: _smallest(study, wishes)
@@ -86,9 +91,14 @@ def sections(graph: BondGraph, wishes: Wishes) -> Iterator[tuple[str, Callable[[
         yield "test inputs", lambda: _inputs(study, wishes, recorded)
 
 
+def components_of(graph: BondGraph) -> ComponentNetwork:
+    """Give the component network of a plant."""
+    return build_components(_numeric(graph), build_network(graph, assign_causality(graph)))
+
+
 def find_trace(graph: BondGraph, names: tuple[str, ...]) -> Search:
     """Search the shortest route to a set of parameters as the thesis does."""
-    network = build_components(_numeric(graph), build_network(graph, assign_causality(graph)))
+    network = components_of(graph)
     _known(graph, names)
     return search_route(network, parameters(network, names))
 
@@ -166,6 +176,29 @@ def _structure(study: _Study) -> Section:
     return Section(
         record=analysed.structure_record(study.network.suspects, found),
         show=lambda console: analysis.print_structure(console, study.network.suspects, found),
+    )
+
+
+def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:
+    """Answer every function of thesis 4.2; closed forms for sets of up to `wishes.closed` suspects."""
+    plant = plant_of(graph)
+    largest = max(graph.max_faults, wishes.closed)
+    record = trial_record(network, plant, largest)
+    folder = cache_folder() / "closed_forms"
+    found = []
+    for question in asked(network, largest):
+        size = sum(isinstance(target, str) for target in question.targets)
+        preference = Preference(wishes.preference)
+        cache = folder if size <= wishes.closed else None
+        found.append(answer(network, question, plant, record, preference=preference, cache=cache))
+    return tuple(found)
+
+
+def _routes(study: _Study, wishes: Wishes) -> Section:
+    found = answers(study.graph, study.network, wishes)
+    return Section(
+        record=analysed.routes_record(study.network, found),
+        show=lambda console: print_routes(console, study.network, found),
     )
 
 

@@ -13,7 +13,9 @@ from faultbond.analysis.twins import Twins
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.records import Record
 from faultbond.structure.components import ComponentNetwork, frame_name
+from faultbond.structure.functions import Function, components_passed, equations_passed
 from faultbond.structure.isolability import Isolability
+from faultbond.structure.printing import to_one_line
 from faultbond.structure.search import Search
 
 
@@ -179,6 +181,39 @@ def inputs_record(found: Sequence[Stimulus]) -> Record:
             for item in found
         ]
     }
+
+
+def routes_record(network: ComponentNetwork, found: Sequence[Function]) -> Record:
+    """Give the route of each function, and its closed form where it was asked for and there is one."""
+    return {"routes": [_route(network, item) for item in found]}
+
+
+def _route(network: ComponentNetwork, item: Function) -> Record:
+    targets = [target if isinstance(target, str) else frame_name(target) for target in item.question.targets]
+    record: Record = {"target": ", ".join(targets), "question": item.question.title}
+    if item.route is None:
+        nothing: Record = {"components": [], "observations": None, "equations": None, "closed_form": None}
+        return {**record, **nothing, "refusal": item.refusal}
+    record |= {
+        "components": list(components_passed(network, item.route)),
+        "observations": item.route.observations,
+        "equations": len(equations_passed(network, item.route)),
+        "closed_form": None if item.solution is None else to_one_line(item.solution),
+        "steps": list(equations_passed(network, item.route)),
+        "samples": [frame_name(sample) for sample in item.route.samples],
+        "frames": item.route.frames,
+        "largest_block": item.route.largest_block,
+        "noise": None if item.gain is None else dict(item.gain.deviations),
+    }
+    if item.solution is not None:
+        record |= {
+            "kind": item.solution.kind.value,
+            "degree": item.solution.degree,
+            "real_roots": item.solution.real_roots,
+            "singular": [singular.words for singular in item.solution.singular],
+            "remarks": list(item.solution.remarks),
+        }
+    return record
 
 
 def trace_record(graph: BondGraph, found: Search) -> Record:

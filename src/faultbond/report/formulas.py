@@ -1,0 +1,97 @@
+"""Routes and closed forms, as text for people and as code."""
+
+import math
+from collections.abc import Iterator, Sequence
+from enum import Enum
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
+
+from faultbond.model.parser import to_text
+from faultbond.report.console import table, title
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.functions import Function, equations_passed
+from faultbond.structure.latex import to_latex
+from faultbond.structure.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
+from faultbond.structure.readable import formulas, readable_lines, shown_conditions
+from faultbond.structure.solution import Solution
+
+LONGEST = 1500  # letters of a closed form on a terminal
+
+
+class Form(Enum):
+    """How closed forms are written for other programs."""
+
+    LATEX = "latex"
+    PYTHON = "python"
+    C = "c"
+
+
+def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function]) -> None:
+    """Print a line for each function, then the closed forms."""
+    title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
+    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in found])
+    for item in found:
+        if item.solution is not None and item.solution.roots:
+            console.print(Text(f" {item.question.title}", style="bold"))
+            for line in _closed(item.solution):
+                console.print(Padding(Text(line), (0, 0, 0, 3)))
+
+
+def _row(network: ComponentNetwork, item: Function) -> tuple[str, ...]:
+    if item.route is None:
+        return (item.question.title, "no route", "", "", "")
+    noise = "" if item.gain is None else _noise(item)
+    count = str(len(equations_passed(network, item.route)))
+    return (item.question.title, count, str(item.route.observations), noise, _solved(item.solution))
+
+
+def _noise(item: Function) -> str:
+    """The noise of each target; of a parameter in per cent of its value."""
+    gains = item.gain.deviations if item.gain is not None else {}
+    parameters = {target for target in item.question.targets if isinstance(target, str)}
+    return ", ".join(_gain(value, name in parameters) for name, value in gains.items())
+
+
+def _gain(value: float, relative: bool) -> str:
+    if math.isinf(value):
+        return "singular"
+    if not relative:
+        return f"{value:.2g}"
+    return f"{100 * value:.2g} %" if value < 1.0 else f"{value:.2g} times its value"
+
+
+def _solved(solution: Solution | None) -> str:
+    if solution is None:
+        return ""
+    if not solution.roots:
+        return "no closed form"
+    roots = "" if len(solution.roots) == 1 else f", {len(solution.roots)} closed forms"
+    return f"{solution.kind.value}{roots}"
+
+
+def _closed(solution: Solution) -> Iterator[str]:
+    """Give the lines of the closed forms, what holds for them, and where they have no value."""
+    for number, root in enumerate(solution.roots, start=1):
+        if len(solution.roots) > 1:
+            yield f"({number})"
+        for line in to_lines(root, solution.targets):
+            yield line if len(line) <= LONGEST else f"{line[:LONGEST]} ... ({len(line)} letters; --json writes all)"
+        conditions = conditions_text(shown_conditions(root, readable_lines(root, solution.targets)))
+        if conditions:
+            yield f"where {conditions}"
+    for singular in solution.singular:
+        yield f"{to_text(singular.expression)}: {singular.words}"
+    yield from solution.remarks
+
+
+def code(found: Sequence[Function], parameters: Sequence[str], form: Form) -> str:
+    """Give all closed forms as functions of a language, or as LaTeX."""
+    solved = [item.solution for item in found if item.solution is not None]
+    if form is Form.LATEX:
+        parts = [to_latex(root, solution.targets) for solution in solved for root in solution.roots]
+    else:
+        header, write = (PYTHON_HEADER, to_python) if form is Form.PYTHON else (C_HEADER, to_c)
+        parts = [header, *(write(formula) for solution in solved for formula in formulas(solution, parameters))]
+    return "\n\n".join(part.strip("\n") for part in parts) + "\n"
