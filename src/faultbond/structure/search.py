@@ -5,10 +5,11 @@ first of U by a component of C: what else that component relates takes its place
 duplicates go, signals are sorted by frame and parameters stand last. Every choice is followed; states with the same
 components passed and the same U are one. The first state with an empty U is a shortest route.
 
-The rules about time. The components of an older frame are added only when nothing in the open frames finds the first of
-U. A parameter is found by its component in the newest frame where that is unused. Once a route has gone back in time
-through a store, it may not go forward through another, that is, find a signal of a frame by a store of the frame after
-it. States at the start of a frame can still be found from that frame, since this goes forward first.
+The rules about time. The components of an older frame are added only when nothing in the open frames finds the first
+of U. A parameter is found by its component in the newest frame where that is unused, which may be the next to be
+opened; where the parameter stands in two equations, as that of a gyrator, this holds of each. Once a route has gone
+back in time through a store, it may not go forward through another, that is, find a signal of a frame by a store of the
+frame after it. States at the start of a frame can still be found from that frame, since this goes forward first.
 
 The number of states grows by ten with each section of a ladder; `routes.find_route` is the method for daily use.
 Source: thesis 4.4.1, A.1, A.2.1, A.3 with errata E5 (a missing step) and E6 (the end is an empty U).
@@ -87,7 +88,8 @@ class Search:
         sought = ", ".join(in_words(target) for target in self.question.targets)
         size = f"{self.expanded} states expanded, {self.distinct} distinct"
         if self.route is not None:
-            return f"{sought}: {len(self.route.steps)} equations in {self.route.frames} frames; {size}"
+            frames = f"{self.route.frames} frame{'s' if self.route.frames > 1 else ''}"
+            return f"{sought}: {len(self.route.steps)} equations in {frames}; {size}"
         if self.ending is Ending.EXHAUSTED:
             return f"{sought}: no route from what is measured, all were followed to their end; {size}; add a sensor"
         return f"{sought}: stopped at the limit; {size}; use the default method, whose effort does not explode"
@@ -283,24 +285,21 @@ def _sorted(unknown: Iterable[int], codes: _Codes) -> tuple[int, ...]:
 
 
 def _choices(state: _State, codes: _Codes) -> tuple[int, tuple[tuple[int, int], ...]]:
-    """Give the number of open frames and the unused components that find the first of U.
-
-    A frame is opened only when nothing in the open ones finds it.
-    """
+    """Give the number of frames that are then open, and the unused components that find the first of U."""
     sought, frames = state.unknown[0], state.frames
+    if sought >= codes.first_parameter:
+        places = _parameter_places(sought, state, codes)
+        return max((frames, *(frame - codes.newest + 1 for _, frame in places))), places
     while True:
         last = codes.newest + frames - 1
-        places = _parameter_places(sought, last, state, codes)
-        if sought < codes.first_parameter:
-            places = _signal_places(sought, last, state, codes)
-        if places or frames >= codes.limit:
+        places = _signal_places(sought, last, state, codes)
+        if places or frames >= codes.limit or sought // len(codes.signals) <= last:
             return frames, places
-        if sought < codes.first_parameter and sought // len(codes.signals) <= last:
-            return frames, ()
         frames += 1
 
 
 def _signal_places(sought: int, last: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
+    """The components that find a signal, in its own frame and, through a store, in the next; not beyond `last`."""
     frame, signal = divmod(sought, len(codes.signals))
     places = (
         (e, frame - back)
@@ -310,13 +309,14 @@ def _signal_places(sought: int, last: int, state: _State, codes: _Codes) -> tupl
     return tuple(place for place in places if not state.used & codes.bit(place))
 
 
-def _parameter_places(sought: int, last: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
+def _parameter_places(sought: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
     """The component of a parameter in the newest frame where it is unused, for each of its equations."""
-    places = []
-    for e, _ in codes.finders.get(sought, ()) if sought >= codes.first_parameter else ():
-        unused = ((e, frame) for frame in range(codes.newest, last + 1) if not state.used & codes.bit((e, frame)))
-        places += [place for place in (next(unused, None),) if place]
-    return tuple(places)
+    span = range(codes.newest, codes.newest + codes.limit)
+    found = []
+    for e, _ in codes.finders.get(sought, ()):
+        unused = ((e, frame) for frame in span if not state.used & codes.bit((e, frame)))
+        found += [place for place in (next(unused, None),) if place]
+    return tuple(found)
 
 
 def _passages(last: _State, codes: _Codes) -> Iterator[Passage]:
