@@ -63,7 +63,7 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
                 matched[variable], held[equation] = equation, variable
                 break
         else:
-            _augment(equation, equations, matched, held, lost)
+            augment(equation, equations, matched, held, lost)
     return tuple(matched)
 
 
@@ -75,8 +75,17 @@ def _match_large(equations: Equations, n_variables: int) -> tuple[int, ...]:
     return tuple(int(equation) for equation in maximum_bipartite_matching(table, perm_type="row"))
 
 
-def _augment(equation: int, equations: Equations, matched: list[int], held: list[int], lost: set[int]) -> None:
-    """Match one more equation along the shortest alternating path to a free variable, if there is one."""
+def augment(equation: int, equations: Equations, matched: list[int], held: list[int], lost: set[int]) -> bool:
+    """Match one more equation along the shortest alternating path to a free variable; False where there is none.
+
+    Parameters
+    ----------
+    equation : the equation to match
+    equations : for each equation its variables
+    matched : for each variable the equation that determines it, or -1; changed in place
+    held : for each equation the variable that it determines, or -1; changed in place
+    lost : variables from which no path leads to a free one; grows where there is no path
+    """
     came: dict[int, int] = {}  # variable -> the equation from which the path reached it
     queue = [equation]
     for source in queue:
@@ -86,9 +95,10 @@ def _augment(equation: int, equations: Equations, matched: list[int], held: list
             came[variable] = source
             if matched[variable] < 0:
                 _switch(variable, came, matched, held)
-                return
+                return True
             queue.append(matched[variable])
     lost.update(came)
+    return False
 
 
 def _switch(variable: int, came: dict[int, int], matched: list[int], held: list[int]) -> None:

@@ -12,19 +12,32 @@ differential-algebraic systems, SIAM J. Sci. Stat. Comput. 9 (1988).
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from faultbond.errors import StructureError
 from faultbond.structure.classes import Search, search
-from faultbond.structure.matching import Equations, holdings, match, redundant
+from faultbond.structure.matching import Equations, augment, holdings, match, redundant
 from faultbond.types import BoolArray
 
 EquationSet = tuple[int, ...]
 
-MAX_SETS = 100_000  # of an engine with four equations to spare there are 4496
+MAX_SETS = 20_000  # of an engine with four equations to spare there are 4496
+STEPS_PER_SET = 3  # a search that takes more than this many steps for each set of the limit is given up
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Marked equations that stay in all smaller sets, with a matching of them and of all that are not marked.
+
+    spare : how many of them find no variable. From 1 on they are a test by themselves, and hide all larger ones.
+    """
+
+    equations: frozenset[int]
+    matched: list[int]
+    held: list[int]
+    spare: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +53,7 @@ class _Proper:
     held: list[int]  # equation -> variable or -1
     rank: int
     allowed: frozenset[int]
+    kept: _Kept
 
 
 def minimal_sets(equations: Equations, n_variables: int, *, limit: int = MAX_SETS) -> tuple[EquationSet, ...]:
@@ -48,7 +62,8 @@ def minimal_sets(equations: Equations, n_variables: int, *, limit: int = MAX_SET
     Raises
     ------
     StructureError
-        Where there are more than `limit`; their number grows exponentially with the redundancy.
+        Where there are more than `limit`, or too many to search through; their number grows exponentially with the
+        redundancy.
 
     Source
     ------
@@ -73,7 +88,7 @@ def minimal_supports(
     Raises
     ------
     StructureError
-        Where there are more than `limit`.
+        As in `minimal_sets`.
 
     Source
     ------
@@ -86,16 +101,20 @@ def minimal_supports(
 def _collect(
     equations: Equations, n_variables: int, marked: Iterable[int], limit: int, what: str
 ) -> tuple[EquationSet, ...]:
-    found = list(islice(_minimal(equations, n_variables, frozenset(marked)), limit + 1))
-    if len(found) > limit:
-        raise StructureError(
-            f"there are more than {limit} {what}: take fewer sensors or a part of the model, or raise the limit"
-        )
+    found = []
+    for steps, item in enumerate(_minimal(equations, n_variables, frozenset(marked)), 1):
+        if item is not None:
+            found.append(item)
+        if len(found) > limit or steps > STEPS_PER_SET * limit:
+            raise StructureError(
+                f"there are more than {limit} {what}, or too many to search through: take fewer sensors or a part of "
+                "the model, or raise the limit"
+            )
     return tuple(sorted(found))
 
 
-def _minimal(equations: Equations, n_variables: int, marked: frozenset[int]) -> Iterator[EquationSet]:
-    """Give each minimal PSO set with a marked equation once.
+def _minimal(equations: Equations, n_variables: int, marked: frozenset[int]) -> Iterator[EquationSet | None]:
+    """Give each minimal PSO set with a marked equation once, and None after a step that finds none.
 
     FindMSO(M, R) of Krysander, Aslund and Nyberg 2008; R, the equations that may be taken away, are `allowed`.
     """
@@ -108,26 +127,27 @@ def _minimal(equations: Equations, n_variables: int, marked: frozenset[int]) -> 
             yield tuple(proper.equations)
         elif proper.rank > 1:
             found = search(equations, proper.matched, proper.held, proper.equations)
-            removable = [(top, equal) for top, equal in _marks(found, marked) if equal <= proper.allowed]
             if proper.rank == 2:
-                yield from _leave_out(found, proper, (top for top, _ in removable))
+                removable = [top for top, equal in _marks(found, marked) if equal <= proper.allowed]
+                yield from _leave_out(found, proper, removable)
             else:
-                levels.append(_smaller(found, proper, removable))
+                levels.append(_smaller(equations, found, proper, marked))
+            yield None
 
 
 def _whole(equations: Equations, n_variables: int, marked: frozenset[int]) -> _Proper:
     """Give the over-determined part. Its rank: what its marked equations have to spare, if all others stay."""
     matched = match(equations, n_variables)
     over = redundant(equations, matched)
-    others = [() if equation in marked else equations[equation] for equation in sorted(over)]
-    without = match(others, n_variables)
-    lost = sum(equation in over for equation in matched) - sum(equation >= 0 for equation in without)
+    others = match([() if e in marked or e not in over else row for e, row in enumerate(equations)], n_variables)
+    lost = sum(equation in over for equation in matched) - sum(equation >= 0 for equation in others)
     return _Proper(
         equations=sorted(over),
         matched=list(matched),
         held=holdings(equations, matched),
         rank=len(marked & over) - lost,
         allowed=marked,
+        kept=_Kept(frozenset(), list(others), holdings(equations, others), 0),
     )
 
 
@@ -148,21 +168,46 @@ def _leave_out(found: Search, proper: _Proper, tops: Iterable[int]) -> Iterator[
         yield tuple([equation for equation, top in ordered if top != left_out])
 
 
-def _smaller(found: Search, proper: _Proper, removable: list[tuple[int, frozenset[int]]]) -> Iterator[_Proper]:
+def _smaller(equations: Equations, found: Search, proper: _Proper, marked: frozenset[int]) -> Iterator[_Proper]:
     """Give the PSO sets without one class.
 
     for each class [e] within R: R = R without [e]; FindMSO(M without [e], R)
 
-    Ours: the last classes are not tried. Each step lowers the rank by one, so `rank - 2` further steps are needed, and
-    the classes behind are the only ones that may still be taken away.
+    Ours: branches without results are cut. The classes before [e] stay in M; once they are a test by themselves, they
+    are the only smaller set left.
     """
-    allowed = proper.allowed
-    for top, equal in removable[: max(0, len(removable) - proper.rank + 2)]:
+    marks = _marks(found, marked)
+    removable = [(top, equal) for top, equal in marks if equal <= proper.allowed]
+    stay = frozenset[int]().union(*(equal for _, equal in marks if not equal <= proper.allowed))
+    allowed, kept = proper.allowed, _keep(equations, proper.kept, stay)
+    for top, equal in removable:
+        if kept.spare:
+            break
         allowed -= equal
-        yield _without(found, proper, top, allowed)
+        yield _without(found, proper, top, allowed, kept)
+        kept = _keep(equations, kept, equal)
+    if kept.spare == 1:
+        yield from _alone(equations, proper, marked, kept)
 
 
-def _without(found: Search, proper: _Proper, left_out: int, allowed: frozenset[int]) -> _Proper:
+def _keep(equations: Equations, kept: _Kept, more: frozenset[int]) -> _Kept:
+    """Give what is kept with some more."""
+    matched, held, spare = kept.matched.copy(), kept.held.copy(), kept.spare
+    for equation in sorted(more - kept.equations):
+        spare += not augment(equation, equations, matched, held, set())
+    return _Kept(kept.equations | more, matched, held, spare)
+
+
+def _alone(equations: Equations, proper: _Proper, marked: frozenset[int], kept: _Kept) -> Iterator[_Proper]:
+    """Give the set of the kept equations and of all unmarked ones that they check or that check them, if it is one."""
+    own = {equation for equation in proper.equations if equation not in marked or equation in kept.equations}
+    rows = [row if equation in own else () for equation, row in enumerate(equations)]
+    found = redundant(rows, kept.matched) & own
+    if kept.equations <= found:
+        yield replace(proper, equations=[equation for equation in proper.equations if equation in found], rank=1)
+
+
+def _without(found: Search, proper: _Proper, left_out: int, allowed: frozenset[int], kept: _Kept) -> _Proper:
     """Give the set without a class. Its first equation is freed by turning the path round that leads to it."""
     matched, held = proper.matched.copy(), proper.held.copy()
     position = left_out
@@ -177,6 +222,7 @@ def _without(found: Search, proper: _Proper, left_out: int, allowed: frozenset[i
         held=held,
         rank=proper.rank - 1,
         allowed=allowed,
+        kept=kept,
     )
 
 
