@@ -270,6 +270,8 @@ def _step(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) -> list[f
         for column, entry in row.items():
             matrix[position, column] = entry
     weights = np.abs(matrix).max(axis=1)
+    if not np.all(weights > 0.0):
+        return None
     try:
         found = np.linalg.solve(matrix / weights[:, None], np.array(right, dtype=float) / weights)
     except np.linalg.LinAlgError:

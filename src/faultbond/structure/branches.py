@@ -209,7 +209,10 @@ def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], s
 
 
 def _function(expression: Expression, unknown: frozenset[str]) -> Expression | None:
-    """Give the innermost function, broken power or power of a known sum, the leftmost first."""
+    """Give the innermost function, broken power, power of known values or sum under a power, the leftmost first.
+
+    A sum that is squared is an unknown of its own, so that each sign of its root is linear in what it sums.
+    """
     for part in _parts(expression):
         found = _function(part, unknown)
         if found is not None:
@@ -217,12 +220,14 @@ def _function(expression: Expression, unknown: frozenset[str]) -> Expression | N
     match expression:
         case Call():
             return expression
-        case Binary("**", base, exponent) if not _is_whole(exponent) or _is_known_sum(base, unknown):
+        case Binary("**", base, exponent) if not _is_whole(exponent) or _is_known(base, unknown):
             return expression
+        case Binary("**", Binary("+" | "-") as base, _):
+            return base
     return None
 
 
-def _is_known_sum(base: Expression, unknown: frozenset[str]) -> bool:
+def _is_known(base: Expression, unknown: frozenset[str]) -> bool:
     """Whether a power had better stay as it is than be multiplied out."""
     return not isinstance(base, Name | Number) and not unknown.intersection(names(base))
 
@@ -242,5 +247,5 @@ def _applied(part: Expression, fresh: Callable[[str], str]) -> Applied:
             return Applied(name=fresh("power"), function="**", argument=base, exponent=value)
         case Binary("**", base, Negative(Number(value))):
             return Applied(name=fresh("power"), function="**", argument=base, exponent=-value)
-    # Kinks of known values and powers with a name as exponent: values as they stand, never solved for.
+    # Sums under a power; kinks of known values and powers with a name as exponent: values as they stand.
     return Applied(name=fresh("value"), function="", argument=part)

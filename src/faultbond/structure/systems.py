@@ -80,6 +80,9 @@ def _with_roots(case: Case) -> tuple[tuple[Expression, ...], list[Applied], list
     """Turn roots into powers: with r = x**(p/q), the unknown is x**(1/q), at least 0, and r its p-th power."""
     residuals, functions, conditions = list(case.residuals), [], []
     for item in case.unknown:
+        if isinstance(item.argument, Binary) and not item.function and item.argument.operator in ("+", "-"):
+            residuals.append(Binary("-", Name(item.name), item.argument))
+            continue
         exponent = Fraction(1, 2) if item.function == "sqrt" else Fraction(item.exponent).limit_denominator(MAX_ROOT)
         if item.function not in ("sqrt", "**") or (item.function == "**" and float(exponent) != item.exponent):
             functions.append(item)

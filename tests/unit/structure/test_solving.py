@@ -1,0 +1,283 @@
+"""Solving routes: which closed forms there are, that they are right, and what is said where there are none."""
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from solved import example, route_to, static
+
+from faultbond.errors import StructureError
+from faultbond.model.parser import to_text
+from faultbond.structure.backward_euler import Plant, random_inputs, simulate
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.numeric import Value
+from faultbond.structure.problem import prepare
+from faultbond.structure.roots import find_roots
+from faultbond.structure.route import Question, Route
+from faultbond.structure.routes import find_route
+from faultbond.structure.solution import Kind, Solution, closed_form, from_record, solve_samples, to_record
+from faultbond.structure.solving import Limits, cache_key, solve, solve_cached
+
+SINGLES = [
+    *(("tank", name) for name in ("K1", "K2", "K3", "K4", "K6", "K7", "K8")),
+    *(("rlc", name) for name in "RLC"),
+    *(("emps", name) for name in ("G", "M", "Fv", "Fc", "F0")),
+    *(("cascaded_tanks", name) for name in ("K_pump", "k_1", "k_2")),
+    *(("dc_motor_current", name) for name in "RLJCK"),
+]
+
+
+def fresh_data(
+    network: ComponentNetwork, plant: Plant, route: Route, factor: Fraction, seed: int
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Samples of a plant with other values of the unknowns, as a route names them, and the true values."""
+    problem = prepare(network, route, plant)
+    parameters = [name for name in problem.unknown if name in plant.values]
+    values = dict(plant.values) | {name: plant.values[name] * factor for name in parameters}
+    record = simulate(network, values, random_inputs(plant, problem.frames + 5, seed), plant.sample_time)
+    end = problem.frames + 4
+    true = {name: record[signal][end - frame] for name, (signal, frame) in problem.signals.items()}
+    true |= {**values, "dt": plant.sample_time}
+    return {name: value for name, value in true.items() if name not in problem.unknown}, true
+
+
+def agrees(found: dict[str, Value], true: dict[str, Value], tolerance: float = 1e-6) -> bool:
+    """Whether found values are the true ones."""
+    return all(abs(float(value - true[name])) <= tolerance * abs(float(true[name])) for name, value in found.items())
+
+
+@pytest.mark.parametrize(("folder", "name"), SINGLES)
+def test_single_faults_of_the_examples(folder: str, name: str) -> None:
+    """Every single parameter of the examples has a closed form that computes it on data it was not checked on."""
+    network, plant = example(folder)
+    route = route_to(network, name)
+    solution = solve(network, route, plant)
+    assert solution.is_closed
+    known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=99)
+    assert any(agrees(found, true) for found in solve_samples(solution, known))
+
+
+def test_shape_of_a_law_is_kept() -> None:
+    """Pure propagation leaves the laws as they were written: R = (V - V_C)/(C*(V_C - V_C@1)/dt)."""
+    network, plant = example("rc")
+    solution = solve(network, route_to(network, "R"), plant)
+    form = closed_form(solution.roots[0], "R")
+    assert form is not None
+    assert to_text(form) == "(V_0 - V_C_0)/(C*((V_C_0 - V_C_1)/dt))"
+
+
+def test_singular_samples_are_named() -> None:
+    """R of the RC circuit has no value where the current is 0."""
+    network, plant = example("rc")
+    (item,) = solve(network, route_to(network, "R"), plant).singular
+    assert (item.name, to_text(item.expression)) == ("R", "loop.f_0")
+    assert "do not excite" in item.words
+
+
+def test_undetermined() -> None:
+    """Of the RC circuit only the product of R and C acts: there is no closed form for both, and it is said."""
+    network, plant = example("rc")
+    solution = solve(network, route_to(network, "R", "C"), plant)
+    assert solution.kind is Kind.UNDETERMINED
+    assert not solution.roots
+    assert "do not fix R, C" in solution.remarks[0]
+
+
+def test_branch_of_a_flow() -> None:
+    """The tank's pressure drop K1*f*abs(f) is taken on the side f >= 0, the one that the sensor reads; this is said."""
+    network, plant = example("tank")
+    solution = solve(network, route_to(network, "K1"), plant)
+    (root,) = solution.roots
+    assert [condition.text for condition in root.conditions] == ["flow_0 >= 0", "line.f_0 >= 0"]
+    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.LINEAR, 1, 1)
+    assert solution.remarks == ("no solution on any test record where flow_0 >= 0 and line.f_0 <= 0",)
+
+
+def test_root_outside_its_branch_is_discarded() -> None:
+    """Samples on the other side of the branch give nothing, not a wrong number."""
+    network, plant = example("tank")
+    route = route_to(network, "K1")
+    solution = solve(network, route, plant)
+    known, _ = fresh_data(network, plant, route, Fraction(1), seed=3)
+    assert len(solve_samples(solution, known)) == 1
+    assert solve_samples(solution, {**known, "flow_0": -1e-4}) == ()
+
+
+def test_both_signs_of_a_square() -> None:
+    """K7 enters as its square: two closed forms, one the negative of the other, the nominal one first."""
+    network, plant = example("tank")
+    route = route_to(network, "K7")
+    solution = solve(network, route, plant)
+    known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=5)
+    first, second = (float(found["K7"]) for found in solve_samples(solution, known))
+    assert first == pytest.approx(float(true["K7"]))
+    assert second == pytest.approx(-first)
+
+
+def squares() -> tuple[ComponentNetwork, Plant]:
+    """Thesis 3.7.2: y = (M1 x1 + M2 x2)^2 + M3 x3 with M = (1, 2, 4)."""
+    laws = {
+        "M1": "p - M1*x1",
+        "M2": "q - M2*x2",
+        "S1": "s - (p + q)**2",
+        "M3": "r - M3*x3",
+        "sum": "y - s - r",
+    }
+    return static(laws, ["x1", "x2", "x3"], ["y"], {"M1": 1.0, "M2": 2.0, "M3": 4.0})
+
+
+def observations(*rows: tuple[int, int, int, int]) -> dict[str, Value]:
+    """Observations x1, x2, x3, y as frames, with the nominal parameters."""
+    names = ("x1", "x2", "x3", "y")
+    found: dict[str, Value] = {
+        f"{name}_{frame}": Fraction(value)
+        for frame, row in enumerate(rows)
+        for name, value in zip(names, row, strict=True)
+    }
+    return found | {"M1": Fraction(1), "M2": Fraction(2), "M3": Fraction(4), "dt": Fraction(1)}
+
+
+FIRST, SECOND = (3, 2, 4, 160), (2, 2, 2, 94)  # G8
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("M1", {Fraction(8, 3), Fraction(-16, 3)}),
+        ("M2", {Fraction(9, 2), Fraction(-15, 2)}),
+        ("M3", {Fraction(111, 4)}),
+    ],
+)
+def test_square_passed_backwards(name: str, values: set[Fraction]) -> None:
+    """Table 3.4: both signs of the square are diagnoses, exactly."""
+    network, plant = squares()
+    solution = solve(network, route_to(network, name), plant)
+    assert {found[name] for found in solve_samples(solution, observations(FIRST))} == values
+
+
+def test_two_observations_of_the_square() -> None:
+    """E3: two observations leave two pairs {M1, M3}: (2, 15) and (6, -81); the printed one is not the only one."""
+    network, plant = squares()
+    solution = solve(network, _two_observations(network, "M1", "M3"), plant)
+    found = solve_samples(solution, observations(FIRST, SECOND))
+    assert {(root["M1"], root["M3"]) for root in found} == {(2, 15), (6, -81)}
+    assert solution.degree == solution.real_roots == 2
+
+
+def test_four_solutions_of_two_squares() -> None:
+    """G8: two observations leave four pairs {M1, M2}, one for each pair of signs."""
+    network, plant = squares()
+    route = _two_observations(network, "M1", "M2")
+    solution = solve(network, route, plant)
+    assert len(solve_samples(solution, observations(FIRST, SECOND))) == len(solution.roots) == 4
+    counted = find_roots(prepare(network, route, plant), observations(FIRST, SECOND), {})
+    assert (len(counted.roots), counted.degree) == (4, 4)
+
+
+def _two_observations(network: ComponentNetwork, *names: str) -> Route:
+    return find_route(network, Question(targets=names, observed=network.observed, unknown=names, frames=2))
+
+
+def test_functions_are_inverted() -> None:
+    """A diode law, exp of an unknown, is taken backwards by its logarithm."""
+    network, plant = static(
+        {"diode": "i - I0*(exp(v/Vt) - 1)", "drop": "u - v - r", "R": "r - R*i"},
+        ["u"],
+        ["r"],
+        {"I0": 0.25, "Vt": 2.0, "R": 3.0},
+    )
+    for name in ("I0", "Vt", "R"):
+        route = route_to(network, name)
+        solution = solve(network, route, plant)
+        known, true = fresh_data(network, plant, route, Fraction(11, 10), seed=4)
+        (found,) = solve_samples(solution, known)
+        assert agrees(found, true)
+
+
+def test_no_closed_form_but_roots() -> None:
+    """x + x^5 = y has no closed form for P in x = P u: it is said, and the root is found in numbers."""
+    network, plant = static({"P": "x - P*u", "sum": "y - x - x**5"}, ["u"], ["y"], {"P": 0.5})
+    route = route_to(network, "P")
+    solution = solve(network, route, plant)
+    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.POLYNOMIAL, 5, 1)
+    assert solution.remarks == ("no closed form: a polynomial of degree 5 in x_0 remains",)
+    known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=1)
+    (root,) = find_roots(prepare(network, route, plant), known, {}).roots
+    assert agrees({"P": root["P"]}, true)
+
+
+def test_newton_where_functions_mix() -> None:
+    """x + exp(x) = y cannot be inverted: Newton's method finds the root."""
+    network, plant = static({"P": "x - P*u", "sum": "y - x - exp(x)"}, ["u"], ["y"], {"P": 0.5})
+    route = route_to(network, "P")
+    solution = solve(network, route, plant)
+    assert (solution.kind, solution.degree) == (Kind.NUMERIC, None)
+    assert "exp has to be solved together" in solution.remarks[0]
+    known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=1)
+    (root,) = find_roots(prepare(network, route, plant), known, {"x_0": 1.0, "P": 0.5}).roots
+    assert agrees({"P": root["P"]}, true)
+
+
+def test_polynomial_that_factors() -> None:
+    """A cubic in the unknown that is a product has closed forms for the factors of degree 1 and 2."""
+    network, plant = static({"P": "x - P*u", "law": "(x - y)*(x**2 + y**2 + u)"}, ["u"], ["y"], {"P": 2.0})
+    solution = solve(network, route_to(network, "P"), plant)
+    assert solution.is_closed
+    assert solution.real_roots == 1
+
+
+def test_limits_are_kept() -> None:
+    """With next to no terms allowed the answer is that there is no closed form within the limit."""
+    network, plant = example("dc_motor")
+    solution = solve(network, route_to(network, "J", "C"), plant, Limits(terms=3))
+    assert solution.remarks == ("no closed form within the limit",)
+    assert solution.real_roots == 1
+    solution = solve(network, route_to(network, "J", "C"), plant, Limits(seconds=-1.0))
+    assert solution.remarks == ("no closed form within the limit",)
+
+
+def test_names_must_differ() -> None:
+    """A parameter that is called like a signal in a frame is refused."""
+    network, plant = static({"law": "y - x_0*x", "x": "x - u"}, ["u"], ["y"], {"x_0": 2.0})
+    with pytest.raises(StructureError, match="x_0 is a parameter, and also x in frame 0; rename"):
+        solve(network, route_to(network, "x_0"), plant)
+
+
+def test_record_and_back() -> None:
+    """A solution survives a file."""
+    network, plant = example("tank")
+    solution = solve(network, route_to(network, "K7"), plant)
+    assert from_record(json.loads(json.dumps(to_record(solution)))) == solution
+
+
+def test_cache(tmp_path: Path) -> None:
+    """The second time the solution comes from the folder; a changed parameter or a torn file does not."""
+    network, plant = example("rc")
+    route = route_to(network, "R")
+    first = solve_cached(network, route, plant, tmp_path)
+    (file,) = tmp_path.iterdir()
+    kept = json.loads(file.read_text())
+    kept["remarks"] = ["from the file"]
+    file.write_text(json.dumps(kept))
+    assert solve_cached(network, route, plant, tmp_path).remarks == ("from the file",)
+    file.write_text(file.read_text()[:-20])
+    assert solve_cached(network, route, plant, tmp_path) == first
+    other = replace(plant, values=dict(plant.values) | {"C": Fraction(7)})
+    assert cache_key(network, route, other, Limits()) != cache_key(network, route, plant, Limits())
+
+
+def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
+    """A folder that cannot be made costs time, not the answer."""
+    (tmp_path / "file").write_text("in the way")
+    network, plant = example("rc")
+    assert isinstance(solve_cached(network, route_to(network, "R"), plant, tmp_path / "file"), Solution)
+
+
+def test_same_result_each_time() -> None:
+    """Solving twice gives the same record, to the byte."""
+    network, plant = example("dc_motor")
+    route = route_to(network, "R", "C")
+    texts = {json.dumps(to_record(solve(network, route, plant))) for _ in range(2)}
+    assert len(texts) == 1
