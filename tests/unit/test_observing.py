@@ -8,19 +8,23 @@ import pytest
 from faultbond.cli import main
 
 THESIS = Path(__file__).parents[2] / "examples" / "thesis"
-CIRCUIT = """<systemCatalog xmlns="urn:org:dx-competition:system"><systems><system><systemName>pair</systemName>
-<components>
-<component><name>i1</name><componentType>port</componentType></component>
-<component><name>o1</name><componentType>port</componentType></component>
-<component><name>first</name><componentType>inverter</componentType></component>
-<component><name>second</name><componentType>inverter</componentType></component>
-</components>
-<connections>
-<connection><c1>i1</c1><c2>first.i1</c2></connection>
-<connection><c1>first.o</c1><c2>second.i1</c2></connection>
-<connection><c1>second.o</c1><c2>o1</c2></connection>
-</connections></system></systems></systemCatalog>
-"""
+
+
+def _circuit() -> str:
+    """Give a catalogue of two inverters in a row."""
+    parts = {"i1": "port", "o1": "port", "first": "inverter", "second": "inverter"}
+    parts |= {f"{gate}.{pin}": "wire" for gate in ("first", "second") for pin in ("o", "i1")}
+    ties = (("i1", "first.i1"), ("first.o", "second.i1"), ("second.o", "o1"))
+    components = "".join(
+        f"<component><name>{name}</name><componentType>{kind}</componentType></component>"
+        for name, kind in parts.items()
+    )
+    connections = "".join(f"<connection><c1>{one}</c1><c2>{two}</c2></connection>" for one, two in ties)
+    return (
+        '<systemCatalog xmlns="urn:org:dx-competition:system"><systems><system><systemName>pair</systemName>'
+        f"<components>{components}</components><connections>{connections}</connections>"
+        "</system></systems></systemCatalog>"
+    )
 
 
 def run(model: str, recording: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[dict[str, object]]]:
@@ -98,7 +102,7 @@ def test_no_page_without_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_a_circuit_and_its_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Either of two inverters in a row explains a wrong output; times are seconds."""
-    (tmp_path / "pair.xml").write_text(CIRCUIT)
+    (tmp_path / "pair.xml").write_text(_circuit())
     (tmp_path / "s.scn").write_text("sensors @0 { i1 = true, o1 = true };\nsensors @6000 { i1 = true, o1 = false };\n")
     assert main(["run", str(tmp_path / "pair.xml"), str(tmp_path / "s.scn"), "--json", "-"]) == 1
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
