@@ -4,17 +4,20 @@ Levenberg-Marquardt in logarithms of the parameters, each fit in a lane of its o
 well, since nobody knows it. Source: Levenberg 1944, Marquardt 1963 (damping scaled by the columns).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from faultbond.analysis.experiment import random_experiments
+from faultbond.analysis.operation import reference_levels
 from faultbond.analysis.sensitivity import Experiment, Recursion, sensitivities
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import StructureError
 from faultbond.types import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 60
+GENTLE = 0.3  # part of an input by which it moves
 EXACT = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same
 _HOPELESS = 1e3  # misfit of a lane without a solution
 _MOST_STEP = 1.5  # in logarithms
@@ -43,30 +46,40 @@ class Fit:
         return np.asarray(self.misfit < EXACT)
 
 
-def long_run(model: StepModel, recursion: Recursion) -> Experiment:
-    """Give a long run that excites all that the nominal plant has: the random runs of `experiment`, one after another.
+def long_run(model: StepModel, recursion: Recursion, thetas: Sequence[FloatArray] = ()) -> Experiment:
+    """Give a long run that excites all that the plant has: the random runs of `experiment`, one after another.
+
+    Where not every plant has a finite solution along it, one of them, else one whose inputs move about their
+    references.
+
+    Parameters
+    ----------
+    model, recursion : the plant
+    thetas : other parameters, (n_parameters,), with which it must have a solution too
 
     Raises
     ------
     StructureError
-        Where the nominal plant has no finite solution along any of them.
+        Where there is none along any of them.
     """
-    nominal = np.array([item.nominal for item in model.plant.graph.parameters])
-    runs = [replace(item, theta=nominal) for item in random_experiments(model, recursion)]
+    graph = model.plant.graph
+    nominal = np.array([item.nominal for item in graph.parameters])
     start = model.contents(model.reference_state, nominal).full()[:, 0]
+    runs = [replace(item, theta=nominal, start=start) for item in random_experiments(model, recursion)]
     joined = replace(
         runs[0],
-        start=start,
         inputs=np.vstack([item.inputs for item in runs]),
         dt=np.concatenate([item.dt for item in runs]),
     )
-    for trial in (joined, *(replace(item, start=start) for item in runs)):
-        if sensitivities(recursion, [trial])[0] is not None:
+    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, runs[0].inputs.shape)
+    gentle = replace(runs[0], inputs=reference_levels(model) * moves)
+    for trial in (joined, *runs, gentle):
+        plants = [trial, *(replace(trial, theta=theta) for theta in thetas)]
+        if all(item is not None for item in sensitivities(recursion, plants)):
             return trial
-    graph = model.plant.graph
     raise StructureError(
-        f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
-        "check the laws, their units and the nominal values"
+        f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs, or not with other "
+        "values of the parameters; check the laws and their units, or narrow the ranges of the parameters"
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from faultbond.analysis.fitting import Fit, Side, fit, long_run
 from faultbond.analysis.sensitivity import Experiment, Recursion, build_recursion, sensitivities
 from faultbond.dynamics.step import StepModel
-from faultbond.errors import ModelError, StructureError
+from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
 from faultbond.types import BoolArray, FloatArray
 
@@ -65,33 +65,6 @@ class Bench:
     recursion: Recursion
     run: Experiment
 
-    @property
-    def nominal(self) -> FloatArray:
-        """All parameters of the healthy plant, SI."""
-        return np.array([item.nominal for item in self.graph.parameters])
-
-    def places(self, names: Sequence[str]) -> list[int]:
-        """Give the positions of parameters.
-
-        Raises
-        ------
-        ModelError
-            Where one is unknown.
-        """
-        known = [item.name for item in self.graph.parameters]
-        for name in names:
-            if name not in known:
-                raise ModelError(f"{self.graph.file}: no parameter {name}; there are {', '.join(known)}")
-        return [known.index(name) for name in names]
-
-    def changed(self, places: Sequence[int], factors: Sequence[float]) -> FloatArray:
-        """Give all parameters with some of them changed; where the nominal is 0 by factor - 1 of the scale."""
-        theta = self.nominal
-        for place, factor in zip(places, factors, strict=True):
-            item = self.graph.parameters[place]
-            theta[place] = item.nominal * factor if item.nominal != 0.0 else item.scale * (factor - 1.0)
-        return theta
-
     def side(self, thetas: Sequence[FloatArray], free: Sequence[Sequence[int]]) -> Side:
         """Give lanes that begin at these values."""
         mask = np.zeros((len(thetas), len(self.graph.parameters)), dtype=bool)
@@ -104,34 +77,43 @@ class Bench:
         return all(item.lower <= value <= item.upper for item, value in zip(self.graph.parameters, theta, strict=True))
 
     def outputs(self, thetas: Sequence[FloatArray]) -> list[FloatArray]:
-        """Give the outputs (n_samples, n_outputs) of plants along the run.
-
-        Raises
-        ------
-        StructureError
-            Where one has no finite solution.
-        """
-        found = [
-            item.y
-            for item in sensitivities(self.recursion, [replace(self.run, theta=theta) for theta in thetas])
-            if item
-        ]
-        if len(found) < len(thetas):
-            raise StructureError(
-                f"{self.graph.file}: with other values of its parameters the plant has no finite solution; "
-                "give the parameters narrower ranges"
-            )
-        return found
+        """Give the outputs (n_samples, n_outputs) of plants for which the run was chosen."""
+        found = sensitivities(self.recursion, [replace(self.run, theta=theta) for theta in thetas])
+        return [item.y for item in found if item is not None]
 
     def starts(self, size: int) -> list[tuple[float, ...]]:
         """Give the factors at which the fits of a set begin."""
         return list(product(STARTS.get(size, FEW_STARTS), repeat=size))[:MOST_STARTS]
 
 
-def bench_of(model: StepModel) -> Bench:
-    """Give the plant with a long run."""
+def bench_of(model: StepModel, thetas: Sequence[FloatArray] = ()) -> Bench:
+    """Give the plant with a long run along which it has a solution with these parameters too."""
     recursion = build_recursion(model.plant)
-    return Bench(graph=model.plant.graph, recursion=recursion, run=long_run(model, recursion))
+    return Bench(graph=model.plant.graph, recursion=recursion, run=long_run(model, recursion, thetas))
+
+
+def places_of(graph: BondGraph, names: Sequence[str]) -> list[int]:
+    """Give the positions of parameters.
+
+    Raises
+    ------
+    ModelError
+        Where one is unknown.
+    """
+    known = [item.name for item in graph.parameters]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known)}")
+    return [known.index(name) for name in names]
+
+
+def changed(graph: BondGraph, places: Sequence[int], factors: Sequence[float]) -> FloatArray:
+    """Give all parameters with some of them changed; where the nominal is 0 by factor - 1 of the scale."""
+    theta = np.array([item.nominal for item in graph.parameters])
+    for place, factor in zip(places, factors, strict=True):
+        item = graph.parameters[place]
+        theta[place] = item.nominal * factor if item.nominal != 0.0 else item.scale * (factor - 1.0)
+    return theta
 
 
 def other_solutions(
@@ -150,12 +132,15 @@ def other_solutions(
     ModelError, StructureError
         Where a name is unknown, or a plant has no finite solution.
     """
-    bench = bench_of(model)
-    places = [bench.places(names) for names in hypotheses]
-    true = [bench.changed(chosen, [factor] * len(chosen)) for chosen in places]
+    graph = model.plant.graph
+    places = [places_of(graph, names) for names in hypotheses]
+    if not places:
+        return ()
+    true = [changed(graph, chosen, [factor] * len(chosen)) for chosen in places]
+    bench = bench_of(model, true)
     data = bench.outputs(true)
     lanes = [
-        (number, bench.changed(chosen, factors))
+        (number, changed(graph, chosen, factors))
         for number, chosen in enumerate(places)
         for factors in bench.starts(len(chosen))
     ]
@@ -220,16 +205,17 @@ def reachable(
     ModelError, StructureError
         Where a name is unknown, or a plant has no finite solution.
     """
-    bench = bench_of(model)
-    rng = np.random.default_rng(seed)
-    everything = [k for k, item in enumerate(bench.graph.parameters) if item.suspect]
+    graph, rng = model.plant.graph, np.random.default_rng(seed)
+    everything = [k for k, item in enumerate(graph.parameters) if item.suspect]
     drawn = np.exp(rng.uniform(np.log(low), np.log(high), (behaviours, len(everything))))
-    data = bench.outputs([bench.changed(everything, row.tolist()) for row in drawn])
+    plants = [changed(graph, everything, row.tolist()) for row in drawn]
+    bench = bench_of(model, plants)
+    data = bench.outputs(plants)
     results = []
     for names in hypotheses:
-        places = bench.places(names)
+        places = places_of(graph, names)
         lanes = [(row, factors) for row in range(behaviours) for factors in bench.starts(len(places))]
-        side = bench.side([bench.changed(places, factors) for _, factors in lanes], [places] * len(lanes))
+        side = bench.side([changed(graph, places, factors) for _, factors in lanes], [places] * len(lanes))
         found = fit(bench.recursion, bench.run, side, np.array([data[row] for row, _ in lanes]))
         pairs = zip(lanes, found.theta[0], found.exact, strict=True)
         reached = {row for (row, _), theta, exact in pairs if exact and bench.inside(theta)}

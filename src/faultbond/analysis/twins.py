@@ -17,15 +17,20 @@ import numpy as np
 from faultbond.analysis.fitting import fit, fit_together
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import sensitivities
-from faultbond.analysis.solutions import Bench, bench_of
+from faultbond.analysis.solutions import Bench, bench_of, changed, places_of
 from faultbond.dynamics.step import StepModel
 from faultbond.model.graph import BondGraph
-from faultbond.types import BoolArray, FloatArray
+from faultbond.types import FloatArray
 
 SIZES = (0.7, 1.3, 1.7)  # of the leading parameter of a family
 DRAWS = 2  # random faults of one set to be imitated by another
+DRAWN = (0.7, 1.5)  # range of their factors
+MOST_PAIRS = 100  # followed of each kind, in the order given
+_STEEPEST = 4.0  # largest power at which a family is looked for
 _SIMPLE = 1e-5  # an exponent so near a simple fraction is that fraction
 _FLAT = 1e-7  # singular value, relative, of a combination that does not show
+
+Sides = tuple[list[int], list[int]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +81,8 @@ def twins(
     Parameters
     ----------
     model : the plant
-    pairs : sets to be compared; default all sets of up to two suspects without a common member
+    pairs : sets to be compared; default all sets of one size of up to two suspects; families are followed where
+        the two have no common member
     sizes : factors of the leading parameter at which a family is followed
 
     Raises
@@ -84,30 +90,44 @@ def twins(
     ModelError, StructureError
         Where a name is unknown, or a plant has no finite solution.
     """
+    graph = model.plant.graph
+    pairs = pairs if pairs is not None else _all_pairs(graph)
+    sides = [(places_of(graph, one), places_of(graph, other)) for one, other in pairs]
     bench = bench_of(model)
-    pairs = pairs if pairs is not None else _all_pairs(bench.graph)
-    sides = [(bench.places(one), bench.places(other)) for one, other in pairs]
     run = sensitivities(bench.recursion, [bench.run])[0]
     matrix = reduce([run]).matrix * reduce([run]).lengths if run is not None else np.zeros((0, 0))
-    tangents = [_tangent(matrix, one, other) for one, other in sides]
-    always = _always(bench, sides, tangents)
-    families = _families(bench, sides, tangents, sizes)
+    tangents = [_tangent(matrix, *both) for both in sides]
+    alike = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)][:MOST_PAIRS]
+    always = _always(model, [sides[k] for k in alike])
+    imitated = {k for k, found in zip(alike, always, strict=True) if found}
+    apart = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == 1 and not {*one} & {*other}][:MOST_PAIRS]
+    families = _families(bench, [sides[k] for k in apart], [tangents[k][0] for k in apart], sizes)
+    matches = dict(zip(apart, families, strict=True))
     return tuple(
-        _twins(bench.graph, *sides[k], bool(always[k]), families.get(k, ()), sizes)
+        _twins(graph, sides[k], k in imitated, matches.get(k, ()), sizes)
         for k in range(len(sides))
-        if always[k] or k in families
+        if k in imitated or matches.get(k)
     )
 
 
 def _all_pairs(graph: BondGraph) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     names = [item.name for item in graph.parameters if item.suspect]
     sets = [chosen for size in (1, 2) for chosen in combinations(names, size)]
-    return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b) and not set(a) & set(b)]
+    return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
 
 
 def _tangent(matrix: FloatArray, one: list[int], other: list[int]) -> FloatArray:
-    """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same."""
-    columns = np.hstack([matrix[:, one], -matrix[:, other]])
+    """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
+
+    Empty where a set is not identifiable: then it is no twin, it explains itself in many ways.
+    """
+    if any(len(_silent(matrix[:, places])) for places in (one, other)):
+        return np.zeros((0, len(one) + len(other)))
+    return _silent(np.hstack([matrix[:, one], -matrix[:, other]]))
+
+
+def _silent(columns: FloatArray) -> FloatArray:
+    """Give a basis of the combinations of columns that do not show."""
     lengths = np.linalg.norm(columns, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
     _, values, right = np.linalg.svd(columns / lengths)
@@ -115,62 +135,57 @@ def _tangent(matrix: FloatArray, one: list[int], other: list[int]) -> FloatArray
     return np.asarray(right[rank:] / lengths)
 
 
-def _always(bench: Bench, sides: list[tuple[list[int], list[int]]], tangents: list[FloatArray]) -> BoolArray:
+def _always(model: StepModel, sides: Sequence[Sides]) -> list[bool]:
     """Give for each pair whether random faults of the first are imitated by the second, within its range."""
-    rng = np.random.default_rng(0)
-    result = np.zeros(len(sides), dtype=bool)
-    chosen = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)]
-    if not chosen:
-        return result
-    wanted = [sides[k][0] for k in chosen for _ in range(DRAWS)]
-    data = bench.outputs([bench.changed(places, rng.uniform(0.7, 1.5, len(places)).tolist()) for places in wanted])
+    if not sides:
+        return []
+    graph, rng = model.plant.graph, np.random.default_rng(0)
+    plants = [changed(graph, one, rng.uniform(*DRAWN, len(one)).tolist()) for one, _ in sides for _ in range(DRAWS)]
+    bench = bench_of(model, plants)
+    data = bench.outputs(plants)
     lanes = [
-        (row, sides[chosen[row // DRAWS]][1], factors)
+        (row, sides[row // DRAWS][1], factors)
         for row in range(len(data))
-        for factors in bench.starts(len(sides[chosen[row // DRAWS]][1]))
+        for factors in bench.starts(len(sides[row // DRAWS][1]))
     ]
-    side = bench.side([bench.changed(places, f) for _, places, f in lanes], [places for _, places, _ in lanes])
+    side = bench.side([changed(graph, places, f) for _, places, f in lanes], [places for _, places, _ in lanes])
     found = fit(bench.recursion, bench.run, side, np.array([data[row] for row, _, _ in lanes]))
     good = np.zeros(len(data), dtype=bool)
     for (row, _, _), theta, exact in zip(lanes, found.theta[0], found.exact, strict=True):
         good[row] |= exact and bench.inside(theta)
-    result[chosen] = good.reshape(-1, DRAWS).all(axis=1)
-    return result
+    return [bool(np.all(pair)) for pair in good.reshape(-1, DRAWS)]
 
 
 def _families(
-    bench: Bench,
-    sides: list[tuple[list[int], list[int]]],
-    tangents: list[FloatArray],
-    sizes: Sequence[float],
-) -> dict[int, tuple[Match, ...]]:
+    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float]
+) -> list[tuple[Match, ...]]:
     """Follow each one-parameter family from the healthy plant: the leading parameter of the first set has the size."""
-    lanes: list[tuple[int, int, FloatArray, FloatArray]] = []
-    for k, (one, other) in enumerate(sides):
-        if len(tangents[k]) != 1:
-            continue
-        direction = tangents[k][0]
-        if not np.abs(direction[: len(one)]).max(initial=0.0) > 0.0:
-            continue
+    first_thetas, second_thetas, free = [], [], []
+    for (one, other), direction in zip(sides, directions, strict=True):
         lead = int(np.argmax(np.abs(direction[: len(one)])))
-        powers = direction / direction[lead]
+        powers = np.clip(direction / direction[lead], -_STEEPEST, _STEEPEST)
         for size in sizes:
-            factors = (size ** np.clip(powers, -4.0, 4.0)).tolist()
-            first_start = bench.changed(one, factors[: len(one)])
-            lanes.append((k, one[lead], first_start, bench.changed(other, factors[len(one) :])))
-    if not lanes:
-        return {}
-    first = bench.side([item[2] for item in lanes], [[p for p in sides[k][0] if p != lead] for k, lead, _, _ in lanes])
-    second = bench.side([item[3] for item in lanes], [sides[k][1] for k, _, _, _ in lanes])
+            factors = (size**powers).tolist()
+            first_thetas.append(changed(bench.graph, one, factors[: len(one)]))
+            second_thetas.append(changed(bench.graph, other, factors[len(one) :]))
+            free.append([place for place in one if place != one[lead]])
+    if not free:
+        return []
+    first = bench.side(first_thetas, free)
+    second = bench.side(second_thetas, [other for _, other in sides for _ in sizes])
     found = fit_together(bench.recursion, bench.run, first, second)
-    families: dict[int, list[Match]] = {}
-    for (k, _, _, _), one_theta, other_theta, exact in zip(lanes, *found.theta, found.exact, strict=True):
-        if exact and bench.inside(one_theta) and bench.inside(other_theta):
-            families.setdefault(k, []).append(_match(bench, sides[k], one_theta, other_theta))
-    return {k: tuple(matches) for k, matches in families.items()}
+    lanes = list(zip(*found.theta, found.exact, strict=True))
+    return [
+        tuple(
+            _match(bench, both, one, other)
+            for one, other, exact in lanes[k * len(sizes) : (k + 1) * len(sizes)]
+            if exact and bench.inside(one) and bench.inside(other)
+        )
+        for k, both in enumerate(sides)
+    ]
 
 
-def _match(bench: Bench, sides: tuple[list[int], list[int]], first: FloatArray, second: FloatArray) -> Match:
+def _match(bench: Bench, sides: Sides, first: FloatArray, second: FloatArray) -> Match:
     reference = np.array([item.scale for item in bench.graph.parameters])
     shift = np.array([1.0 if item.nominal == 0.0 else 0.0 for item in bench.graph.parameters])
     return Match(
@@ -179,9 +194,8 @@ def _match(bench: Bench, sides: tuple[list[int], list[int]], first: FloatArray, 
     )
 
 
-def _twins(
-    graph: BondGraph, one: list[int], other: list[int], always: bool, matches: tuple[Match, ...], sizes: Sequence[float]
-) -> Twins:
+def _twins(graph: BondGraph, sides: Sides, always: bool, matches: tuple[Match, ...], sizes: Sequence[float]) -> Twins:
+    one, other = sides
     names = [item.name for item in graph.parameters]
     plain = all(graph.parameters[place].nominal != 0.0 for place in (*one, *other))
     powers = _powers(matches, sizes) if plain and len(matches) == len(sizes) else None

@@ -82,6 +82,18 @@ def test_two_pipes_in_series_are_always_twins() -> None:
     assert found.words == "whatever {R1} does, {R2} can do as well"
 
 
+def test_every_pair_of_the_circuit_is_a_twin_of_every_other() -> None:
+    """Of resistor, coil and capacitor only two combinations act: whatever one pair does, another can do."""
+    model = build_step_model(build_plant(load_model(EXAMPLES / "rlc" / "model.yaml")))
+    found = twins(model)
+    assert all(item.always and not item.matches for item in found)
+    assert {frozenset({item.first, item.second}) for item in found} == {
+        frozenset({("C", "R"), ("C", "L")}),
+        frozenset({("C", "R"), ("R", "L")}),
+        frozenset({("C", "L"), ("R", "L")}),
+    }
+
+
 def test_unlike_faults_have_no_twins(motor: StepModel) -> None:
     """Two singles of the motor have independent effects, so neither imitates the other."""
     assert twins(motor, [(("R",), ("C",)), (("L",), ("K",))]) == ()
