@@ -205,16 +205,24 @@ def _descend(found: Frames, rows: Sequence[Sequence[int]], matched: tuple[int, .
         for equation in sorted(redundant(rows, matched) & set(needed)):
             for exchanged in _exchanges(equation, matched, rows, containing):
                 needs = closure(found.targets, rows, exchanged)[0]
-                options.append((*_size(needs, found), -equation, exchanged, needs))
-        best = min(options, default=None, key=lambda option: option[:3])
-        if best is None or best[:2] >= _size(needed, found):
+                options.append((_size(needs, found), -equation, exchanged, needs))
+        best = min(options, default=None, key=lambda option: option[:2])
+        if best is None or best[0] >= _size(needed, found):
             return matched
         *_, matched, needed = best
 
 
-def _size(needed: Sequence[int], found: Frames) -> tuple[int, int]:
-    """Parts of the plant that are passed through, and equations."""
-    return sum(found.unrolled.weights[e] for e in needed), len(needed)
+def _size(needed: Sequence[int], found: Frames) -> tuple[int, ...]:
+    """Give what is to be small: parts of the plant that are passed through, equations, frames gone back.
+
+    Of equals it is the one in which targets sought later are met again, as in the thesis' search, where those sought
+    first are found from the newest frame; then the first in the order of the network.
+    """
+    unrolled = found.unrolled
+    weight = sum(unrolled.weights[e] for e in needed)
+    depth = sum(unrolled.places[e][1] for e in needed)
+    again = sum(k for e in needed for k in unrolled.equations[e] if k < found.n_targets)
+    return weight, len(needed), depth, -again, sum(needed)
 
 
 def _exchanges(

@@ -6,17 +6,18 @@ duplicates go, signals are sorted by frame and parameters stand last. Every choi
 components passed and the same U are one. The first state with an empty U is a shortest route.
 
 The rules about time. The components of an older frame are added only when nothing in the open frames finds the first
-of U. A parameter is found by its component in the newest frame where that is unused, which may be the next to be
-opened; where the parameter stands in two equations, as that of a gyrator, this holds of each. Once a route has gone
-back in time through a store, it may not go forward through another, that is, find a signal of a frame by a store of the
-frame after it. States at the start of a frame can still be found from that frame, since this goes forward first.
+of U. A parameter is found by its component in the newest frame where that is unused. Once a route has gone back in time
+through a store, it may not go forward through another, that is, find a signal of a frame by a store of the frame after
+it. States at the start of a frame can still be found from that frame, since this goes forward first. Where all routes
+end without success and a parameter stands in two equations, as that of a gyrator, they are followed once more with
+either equation in its newest frame where it is unused, though the other be left in an open one.
 
 The number of states grows by ten with each section of a ladder; `routes.find_route` is the method for daily use.
 Source: thesis 4.4.1, A.1, A.2.1, A.3 with errata E5 (a missing step) and E6 (the end is an empty U).
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
@@ -134,6 +135,8 @@ class _Codes:
         self.index = {name: k for k, name in enumerate(self.signals)}
         self.finders = self._finders(causes(network) if question.causal else None)
         self.contents: dict[tuple[int, int], tuple[int, ...]] = {}
+        self.apart = False  # whether the equations of a parameter are looked at each for itself
+        self.has_twice = any(len(self.finders.get(self.code(name), ())) > 1 for name in self.parameters)
         self.carries = [any(back for _, back in item.signals) for item in self.equations]
 
     def _finders(self, caused: dict[str, frozenset[str]] | None) -> dict[int, tuple[tuple[int, int], ...]]:
@@ -201,6 +204,15 @@ def search_route(
         choices=(),
     )
     tree = _grow(start, codes, limit)
+    if tree.ending is Ending.EXHAUSTED and codes.has_twice:
+        codes.apart = True
+        again = _grow(start, codes, limit - tree.expanded)
+        tree = replace(
+            again,
+            expanded=tree.expanded + again.expanded,
+            distinct=tree.distinct + again.distinct,
+            widest=max(tree.widest, again.widest),
+        )
     passages = tuple(_passages(tree.last, codes))
     steps = [Step(equation=item.place[0], frame=item.place[1], finds=item.finds) for item in passages]
     return Search(
@@ -287,13 +299,15 @@ def _sorted(unknown: Iterable[int], codes: _Codes) -> tuple[int, ...]:
 def _choices(state: _State, codes: _Codes) -> tuple[int, tuple[tuple[int, int], ...]]:
     """Give the number of frames that are then open, and the unused components that find the first of U."""
     sought, frames = state.unknown[0], state.frames
-    if sought >= codes.first_parameter:
-        places = _parameter_places(sought, state, codes)
-        return max((frames, *(frame - codes.newest + 1 for _, frame in places))), places
     while True:
         last = codes.newest + frames - 1
-        places = _signal_places(sought, last, state, codes)
-        if places or frames >= codes.limit or sought // len(codes.signals) <= last:
+        if sought >= codes.first_parameter:
+            places = _parameter_places(sought, last, state, codes)
+            frames = max((frames, *(frame - codes.newest + 1 for _, frame in places)))
+        else:
+            places = _signal_places(sought, last, state, codes)
+        is_open = sought < codes.first_parameter and sought // len(codes.signals) <= last
+        if places or is_open or frames >= codes.limit:
             return frames, places
         frames += 1
 
@@ -309,12 +323,12 @@ def _signal_places(sought: int, last: int, state: _State, codes: _Codes) -> tupl
     return tuple(place for place in places if not state.used & codes.bit(place))
 
 
-def _parameter_places(sought: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
+def _parameter_places(sought: int, last: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
     """The component of a parameter in the newest frame where it is unused, for each of its equations."""
-    span = range(codes.newest, codes.newest + codes.limit)
+    end = codes.newest + codes.limit if codes.apart else last + 1
     found = []
     for e, _ in codes.finders.get(sought, ()):
-        unused = ((e, frame) for frame in span if not state.used & codes.bit((e, frame)))
+        unused = ((e, frame) for frame in range(codes.newest, end) if not state.used & codes.bit((e, frame)))
         found += [place for place in (next(unused, None),) if place]
     return tuple(found)
 

@@ -57,7 +57,7 @@ def _choice(number: str, lists: _Lists, passage: Passage, search: Search) -> Ite
         return
     for k, place in enumerate(passage.choices):
         yield f"{'or ' if k else ''}{'through' if k else 'Propagating through'} {frame_name(place)}"
-        yield from _lines(f"{'' if k else number} {_letter(k)}", _after(lists, place, search), search)
+        yield from _lines(f"{' ' * len(number) if k else number} {_letter(k)}", _after(lists, place, search), search)
     yield f"Of these {_letter(passage.choices.index(passage.place))} is followed here."
 
 
