@@ -31,9 +31,11 @@ from faultbond.structure.components import ComponentNetwork, build_components
 from faultbond.structure.functions import Function, Preference, answer, asked, trial_record
 from faultbond.structure.isolability import Interpretation, isolability
 from faultbond.structure.network import build_network
+from faultbond.structure.overdetermined import minimal_sets, minimal_supports, signatures
+from faultbond.structure.placement import sensors_to_isolate
 from faultbond.structure.questions import parameters
 from faultbond.structure.search import Search, search_route
-from faultbond.structure.structural import structural_model
+from faultbond.structure.structural import StructuralModel, structural_model
 from faultbond.synthesis.compile import cache_folder
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
@@ -41,6 +43,7 @@ from faultbond.types import TimeGrid
 MOST_SETS = 60  # sets whose other solutions are looked for; single suspects where there are more
 MOST_TWINS = 8  # suspects up to which pairs are compared as twins
 REST_SAMPLES = 400  # of the record of inputs at rest
+MOST_TESTS = 2000  # minimal sets of equations that are looked for
 MOST_GROUPS = 5  # groups for which a change of an input is looked for
 
 
@@ -173,10 +176,34 @@ def _on_data(study: _Study, view: View) -> Section:
 def _structure(study: _Study) -> Section:
     model = structural_model(study.model.plant.network, study.network.suspects)
     found = {kind.value: isolability(model, kind) for kind in Interpretation}
+    tests = _tests(model)
+    sensors = _structural_sensors(model)
     return Section(
-        record=analysed.structure_record(study.network.suspects, found),
-        show=lambda console: analysis.print_structure(console, study.network.suspects, found),
+        record=analysed.structure_record(study.network.suspects, found, tests, sensors),
+        show=lambda console: analysis.print_structure(console, study.network.suspects, found, tests, sensors),
     )
+
+
+def _tests(model: StructuralModel) -> analysed.Tests | None:
+    """The smallest sets of equations that can be checked, and of faults that a check responds to, if not too many."""
+    try:
+        sets = minimal_sets(model.equations, model.n_variables, limit=MOST_TESTS)
+        supports = minimal_supports(model.equations, model.n_variables, model.faults, limit=MOST_TESTS)
+    except StructureError:
+        return None
+    rows = signatures(supports, model.faults)
+    faults = tuple(tuple(model.fault_names[k] for k in np.flatnonzero(row)) for row in rows)
+    return analysed.Tests(n_sets=len(sets), faults=faults)
+
+
+def _structural_sensors(model: StructuralModel) -> tuple[tuple[str, ...], ...]:
+    """The smallest sets of up to two signals whose sensors isolate, by structure, all that can be isolated."""
+    places = [k for k, name in enumerate(model.variable_names) if "->" not in name and name not in model.fault_names]
+    try:
+        found = sensors_to_isolate(model, places, max_sensors=2)
+    except StructureError:
+        return ()
+    return tuple(tuple(model.variable_name(k) for k in chosen) for chosen in found if chosen)
 
 
 def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:

@@ -1,6 +1,7 @@
 """What the analysis of a plant found, as one record: plain mappings ready for JSON; SI units, percent stays percent."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from faultbond.analysis.capability import View
 from faultbond.analysis.groups import Group, NearGroup
@@ -103,10 +104,28 @@ def _verdict(item: Verdict) -> Record:
     return {"identifiable": item.identifiable, "falsifiable": item.falsifiable, "testable": item.testable}
 
 
-def structure_record(suspects: Sequence[str], found: Mapping[str, Isolability]) -> Record:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tests:
+    """How many minimal sets of equations can be checked (MSO), and the faults that each of the MTES responds to."""
+
+    n_sets: int
+    faults: tuple[tuple[str, ...], ...]
+
+
+def structure_record(
+    suspects: Sequence[str],
+    found: Mapping[str, Isolability],
+    tests: Tests | None,
+    sensors: Sequence[Sequence[str]],
+) -> Record:
     """Give what the structure says, in mixed causality, and the same for stores that work one way only."""
     parts = {name: _isolability(suspects, item) for name, item in found.items()}
-    return {**parts.pop("mixed"), "by_causality": parts}
+    return {
+        **parts.pop("mixed"),
+        "by_causality": parts,
+        "tests": None if tests is None else {"mso": tests.n_sets, "mtes": [list(names) for names in tests.faults]},
+        "structural_sensors": [list(names) for names in sensors],
+    }
 
 
 def _isolability(suspects: Sequence[str], found: Isolability) -> Record:

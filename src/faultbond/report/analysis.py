@@ -13,6 +13,7 @@ from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.stimulus import Stimulus
 from faultbond.analysis.twins import Twins
 from faultbond.model.graph import BondGraph
+from faultbond.report.analysed import Tests
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.verdict import join
@@ -77,7 +78,13 @@ def _sets(graph: BondGraph, sets: Iterable[Sequence[int]]) -> str:
     return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
 
 
-def print_structure(console: Console, suspects: Sequence[str], found: dict[str, Isolability]) -> None:
+def print_structure(
+    console: Console,
+    suspects: Sequence[str],
+    found: dict[str, Isolability],
+    tests: Tests | None,
+    sensors: Sequence[Sequence[str]],
+) -> None:
     """Print what the equations alone say, whatever the values of the parameters."""
     title(console, "By structure alone", "which equation checks which, whatever the values")
     mixed = found["mixed"]
@@ -92,6 +99,13 @@ def print_structure(console: Console, suspects: Sequence[str], found: dict[str, 
         words = (("integral", "integrating only"), ("derivative", "differentiating only"))
         kept = [f"{pairs[name]} of {pairs['mixed']} isolable pairs by {text}" for name, text in words]
         items.append(("one way", "; ".join(kept)))
+    if tests is not None:
+        smallest = join(["{" + ", ".join(names) + "}" for names in tests.faults[:LISTED]])
+        text = f"{tests.n_sets} minimal sets of equations can be checked; the smallest sets of faults that a check sees"
+        items.append(("tests", f"{text}: {smallest}"))
+    if sensors:
+        named = [" with ".join(names) for names in sensors[:4]]
+        items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))
     lines(console, items)
 
 
