@@ -98,6 +98,15 @@ LEFT = {
     "L1": "R1 Kb1 Ab1 Sb1",
 }
 
+# K after some of the steps of A.3, in the order printed; step 26 corrected by erratum E5.
+KNOWN = {
+    "R0": "R Vx omegax Ka Kb J C",
+    "Sb0": "e0 d0 b0 c0 R Vx omegax Ka Kb J C",
+    "C0": "j0 l0 k0 i0 h0 e0 d0 b0 c0 R Vx omegax Ka Kb J C",
+    "Sb1": "h1 j0 l0 k0 i0 h0 e0 d0 b0 c0 R Vx omegax Ka Kb J C",
+    "L1": "L j1 l1 k1 i1 h1 j0 l0 k0 i0 h0 e0 d0 b0 c0 R Vx omegax Ka Kb J C",
+}
+
 ORDER = "R0 Ab0 Kb0 L0 Sb0 Ka0 Aa0 J0 Sa0 C0 Ka1 Aa1 J1 Sa1 C1 L1 Ab1 Kb1 R1 Sb1 Ka2 Aa2 J2 Sa2 C2"  # golden value G17
 
 
