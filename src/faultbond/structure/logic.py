@@ -155,9 +155,7 @@ def _case(circuit: Circuit, number: Mapping[str, int], row: Observation) -> Case
 
 
 def _is_healthy(circuit: Circuit, case: Case) -> bool:
-    """Whether the healthy circuit gives what was seen; not told where an input is not known."""
-    if None in case.inputs:
-        return False
+    """Whether the healthy circuit gives what was seen, unknown inputs taken as 0; then the case rules nothing out."""
     words = simulate(circuit, [int(bool(value)) for value in case.inputs], 1)
     return all(words[signal] == value for signal, value in case.seen)
 

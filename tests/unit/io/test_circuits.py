@@ -63,8 +63,8 @@ def test_a_circuit_is_recognised_by_its_suffix() -> None:
 def test_wiring_is_one_signal(tmp_path: Path) -> None:
     """Ports, probes and wires that are connected are one signal, named by the port, else the probe, else the pin."""
     text = circuit(
-        "a port; s port; z probe; n inverter; n.o wire; n.i1 wire; m buffer; m.o wire; m.i1 wire; "
-        "k xor2; k.o wire; k.i1 wire; k.i2 wire",
+        "a port; s port; z probe; k xor2; k.o wire; k.i1 wire; k.i2 wire; "
+        "n inverter; n.o wire; n.i1 wire; m buffer; m.o wire; m.i1 wire",
         "n.i1 a; n.o z; z m.i1; m.o k.i1; k.i2 z; s k.o",
     )
     network = read(tmp_path, text)
@@ -72,9 +72,9 @@ def test_wiring_is_one_signal(tmp_path: Path) -> None:
     assert network.inputs == ("a",)
     assert network.outputs == ("s",)
     assert network.gates == (
+        Gate(name="k", function=GateFunction.XOR, output="s", inputs=("m.o", "z")),
         Gate(name="n", function=GateFunction.NOT, output="z", inputs=("a",)),
         Gate(name="m", function=GateFunction.BUFFER, output="m.o", inputs=("z",)),
-        Gate(name="k", function=GateFunction.XOR, output="s", inputs=("m.o", "z")),
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from faultbond.errors import StructureError
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
 from faultbond.structure.circuit import NOWHERE, build_circuit, dominators, simulate
-from faultbond.structure.regions import find_regions
+from faultbond.structure.regions import exchanges, find_regions
 
 TRUTH: dict[str, Callable[[Sequence[bool]], bool]] = {
     "and": all,
@@ -140,3 +140,15 @@ def test_a_region_has_its_outermost_suspect_as_root() -> None:
     assert named_roots(trusted, "z") == {"p": "p", "q": "q", "r": "r", "s": "", "z": ""}
     inside = network("p = not a", "q = and p b", "r = or p c", "s = xor! q r", "z = not s")
     assert set(named_roots(inside, "z").values()) == {"z"}
+
+
+def test_exchanges_depend_on_the_rest_of_the_set() -> None:
+    """X and Y can stand for Z only where K, which is outside the region of Z, lets them through."""
+    made = network("k = buffer c", "x = not a", "y = not x", "z = and y k")
+    circuit = build_circuit(made, ["k", "z"])
+    k, x, y, z = (circuit.names.index(name) for name in "kxyz")
+    regions = find_regions(circuit, [k, z])
+    assert [regions.root[signal] for signal in (k, x, y, z)] == [k, z, z, z]
+    alone, together = exchanges(circuit, regions, [True, False, False], [[z], [k, z]])
+    assert alone == [[z]]
+    assert [sorted(signals) for signals in together] == [[k], sorted([x, y, z])]
