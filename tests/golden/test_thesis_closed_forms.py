@@ -168,7 +168,9 @@ def test_roots_of_the_minimal_window(suspects: tuple[str, ...]) -> None:
     found = solve_samples(solution, known)
     true = {name: faulty[name] for name in suspects}
     other = OTHER_ROOTS.get("".join(suspects)) or OTHER_ROOTS.get("".join(reversed(suspects)))
-    expected: list[Mapping[str, float | Fraction]] = [true] if other is None else [true, dict(zip(_as_printed(suspects), other, strict=True))]
+    expected: list[Mapping[str, float | Fraction]] = (
+        [true] if other is None else [true, dict(zip(_as_printed(suspects), other, strict=True))]
+    )
     assert solution.kind is (Kind.LINEAR if other is None else Kind.QUADRATIC)
     assert solution.degree == len(found) == len(expected)
     assert all(any(close(root, wanted, 1e-3) for root in found) for wanted in expected)

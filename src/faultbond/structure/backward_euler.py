@@ -25,6 +25,7 @@ USUAL_RANGE = (1.0, 10.0)  # of an input, in its own unit
 _MAX_STEPS = 60
 _MAX_STARTS = 12
 _TOLERANCE = 1e-11
+_MAX_EXACT = 1500  # equations times samples; fractions grow from sample to sample
 _LEVELS = 90  # an exact input takes one of so many values of its range
 
 
@@ -105,8 +106,9 @@ def simulate(
     inputs: Mapping[str, Sequence[Value]],
     dt: Value,
     start: Mapping[str, Value] | None = None,
+    n: int | None = None,
 ) -> Record:
-    """Give every signal over time, by backward Euler; exactly where `dt` and the rest are fractions and laws linear.
+    """Give every signal over time, by backward Euler; exactly where all numbers are fractions and laws linear.
 
     Parameters
     ----------
@@ -114,42 +116,50 @@ def simulate(
     inputs : all of one length, oldest first
     dt : sample time, s
     start : signals before the first sample; 0 where absent
+    n : number of samples, for a plant without inputs
 
     Raises
     ------
     StructureError
         Where the equations of a frame do not fix its signals, or no solution is found.
     """
+    missing = [name for name in network.inputs if name not in inputs]
+    if missing:
+        raise StructureError(f"{network.name}: values of the inputs {', '.join(missing)} are missing")
     order = frame_blocks(network)
-    try:
-        return _advance(network.name, order, network.signals, values, inputs, dt, start or {})
-    except _NotLinearError:
-        plain = {name: tuple(map(float, series)) for name, series in inputs.items()}
-        started = {name: float(value) for name, value in (start or {}).items()}
-        numbers = {name: float(value) for name, value in values.items()}
-        return _advance(network.name, order, network.signals, numbers, plain, float(dt), started)
+    length = min((len(series) for series in inputs.values()), default=n or 0)
+    if isinstance(dt, Fraction) and length * len(network.equations) <= _MAX_EXACT:
+        try:
+            return _advance(network, order, length, values, inputs, dt, start or {})
+        except _NotLinearError:
+            pass  # floating point will do
+    plain = {name: tuple(map(float, series)) for name, series in inputs.items()}
+    return _advance(network, order, length, _floats(values), plain, float(dt), _floats(start or {}))
+
+
+def _floats(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: float(value) for name, value in values.items()}
 
 
 def _advance(
-    name: str,
+    network: ComponentNetwork,
     order: Sequence[_Block],
-    signals: Sequence[str],
+    length: int,
     values: Mapping[str, Value],
     inputs: Mapping[str, Sequence[Value]],
     dt: Value,
     start: Mapping[str, Value],
 ) -> Record:
-    n = min((len(series) for series in inputs.values()), default=0)
     nothing: Value = Fraction(0) if isinstance(dt, Fraction) else 0.0
-    before = {signal: start.get(signal, nothing) for signal in signals}
-    record: dict[str, list[Value]] = {signal: [] for signal in signals}
-    for position in range(n):
+    before = {signal: start.get(signal, nothing) for signal in network.signals}
+    record: dict[str, list[Value]] = {signal: [] for signal in network.signals}
+    for position in range(length):
         now = dict(values) | {SAMPLE_TIME: dt} | {signal: series[position] for signal, series in inputs.items()}
         now |= {signal + PREVIOUS: value for signal, value in before.items()}
         for block in order:
             guess = {signal: before[signal] for signal in block.signals}
-            now |= _solve(block, now, guess, name)
-        before = {signal: now[signal] for signal in signals}
+            now |= _solve(block, now, guess, network.name)
+        before = {signal: now[signal] for signal in network.signals}
         for signal, value in before.items():
             record[signal].append(value)
     return {signal: tuple(series) for signal, series in record.items()}

@@ -50,11 +50,12 @@ def nominal_record(network: ComponentNetwork, plant: Plant, frames: int, instant
 
     Inputs jump at every sample within their usual range: noise is judged against what excites well.
     """
-    inputs = random_inputs(plant, 2 * frames + instants, seed=0)
+    n = 2 * frames + instants
+    inputs = random_inputs(plant, n, seed=0)
     values = {name: float(value) for name, value in plant.values.items()}
     start = {name: float(value) for name, value in plant.start.items()}
     series = {name: tuple(map(float, given)) for name, given in inputs.items()}
-    return simulate(network, values, series, float(plant.sample_time), start)
+    return simulate(network, values, series, float(plant.sample_time), start, n)
 
 
 def noise_gain(

@@ -121,7 +121,7 @@ def trials_of(network: ComponentNetwork, problem: Problem, plant: Plant) -> tupl
     """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
 
     A record that cannot be computed (a root of a negative number, say), or on which the equations do not fix the
-    unknowns, is made anew with other inputs, a few times; what is left is empty if none is of use.
+    unknowns, is made anew with other inputs and another start, a few times; empty if none is of use.
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]
     found = []
@@ -149,8 +149,11 @@ def _record(
 ) -> Trial | None:
     n = problem.frames + WARM_UP
     inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
+    start = dict(plant.start)
+    if seed >= _ATTEMPTS // 2:  # a plant without inputs moves only if it does not begin at rest
+        start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
     try:
-        record = simulate(network, values, inputs, plant.sample_time, plant.start)
+        record = simulate(network, values, inputs, plant.sample_time, start, n)
     except StructureError:
         return None
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
