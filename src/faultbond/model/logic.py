@@ -1,7 +1,7 @@
 """Logic networks as data: gates between named signals, and what was observed of them.
 
 Gates fail in the weak sense: an abnormal gate's output is anything, anew in every observation.
-Source: thesis 3.4.2 (full adder); Reiter 1987; the formats are told in docs/commands.md.
+Source: thesis 3.6 (full adder); Reiter 1987; the formats are told in docs/commands.md.
 """
 
 from collections.abc import Mapping
