@@ -2,37 +2,40 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from math import inf, isfinite
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names
 from faultbond.structure.numeric import Value, evaluate
 
 TOLERANCE = 1e-9  # two values of a signal agree within this part of the larger one
+MAX_BITS = 2000  # of an exact value
 ROUNDING = 1e-13  # and within this part of the terms that they are sums of, for data that are no exact decimals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equation:
-    """A law of a block, or what a sensor reads: left = right, naming `names`."""
+    """A law of a block, or what a sensor reads: left = right.
+
+    names: all that it names. signal: what a law gives in terms of others, if it does; `uses` are then the others.
+    """
 
     left: Expression
     right: Expression
     names: tuple[str, ...]
+    uses: tuple[str, ...]
+    signal: str | None = None
     block: str = ""
     sensor: str = ""
 
 
 def equation(left: Expression, right: Expression, *, block: str = "", sensor: str = "") -> Equation:
     """Give the equation left = right."""
-    used = tuple(dict.fromkeys((*names(left), *names(right))))
-    return Equation(left=left, right=right, names=used, block=block, sensor=sensor)
-
-
-def defines(law: Equation) -> str | None:
-    """Give the signal that a law gives in terms of others, if it does."""
-    if isinstance(law.left, Name) and not law.sensor and law.left.text not in names(law.right):
-        return law.left.text
-    return None
+    used = names(right)
+    every = tuple(dict.fromkeys((*names(left), *used)))
+    if isinstance(left, Name) and block and left.text not in used:
+        return Equation(left=left, right=right, names=every, uses=used, signal=left.text, block=block)
+    return Equation(left=left, right=right, names=every, uses=every, block=block, sensor=sensor)
 
 
 def holds(equation: Equation, known: Mapping[str, Value], sizes: Mapping[str, float]) -> bool:
@@ -45,6 +48,16 @@ def holds(equation: Equation, known: Mapping[str, Value], sizes: Mapping[str, fl
     larger = max(magnitude(left), magnitude(right))
     terms = max(size(equation.left, known, sizes), size(equation.right, known, sizes))
     return magnitude(left - right) <= TOLERANCE * larger + ROUNDING * terms
+
+
+def shortened(value: Value) -> Value:
+    """Give a fraction of very many digits in floating point, others as they are."""
+    if isinstance(value, Fraction) and value.numerator.bit_length() + value.denominator.bit_length() > MAX_BITS:
+        try:
+            return float(value)
+        except OverflowError:
+            return inf
+    return value
 
 
 def magnitude(value: Value) -> float:

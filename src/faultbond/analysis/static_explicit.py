@@ -7,10 +7,10 @@ from math import isfinite
 import sympy as sp
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
-from faultbond.analysis.static_equations import defines, holds
-from faultbond.analysis.static_network import Observation, StaticNetwork, followed
-from faultbond.analysis.static_solve import NotPolynomialError
-from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names
+from faultbond.analysis.static_equations import holds, magnitude
+from faultbond.analysis.static_network import READING, Observation, StaticNetwork, followed
+from faultbond.analysis.static_solve import MAX_POWER, MAX_TERMS, NotPolynomialError
+from faultbond.model.expression import Binary, Expression, Name, Negative, names
 from faultbond.structure.numeric import Value, evaluate, exact
 
 Quotient = tuple[PolyElement, PolyElement]  # numerator, denominator
@@ -49,17 +49,18 @@ def reading_equations(network: StaticNetwork, suspects: Sequence[str], seen: Obs
     images = {name: (element, one) for name, element in zip(suspects, elements, strict=True)}
     known = seen.healthy
     for law in network.laws:
-        signal = defines(law)
-        told = all(name in images or name in known.values for name in law.names if name != signal)
-        if signal is not None and told and not images.keys().isdisjoint(law.names):
-            images[signal] = _image(law.right, known.values, images, one)
+        if images.keys().isdisjoint(law.uses) or law.signal is None:
+            continue
+        if all(name in images or name in known.values for name in law.uses):
+            images[law.signal] = _quotient(_image(law.right, known.values, images, one), one)
     equations = []
     for item in network.readings:
         if item.sensor not in seen.sensors:
             continue
         if not images.keys().isdisjoint(item.names):
-            left, right = (_image(side, known.values, images, one) for side in (item.left, item.right))
-            equations.append(_arithmetic("-", left, right)[0].as_expr())
+            read = _image(item.right, known.values, images, one)
+            gap = _arithmetic("-", _quotient(read, one), _quotient(known.values[READING + item.sensor], one))
+            equations.append(gap[0].as_expr())
         elif not holds(item, known.values, known.sizes):
             return None
     return tuple(item for item in equations if item != 0)
@@ -72,37 +73,61 @@ def _ring(suspects: tuple[str, ...]) -> tuple[PolyRing, ...]:
 
 def _image(
     expression: Expression, values: Mapping[str, Value], images: Mapping[str, Quotient], one: PolyElement
-) -> Quotient:
-    """Give an expression as a quotient of polynomials in the suspended parameters."""
-    if images.keys().isdisjoint(names(expression)):
-        value = evaluate(expression, values)
-        if not isfinite(value):
-            raise NotPolynomialError
-        fraction = exact(value) if isinstance(value, float) else value
-        return one * sp.QQ(fraction.numerator, fraction.denominator), one
+) -> Quotient | Value:
+    """Give an expression as a quotient of polynomials in the suspended parameters, or its value without them."""
     match expression:
         case Name(text):
-            return images[text]
+            return images[text] if text in images else values[text]
         case Negative(operand):
-            above, below = _image(operand, values, images, one)
-            return -above, below
-        case Binary("**", base, Number(power)) if power == int(power):
-            above, below = _image(base, values, images, one)
-            above, below = (above, below) if power >= 0 else (below, above)
-            return above ** abs(int(power)), below ** abs(int(power))
-        case Binary("+" | "-" | "*" | "/" as operator, left, right):
-            return _arithmetic(operator, _image(left, values, images, one), _image(right, values, images, one))
+            image = _image(operand, values, images, one)
+            return (-image[0], image[1]) if isinstance(image, tuple) else -image
+        case Binary(operator, left, right):
+            first, second = _image(left, values, images, one), _image(right, values, images, one)
+            if isinstance(first, tuple) or isinstance(second, tuple):
+                return _combined(operator, first, second, one)
+    if images.keys().isdisjoint(names(expression)):
+        return evaluate(expression, values)
     raise NotPolynomialError
+
+
+def _combined(operator: str, left: Quotient | Value, right: Quotient | Value, one: PolyElement) -> Quotient:
+    """Apply an operator where at least one side depends on the suspended parameters."""
+    if operator != "**":
+        return _arithmetic(operator, _quotient(left, one), _quotient(right, one))
+    if (
+        isinstance(left, tuple)
+        and not isinstance(right, tuple)
+        and magnitude(right) <= MAX_POWER
+        and right == int(right)
+    ):
+        above, below = left if right >= 0 else left[::-1]
+        return _limited(above ** abs(int(right)), below ** abs(int(right)))
+    raise NotPolynomialError
+
+
+def _quotient(image: Quotient | Value, one: PolyElement) -> Quotient:
+    if isinstance(image, tuple):
+        return image
+    if not isfinite(image):
+        raise NotPolynomialError
+    fraction = exact(image) if isinstance(image, float) else image
+    return one * sp.QQ(fraction.numerator, fraction.denominator), one
 
 
 def _arithmetic(operator: str, left: Quotient, right: Quotient) -> Quotient:
     (a, b), (c, d) = left, right
     match operator:
         case "*":
-            return a * c, b * d
+            return _limited(a * c, b * d)
         case "/" if c:
-            return a * d, b * c
+            return _limited(a * d, b * c)
         case "+" | "-":
             c = c if operator == "+" else -c
-            return (a + c, b) if b == d else (a * d + c * b, b * d)
+            return (a + c, b) if b == d else _limited(a * d + c * b, b * d)
     raise NotPolynomialError
+
+
+def _limited(above: PolyElement, below: PolyElement) -> Quotient:
+    if max(len(above), len(below)) > MAX_TERMS:
+        raise NotPolynomialError
+    return above, below

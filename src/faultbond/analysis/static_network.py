@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from faultbond.analysis.static_equations import Equation, defines, equation, holds, magnitude, size
+from faultbond.analysis.static_equations import Equation, equation, holds, magnitude, shortened, size
 from faultbond.analysis.static_reader import Reader, reader
 from faultbond.errors import StructureError
 from faultbond.io.grid import GridPoint
@@ -108,11 +108,11 @@ def _in_order(laws: list[Equation], signals: Iterable[str]) -> tuple[list[Equati
     waiting, missing = list(laws), set(signals)
     found: list[Equation] = []
     while True:
-        ready = [law for law in waiting if defines(law) and not (set(law.names) & missing) - {defines(law)}]
+        ready = [law for law in waiting if law.signal and missing.isdisjoint(law.uses)]
         if not ready:
             return found, waiting
         found += ready
-        missing -= {defines(law) for law in ready}
+        missing -= {law.signal for law in ready if law.signal}
         waiting = [law for law in waiting if law not in ready]
 
 
@@ -153,12 +153,14 @@ def followed(network: StaticNetwork, known: Known, changed: Mapping[str, Value] 
     sizes.update({name: magnitude(value) for name, value in (changed or {}).items()})
     fresh = set(changed or ())
     for law in network.laws:
-        signal = defines(law)
-        if signal is None or (changed is not None and fresh.isdisjoint(law.names)):
+        if law.signal is None or (changed is not None and fresh.isdisjoint(law.uses)):
             continue
-        if all(name in values for name in law.names if name != signal):
-            values[signal], sizes[signal] = evaluate(law.right, values), size(law.right, values, sizes)
-            fresh.add(signal)
+        if all(name in values for name in law.uses):
+            values[law.signal], sizes[law.signal] = (
+                shortened(evaluate(law.right, values)),
+                size(law.right, values, sizes),
+            )
+            fresh.add(law.signal)
     return Known(values=values, sizes=sizes)
 
 
@@ -181,5 +183,5 @@ def _suspects_before(network: StaticNetwork) -> dict[str, frozenset[str]]:
     before = {} if network.of_blocks else {name: frozenset({name}) for name in network.suspects}
     for law in network.laws:
         own = {law.block} & set(network.suspects) if network.of_blocks else frozenset[str]()
-        before[defines(law) or ""] = frozenset(own).union(*(before.get(name, ()) for name in law.names))
+        before[law.signal or ""] = frozenset(own).union(*(before.get(name, ()) for name in law.uses))
     return before

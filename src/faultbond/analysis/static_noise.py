@@ -11,7 +11,6 @@ from math import inf
 
 import numpy as np
 
-from faultbond.analysis.static_equations import defines
 from faultbond.analysis.static_fit import REJECTED, Data, Fit, data_of, fit, limit
 from faultbond.analysis.static_hypothesis import Hypothesis, advance
 from faultbond.analysis.static_network import READING, Observation, StaticNetwork, healthy_of
@@ -76,7 +75,7 @@ def _reader(network: StaticNetwork, suspects: tuple[str, ...]) -> Reader:
     if network.reader is not None and not network.of_blocks:
         return network.reader.of(suspects)
     laws = [law for law in network.laws if law.block not in suspects]
-    free = [defines(law) for law in network.laws if law.block in suspects]
+    free = [law.signal for law in network.laws if law.block in suspects]
     return reader(network.graph, laws, network.values, {name: 1.0 for name in free if name is not None})
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import isnan
 
-from faultbond.analysis.static_equations import Equation, equation, holds, magnitude, size
+from faultbond.analysis.static_equations import Equation, equation, holds, magnitude, shortened, size
 from faultbond.analysis.static_network import READING, Observation, StaticNetwork
 from faultbond.model.expression import Binary, Expression, Name, names
 from faultbond.structure.isolate import linear_solution
@@ -78,7 +78,7 @@ def _follow(item: Equation, name: str, found: dict[str, Value], sizes: dict[str,
     definition = _definition(item, name)
     if definition is None:
         return False
-    value = evaluate(definition, found)
+    value = shortened(evaluate(definition, found))
     if isnan(value) and definition not in (item.left, item.right):
         return False  # the unknown has no influence here, such as a factor of 0
     found[name], sizes[name] = value, size(definition, found, sizes)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from faultbond.analysis.static_equations import Equation, defines
+from faultbond.analysis.static_equations import Equation
 from faultbond.dynamics.evaluate import evaluate
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
@@ -87,10 +87,10 @@ def _follow(laws: Iterable[Equation], values: dict[str, ca.SX], file: str) -> No
     """Add the signals that laws define; those in a loop at once, if the loop is linear."""
     loop: list[tuple[str, Equation]] = []
     for law in laws:
-        signal = defines(law)
+        signal = law.signal
         if signal is None:
             raise StructureError(f"{file}: block {law.block}: here a law has to define a signal, as in `y = 2*x`")
-        if all(name in values for name in law.names if name != signal):
+        if all(name in values for name in law.uses):
             values[signal] = evaluate(law.right, values)
         else:
             loop.append((signal, law))
@@ -101,7 +101,7 @@ def _follow(laws: Iterable[Equation], values: dict[str, ca.SX], file: str) -> No
 def _follow_loop(loop: Sequence[tuple[str, Equation]], values: dict[str, ca.SX], file: str) -> None:
     unknown = {signal: ca.SX.sym(signal) for signal, _ in loop}
     z, all_values = ca.vertcat(*unknown.values()), {**values, **unknown}
-    if all(name in all_values for _, law in loop for name in law.names):
+    if all(name in all_values for _, law in loop for name in law.uses):
         gap = ca.vertcat(*(unknown[signal] - evaluate(law.right, all_values) for signal, law in loop))
         slopes = ca.jacobian(gap, z)
         if not ca.depends_on(slopes, z):

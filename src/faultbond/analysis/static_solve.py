@@ -24,8 +24,10 @@ Point = dict[str, sp.Expr]  # an exact value, or one of 30 digits, by name
 System = tuple[sp.Expr, ...]  # polynomials that vanish
 
 MAX_CASES = 64  # combinations of branches
-MAX_SOLUTIONS = 60  # product of the degrees of a system
+MAX_SOLUTIONS = 30  # product of the degrees of a system
 MAX_UNKNOWNS = 6
+MAX_POWER = 16
+MAX_TERMS = 500  # of a polynomial
 DIGITS = 30
 _BRANCHES = {"abs": 2, "sign": 3, "where": 2}
 _NEARLY_REAL = 1e-6  # a double root of inexact data has an imaginary part of this size, relative
@@ -128,7 +130,7 @@ class _Reader:
         return self.read(call.arguments[chosen])  # min, max
 
     def power(self, base: sp.Expr, exponent: sp.Expr) -> sp.Expr:
-        if not exponent.is_Rational or exponent.q > 6:
+        if not exponent.is_Rational or exponent.q > 6 or abs(exponent.p) > MAX_POWER:
             raise NotPolynomialError
         return self.root(base, int(exponent.q)) ** int(exponent.p)
 
@@ -172,6 +174,8 @@ def _eliminated(equations: Sequence[sp.Expr], wanted: Collection[str]) -> System
         others = [other for other in left if other is not item]
         left = [sp.expand(other.subs(symbol, sp.expand(solution))) if other.has(symbol) else other for other in others]
         left = [other for other in left if other != 0]
+        if any(len(other.args) > MAX_TERMS for other in left):
+            raise NotPolynomialError
 
 
 def _weight(item: sp.Expr) -> tuple[int, int, str]:
@@ -207,10 +211,10 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
         return _linear_point(polynomials, target)
     if not others and len(every) < len(target):
         return [] if real_points(system, [symbol.name for symbol in every]) == [] else None
-    if len(every) == len(system) == 1:
-        return [{every[0].name: root} for root in real_roots(polynomials[0])]
     if len(every) > MAX_UNKNOWNS or prod(degrees) > MAX_SOLUTIONS:
         raise NotPolynomialError
+    if len(every) == len(system) == 1:
+        return [{every[0].name: root} for root in real_roots(polynomials[0])]
     basis = sp.groebner(system, *others, *target, order="lex").exprs
     if basis == [1]:
         return []

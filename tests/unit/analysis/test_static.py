@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.static import watch
-from faultbond.analysis.static_network import Observation, StaticNetwork, observation, static_network
+from faultbond.analysis.static_network import (
+    Observation,
+    StaticNetwork,
+    conflicts,
+    observation,
+    static_network,
+    with_healthy,
+)
 from faultbond.analysis.static_tables import relations, solve
 from faultbond.errors import RecordingError, StructureError
 from faultbond.io.grid import GridPoint
@@ -204,6 +211,8 @@ sensors: {y: {reads: y}}
     for form, values in expected.items():
         _, (diagnosis,) = report(text.replace("FORM", form), [(2, 6)])
         assert estimates(diagnosis) == {("A",): values}, form
+    _, (diagnosis,) = report(text.replace("FORM", "x*sign(A)"), [(2, 0)])
+    assert estimates(diagnosis) == {("A",): [(0.0,)]}
 
 
 def test_roots_of_numbers() -> None:
@@ -299,6 +308,25 @@ def test_rounded_data_are_not_taken_for_a_fault() -> None:
     assert detection is not None
     assert detection.sample == 1
     assert singles(diagnoses[-1]) == pytest.approx({"A": 3.0})
+
+
+def test_rounding_where_terms_cancel() -> None:
+    """A difference of equal terms that is 1e-17 instead of 0 agrees; 1e-6 does not."""
+    text = SUM.replace("p + q", "p - q")
+    assert report(text, [(0.3, 0.2, 0.6, 0.0), (0.3, 0.2, 0.6, 1e-17)]) == (None, [])
+    assert report(text, [(0.3, 0.2, 0.6, 1e-6)])[0] is not None
+
+
+def test_a_double_root_of_rounded_data() -> None:
+    """(A - 3)^2 = -1e-17 has no real root, but that is rounding."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = A**2 - 6*A*x + 9*x, parameters: {A: {nominal: 1, range: any}}}}
+sensors: {y: {reads: y}}
+"""
+    _, (diagnosis,) = report(text, [(1, -1e-17)])
+    assert singles(diagnosis) == pytest.approx({"A": 3.0})
 
 
 def test_an_observation_seen_twice_tells_nothing_new() -> None:
@@ -465,6 +493,14 @@ def test_models_that_are_no_static_networks() -> None:
     trusted = PRODUCT.replace("range: any}}", "range: any}}, suspect: no")
     with pytest.raises(StructureError, match="leave one to be suspected"):
         static_network(parse_model(trusted))
+
+
+def test_conflicts() -> None:
+    """A reading that contradicts names the suspects that it follows from, of parameters and of blocks."""
+    network, (seen,) = observed(SUM, [(1, 1, 2, 8)])
+    assert conflicts(network, with_healthy(network, seen)) == [frozenset({"A", "B"})]
+    network, (seen,) = observed(GAUGES, [(2, 3, 2, 4, 12, 180)])
+    assert conflicts(network, with_healthy(network, seen)) == [frozenset({"A", "B", "D"})]
 
 
 def test_many_suspects() -> None:
