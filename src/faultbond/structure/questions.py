@@ -13,16 +13,15 @@ from faultbond.structure.route import Question
 def states(network: ComponentNetwork) -> tuple[Question, ...]:
     """Ask for each state from the present and as many past observations as it takes. Source: thesis 4.2.1."""
     return tuple(
-        Question(targets=((state.signal, 0),), observed=network.observed, title=f"state {state.signal}")
-        for state in network.states
+        Question(targets=((state, 0),), observed=network.observed, title=f"state {state}") for state in _states(network)
     )
 
 
 def states_at_start(network: ComponentNetwork) -> tuple[Question, ...]:
     """Ask for each state one frame back, from the present observation and the past. Source: thesis 4.2.1."""
     return tuple(
-        Question(targets=((state.signal, 1),), observed=network.observed, title=f"state {state.signal} at the start")
-        for state in network.states
+        Question(targets=((state, 1),), observed=network.observed, title=f"state {state} at the start")
+        for state in _states(network)
     )
 
 
@@ -30,14 +29,19 @@ def states_from_rates(network: ComponentNetwork) -> tuple[Question, ...]:
     """Ask for each state from the rates of all states and one observation. Source: thesis 4.2.1, figure 4.6."""
     return tuple(
         Question(
-            targets=((state.signal, 0),),
+            targets=((state, 0),),
             observed=network.observed,
             known=_rates(network),
             frames=1,
-            title=f"state {state.signal} from the rates",
+            title=f"state {state} from the rates",
         )
-        for state in network.states
+        for state in _states(network)
     )
+
+
+def _states(network: ComponentNetwork) -> tuple[str, ...]:
+    """The signals that are states; stores on one junction may share one."""
+    return tuple(dict.fromkeys(state.signal for state in network.states))
 
 
 def _rates(network: ComponentNetwork) -> frozenset[SignalAt]:
@@ -52,12 +56,12 @@ def rates(network: ComponentNetwork) -> tuple[tuple[Question, Question], ...]:
     """
     before = tuple(
         Question(
-            targets=((state.signal, 1),),
+            targets=((state, 1),),
             observed=network.observed,
             newest=1,
-            title=f"state {state.signal} one sample before",
+            title=f"state {state} one sample before",
         )
-        for state in network.states
+        for state in _states(network)
     )
     return tuple(zip(states(network), before, strict=True))
 
