@@ -15,14 +15,13 @@ import numpy as np
 from faultbond.errors import StructureError
 from faultbond.structure.backward_euler import Plant, Record, random_inputs, simulate
 from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork
-from faultbond.structure.linearise import slope_matrix
+from faultbond.structure.linearise import SINGULAR, reciprocal_condition, slope_matrix
 from faultbond.structure.numeric import Value
 from faultbond.structure.problem import Problem, prepare
 from faultbond.structure.route import Route
 from faultbond.types import FloatArray
 
 N_INSTANTS = 15
-SINGULAR = 1e-13  # of the largest singular value of the scaled equations; below, a result is noise alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,8 +137,7 @@ def _solve_rows(unknown: FloatArray, known: FloatArray, wanted: Sequence[int]) -
     if not (np.all(np.isfinite(unknown)) and np.all(np.isfinite(known)) and np.all(weights > 0.0)):
         return failed
     balanced = unknown / weights
-    singular = np.linalg.svd(balanced, compute_uv=False)
-    if singular[-1] <= SINGULAR * singular[0]:
+    if reciprocal_condition(balanced) <= SINGULAR:
         return failed
     rows = np.linalg.solve(balanced.T, np.eye(len(unknown))[:, list(wanted)]).T
     result: FloatArray = rows @ (known / weights)

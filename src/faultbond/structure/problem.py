@@ -3,13 +3,15 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
+from time import monotonic
 
 from faultbond.errors import StructureError
 from faultbond.model.expression import Expression, Number, names
 from faultbond.structure.backward_euler import Plant, misfit, random_inputs, simulate
 from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, SignalAt, frame_name, in_frame
 from faultbond.structure.isolate import substitute
-from faultbond.structure.linearise import fixes
+from faultbond.structure.linearise import Fixed, fixes
 from faultbond.structure.numeric import Value
 from faultbond.structure.route import Route, Target
 
@@ -117,26 +119,38 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
     )
 
 
-def trials_of(network: ComponentNetwork, problem: Problem, plant: Plant) -> tuple[Trial, ...]:
+def trials_of(
+    network: ComponentNetwork, problem: Problem, plant: Plant, deadline: float = inf
+) -> tuple[tuple[Trial, ...], Fixed | None]:
     """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
 
     A record that cannot be computed (a root of a negative number, say), or on which the equations do not fix the
-    unknowns, is made anew with other inputs and another start, a few times; empty if none is of use.
+    unknowns, is made anew with other inputs and another start, a few times. With the records comes how well the best
+    one fixes the unknowns; None where time was up before one was found. Without one of the nominal plant there is none.
+
+    Parameters
+    ----------
+    deadline : on the clock of `time.monotonic`; records not made by then are left out
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]
-    found = []
+    found: list[Trial] = []
+    best = Fixed.NOT
     for factor in (Fraction(1), *CHANGES):
         values = dict(plant.values)
         values |= {name: _changed(plant, name, factor) for name in unknown}
         for attempt in range(_ATTEMPTS):
+            if monotonic() > deadline and (found or attempt):
+                return tuple(found), best if found else None
             record = _record(network, problem, plant, values, attempt)
-            if record is not None and fixes(problem.residuals, problem.unknown, record.true):
+            fixed = Fixed.NOT if record is None else fixes(problem.residuals, problem.unknown, record.true)
+            best = best if fixed is Fixed.NOT or best is Fixed.WELL else fixed
+            if record is not None and fixed is Fixed.WELL:
                 found.append(record)
                 break
         else:
             if not found:
-                return ()
-    return tuple(found)
+                return (), best
+    return tuple(found), best
 
 
 def _changed(plant: Plant, name: str, factor: Fraction) -> Fraction:

@@ -21,6 +21,7 @@ from faultbond.structure.closed import Candidate, Search, find_candidates
 from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.elimination import SingularError
 from faultbond.structure.isolate import substitute
+from faultbond.structure.linearise import Fixed
 from faultbond.structure.numeric import Value, evaluate, is_nan
 from faultbond.structure.polynomial import TooLargeError
 from faultbond.structure.problem import TOLERANCE, Problem, Trial, prepare, trials_of
@@ -69,9 +70,9 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
     """
     limits = limits or Limits()
     problem = prepare(network, route, plant)
-    records = trials_of(network, problem, plant)
+    records, fixed = trials_of(network, problem, plant, monotonic() + limits.seconds)
     if not records:
-        return _undetermined(problem)
+        return _unchecked(problem, fixed)
     roots, remarks = _closed_forms(problem, records, limits)
     count = _count(problem, records[0], limits)
     return Solution(
@@ -140,9 +141,16 @@ def _closed_forms(
     return tuple(sorted(roots, key=lambda root: not _is_true(root, problem, records[0]))), tuple(remarks)
 
 
-def _undetermined(problem: Problem) -> Solution:
-    words = f"the equations of this route do not fix {', '.join(problem.targets)} on any test record"
-    return Solution(targets=problem.targets, kind=Kind.UNDETERMINED, degree=None, real_roots=None, remarks=(words,))
+def _unchecked(problem: Problem, fixed: Fixed | None) -> Solution:
+    """Say why no record could be made to check a closed form on."""
+    targets = ", ".join(problem.targets)
+    if fixed is None:
+        kind, words = Kind.NUMERIC, "no closed form within the limit"
+    elif fixed is Fixed.NOT:
+        kind, words = Kind.UNDETERMINED, f"the equations of this route do not fix {targets} on any test record"
+    else:
+        kind, words = Kind.NUMERIC, f"the equations of this route amplify rounding so much that {targets} would be lost"
+    return Solution(targets=problem.targets, kind=kind, degree=None, real_roots=None, remarks=(words,))
 
 
 def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
