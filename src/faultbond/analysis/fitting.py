@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.operation import reference_levels
+from faultbond.analysis.operation import reference_levels, times
 from faultbond.analysis.sensitivity import Experiment, Recursion, sensitivities
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import StructureError
 from faultbond.types import BoolArray, FloatArray, IntArray
 
-ITERATIONS = 60
+ITERATIONS = 45
 GENTLE = 0.3  # part of an input by which it moves
 EXACT = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same
 _HOPELESS = 1e3  # misfit of a lane without a solution
 _MOST_STEP = 1.5  # in logarithms
-_STALLED = 8  # iterations without gain after which a lane rests
+_STALLED = 5  # iterations without gain after which a lane rests
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +72,7 @@ def long_run(model: StepModel, recursion: Recursion, thetas: Sequence[FloatArray
         dt=np.concatenate([item.dt for item in runs]),
     )
     moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, runs[0].inputs.shape)
-    gentle = replace(runs[0], inputs=reference_levels(model) * moves)
+    gentle = replace(runs[0], inputs=times(model, reference_levels(model), moves))
     for trial in (joined, *runs, gentle):
         plants = [trial, *(replace(trial, theta=theta) for theta in thetas)]
         if all(item is not None for item in sensitivities(recursion, plants)):

@@ -166,8 +166,15 @@ def healthy_vector(model: StepModel, spec: EngineSpec) -> FloatArray:
 
 def reference_levels(model: StepModel) -> FloatArray:
     """Give the inputs of the generic run, SI: half range for percent, else one unit or 30 noises, whichever is more."""
-    noise = np.array([item.noise for item in model.plant.graph.inputs])
-    return np.maximum(reference_inputs(model.plant), noise / NOISE_PART)
+    levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
+    return np.array([level + max(item.noise / NOISE_PART - item.unit.factor, 0.0) for item, level in levels])
+
+
+def times(model: StepModel, levels: FloatArray, factors: FloatArray) -> FloatArray:
+    """Give inputs (n, n_inputs), SI, that are `levels` times `factors` (n, n_inputs) in the units of the model file."""
+    units = [item.unit for item in model.plant.graph.inputs]
+    offset = np.array([item.offset for item in units], dtype=np.float64)
+    return np.asarray((levels - offset) * factors + offset)
 
 
 def generic_samples(model: StepModel, spec: EngineSpec, count: int) -> list[Sample]:
@@ -179,7 +186,7 @@ def generic_samples(model: StepModel, spec: EngineSpec, count: int) -> list[Samp
     dt, n_u = spec.sample_time or 1.0, len(spec.inputs)
     k, shift = np.arange(count)[:, None], np.arange(n_u) / (n_u + 0.5)
     moves = sum((size * np.sin(2 * np.pi * (k / period + shift)) for size, period in MOVES), np.zeros((count, n_u)))
-    u = reference_levels(model) * (1.0 + moves)
+    u = times(model, reference_levels(model), 1.0 + moves)
     advance = advance_function(model)
     v, z = healthy_vector(model, spec), np.asarray(model.reference_implicit)
     y = model.measure(v, u[0], z)[0].full()[:, 0] if count else np.zeros(0)

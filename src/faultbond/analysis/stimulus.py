@@ -24,7 +24,7 @@ from faultbond.errors import ModelError
 from faultbond.types import FloatArray
 
 PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
-FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level of an input without a range
+FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range
 HOLD_SAMPLES = 600  # longest hold, where none is given
 PARTS = (1 / 8, 1 / 4, 1 / 2, 1.0)  # of the longest hold
 FAULT = 0.25  # of the declared change: the fault that is to be told apart
@@ -149,7 +149,8 @@ def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
         if item.unit.text == "percent":
             changes = [wanted - level for wanted in PERCENT_LEVELS if abs(wanted - level) >= _NEAR]
         else:
-            changes = [(factor - 1.0) * (level or item.unit.to_si(1.0)) for factor in FACTORS]
+            there = item.unit.from_si(level) or 1.0
+            changes = [item.unit.factor * (factor - 1.0) * there for factor in FACTORS]
         trials += [(number, float(change)) for change in changes]
     return trials
 

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from faultbond.analysis.fitting import fit, fit_together
-from faultbond.analysis.ranks import reduce
+from faultbond.analysis.ranks import Reduced, reduce
 from faultbond.analysis.sensitivity import sensitivities
 from faultbond.analysis.solutions import Bench, bench_of, changed, places_of
 from faultbond.dynamics.step import StepModel
@@ -28,7 +28,6 @@ DRAWN = (0.7, 1.5)  # range of their factors
 MOST_PAIRS = 100  # followed of each kind, in the order given
 _STEEPEST = 4.0  # largest power at which a family is looked for
 _SIMPLE = 1e-5  # an exponent so near a simple fraction is that fraction
-_FLAT = 1e-7  # singular value, relative, of a combination that does not show
 
 Sides = tuple[list[int], list[int]]
 
@@ -95,8 +94,10 @@ def twins(
     sides = [(places_of(graph, one), places_of(graph, other)) for one, other in pairs]
     bench = bench_of(model)
     run = sensitivities(bench.recursion, [bench.run])[0]
-    matrix = reduce([run]).matrix * reduce([run]).lengths if run is not None else np.zeros((0, 0))
-    tangents = [_tangent(matrix, *both) for both in sides]
+    if run is None:
+        return ()
+    reduced = reduce([run])
+    tangents = [_tangent(reduced, *both) for both in sides]
     alike = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)][:MOST_PAIRS]
     always = _always(model, [sides[k] for k in alike])
     imitated = {k for k, found in zip(alike, always, strict=True) if found}
@@ -116,23 +117,22 @@ def _all_pairs(graph: BondGraph) -> list[tuple[tuple[str, ...], tuple[str, ...]]
     return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
 
 
-def _tangent(matrix: FloatArray, one: list[int], other: list[int]) -> FloatArray:
+def _tangent(reduced: Reduced, one: list[int], other: list[int]) -> FloatArray:
     """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
 
     Empty where a set is not identifiable: then it is no twin, it explains itself in many ways.
     """
-    if any(len(_silent(matrix[:, places])) for places in (one, other)):
-        return np.zeros((0, len(one) + len(other)))
-    return _silent(np.hstack([matrix[:, one], -matrix[:, other]]))
+    nothing = np.zeros((0, len(one) + len(other)))
+    if any(len(_silent(reduced, reduced.matrix[:, places])) for places in (one, other)):
+        return nothing
+    found = _silent(reduced, np.hstack([reduced.matrix[:, one], -reduced.matrix[:, other]]))
+    return np.asarray(found / reduced.lengths[[*one, *other]]) if len(found) else nothing
 
 
-def _silent(columns: FloatArray) -> FloatArray:
+def _silent(reduced: Reduced, columns: FloatArray) -> FloatArray:
     """Give a basis of the combinations of columns that do not show."""
-    lengths = np.linalg.norm(columns, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    _, values, right = np.linalg.svd(columns / lengths)
-    rank = int(np.sum(values > _FLAT * max(values.max(initial=0.0), 1e-300)))
-    return np.asarray(right[rank:] / lengths)
+    _, values, right = np.linalg.svd(columns)
+    return np.asarray(right[int(np.sum(values > reduced.rank.low)) :])
 
 
 def _always(model: StepModel, sides: Sequence[Sides]) -> list[bool]:
@@ -162,7 +162,8 @@ def _families(
     """Follow each one-parameter family from the healthy plant: the leading parameter of the first set has the size."""
     first_thetas, second_thetas, free = [], [], []
     for (one, other), direction in zip(sides, directions, strict=True):
-        lead = int(np.argmax(np.abs(direction[: len(one)])))
+        moves = np.abs(direction[: len(one)])
+        lead = int(np.argmax(moves > 0.99 * moves.max()))  # the first of those that move most
         powers = np.clip(direction / direction[lead], -_STEEPEST, _STEEPEST)
         for size in sizes:
             factors = (size**powers).tolist()

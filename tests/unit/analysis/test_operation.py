@@ -54,3 +54,16 @@ def test_a_run_that_never_starts_is_refused() -> None:
     engine = VirtualMachine(build_filter(spec, model))
     with pytest.raises(RecordingError, match="does not get going on these 5 samples"):
         operate(model, spec, engine, generic_samples(model, spec, 5))
+
+
+def test_a_temperature_moves_in_its_own_unit() -> None:
+    """An input in degrees Celsius moves by parts of a degree, not by parts of 274 kelvin; noise raises its level."""
+    model = example("pipe")
+    spec = build_spec(model)
+    place = [item.name for item in spec.inputs].index("water_in_degC")
+    moved = np.array([item.u[place] for item in generic_samples(model, spec, 40)])
+    level = reference_levels(model)[place]
+    assert np.max(np.abs(moved - level)) <= 0.5 * (level - 273.15)
+    assert np.ptp(moved) > 0.1
+    noisy = reference_levels(example("dc_motor"))
+    assert noisy == pytest.approx([30 * 0.16])
