@@ -26,13 +26,15 @@ def states_at_start(network: ComponentNetwork) -> tuple[Question, ...]:
 
 
 def states_from_rates(network: ComponentNetwork) -> tuple[Question, ...]:
-    """Ask for each state from the rates of all states and one observation. Source: thesis 4.2.1, figure 4.6."""
+    """Ask for each state from the rates of all states and one observation, if need be from earlier ones as well.
+
+    Source: thesis 4.2.1, figure 4.6, footnote 4.
+    """
     return tuple(
         Question(
             targets=((state, 0),),
             observed=network.observed,
             known=_rates(network),
-            frames=1,
             title=f"state {state} from the rates",
         )
         for state in _states(network)

@@ -115,3 +115,41 @@ def test_two_sensors_of_one_signal() -> None:
     text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")
     twice = text.replace("sensors: {", "sensors: {again: {reads: C.e, unit: V, noise: 0.1 V}, ")
     assert laws(components(twice))["V_C"] == "V_C - again"
+
+
+def test_order_for_a_search() -> None:
+    """Two-ports come first, junctions and sensors last; in a junction what leads on to another part comes first."""
+    motor = example("dc_motor")
+    assert [item.name for item in motor.equations][:2] == ["K.1", "K.2"]
+    assert [item.name for item in motor.equations][-2:] == ["armature", "shaft"]
+    assert motor.equation("armature").signals[0] == ("K.e1", 0)
+    assert [item.name for item in example("tank").equations][-1] == "flow"
+
+
+def test_integrated_signals_are_states() -> None:
+    """A position that a sensor reads is a state of no component, and its rate is a speed."""
+    emps = example("emps")
+    (position,) = (state for state in emps.states if state.component is None)
+    assert (position.signal, position.rate, position.sum) == ("q_meas_m", "axis.f", "axis.q.sum")
+
+
+def test_dependent_stores_are_states_too() -> None:
+    """A capacitor on a source has a sum like any other; its voltage is the input."""
+    net = components(
+        "name: x\nsample_time: 1 s\ninputs: {V: {unit: V}}\ncomponents:\n  s: {type: Se, law: e = V}\n"
+        "  C: {type: C, parameters: {X: 1 F}}\njunctions: {n: 0}\nbonds: [s -> n -> C]\n"
+        "sensors: {i: {reads: C.f, unit: A, noise: 1 mA}}\n"
+    )
+    assert laws(net)["C.sum"] == "dt*C.rate - (V - V@1)"
+    assert [(state.signal, state.rate) for state in net.states] == [("V", "C.rate")]
+    assert "s" not in laws(net)
+
+
+def test_a_source_that_is_more_than_an_input_is_an_equation() -> None:
+    """`e = -V` is no other name of V."""
+    net = components(
+        "name: x\nsample_time: 1 s\ninputs: {V: {unit: V}}\ncomponents:\n  s: {type: Se, law: e = -V}\n"
+        "  R: {type: R, parameters: {R: 1 ohm}}\njunctions: {n: 1}\nbonds: [s -> n -> R]\n"
+        "sensors: {i: {reads: n.f, unit: A, noise: 1 mA}}\n"
+    )
+    assert laws(net)["s"] == "s.e - -V"

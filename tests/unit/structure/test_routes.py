@@ -239,7 +239,7 @@ def test_causes_in_a_loop() -> None:
 
 
 def test_causes_in_derivative_causality() -> None:
-    """A capacitor on a source has its voltage from there: its sum causes its rate; so has the second of two inertias."""
+    """A capacitor on a source has its voltage from there: its sum causes its rate; so with one of two inertias."""
     assert causes_of(components_of(DERIVATIVE)) == {
         "C1": ["C1.f"],
         "C1.sum": ["C1.rate"],
