@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from faultbond.dynamics.evaluate import evaluate
+from faultbond.dynamics.linear import eliminate
 from faultbond.model.expression import Binary, Name, names
 from faultbond.model.graph import BondGraph
 from faultbond.structure.causality import Causality, assign_causality
@@ -194,33 +195,3 @@ class _Solver:
         self.gaps += ca.vertsplit(gap)
         self.implicit += loop.tears
         return guesses
-
-
-def eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve matrix @ solution = right by Gaussian elimination that skips structural zeros.
-
-    The pivot is the first entry of a column that is not structurally zero; the matrices met here (I - h J, slopes of
-    passive loops) need no more. Shapes (n, n), (n, m) -> (n, m).
-    """
-    n, m = matrix.shape[0], right.shape[1]
-    rows = [[matrix[i, j] for j in range(n)] + [right[i, j] for j in range(m)] for i in range(n)]
-    for k in range(n):
-        pivot = next((i for i in range(k, n) if not _zero(rows[i][k])), k)
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        for i in range(k + 1, n):
-            if not _zero(rows[i][k]):
-                factor = rows[i][k] / rows[k][k]
-                rows[i] = [a if _zero(p) else a - factor * p for a, p in zip(rows[i], rows[k], strict=True)]
-    solution = [[ca.SX(0)] * m for _ in range(n)]
-    for k in reversed(range(n)):
-        for c in range(m):
-            total = rows[k][n + c]
-            for j in range(k + 1, n):
-                if not _zero(rows[k][j]) and not _zero(solution[j][c]):
-                    total = total - rows[k][j] * solution[j][c]
-            solution[k][c] = total if _zero(total) else total / rows[k][k]
-    return ca.vertcat(*(ca.horzcat(*row) for row in solution)) if n else ca.SX(0, m)
-
-
-def _zero(entry: ca.SX) -> bool:
-    return bool(entry.nnz() == 0 or entry.is_zero())

@@ -14,7 +14,8 @@ from math import ceil, sqrt
 import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.plant import Plant, eliminate
+from faultbond.dynamics.linear import back, eliminate, triangle
+from faultbond.dynamics.plant import Plant
 from faultbond.errors import StructureError
 from faultbond.types import FloatArray
 
@@ -192,13 +193,12 @@ def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_
     for _ in range(substeps):
         solved = newton(ca.vertcat(x, rest), u, solved)[0]
         f0, d0 = rates(ca.vertcat(x, rest), u, solved)
-        matrix = ca.SX.eye(n_x) - GAMMA * h * d0[:, :n_x]
-        right = ca.horzcat(f0, d0 @ ca.vertcat(slope, still))
-        k1 = eliminate(matrix, right)
+        matrix = triangle(ca.SX.eye(n_x) - GAMMA * h * d0[:, :n_x])
+        k1 = back(matrix, ca.horzcat(f0, d0 @ ca.vertcat(slope, still)))
         middle, middle_slope = x + h * k1[:, 0], slope + h * k1[:, 1:]
         solved = newton(ca.vertcat(middle, rest), u, solved)[0]
         f1, d1 = rates(ca.vertcat(middle, rest), u, solved)
-        k2 = eliminate(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
+        k2 = back(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
         x = x + 1.5 * h * k1[:, 0] + 0.5 * h * k2[:, 0]
         slope = slope + 1.5 * h * k1[:, 1:] + 0.5 * h * k2[:, 1:]
     return ca.Function("predict", [v, u, z, dt], [x, slope, solved], {"cse": True})

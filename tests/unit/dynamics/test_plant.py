@@ -7,7 +7,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from faultbond.dynamics.plant import Plant, build_plant, eliminate
+from faultbond.dynamics.linear import eliminate
+from faultbond.dynamics.plant import Plant, build_plant
 from faultbond.model.text import parse_model
 from faultbond.types import FloatArray
 
