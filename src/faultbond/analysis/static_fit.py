@@ -105,7 +105,7 @@ def fit(read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatA
 
 def _deviations(slopes: FloatArray) -> tuple[FloatArray, int]:
     """Give the standard deviations of a linear fit, inf for what the observations leave open, and the rank."""
-    _, singular, rows = np.linalg.svd(slopes, full_matrices=True)
+    _, singular, rows = np.linalg.svd(np.linalg.qr(slopes, mode="r"), full_matrices=True)
     full = np.zeros(slopes.shape[1])
     full[: len(singular)] = singular
     known = full > _SINGULAR * max(full.max(initial=0.0), 1e-300)

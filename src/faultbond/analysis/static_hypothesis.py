@@ -5,7 +5,7 @@ after some observations is a set of points, and systems of equations with infini
 takes points away and turns systems into points. What is rejected stays rejected.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -16,7 +16,7 @@ from faultbond.analysis.static_explicit import agrees, is_explicit, reading_equa
 from faultbond.analysis.static_fit import data_of, fit
 from faultbond.analysis.static_network import Observation, StaticNetwork
 from faultbond.analysis.static_propagation import Propagated, propagate, suspend, without_readings
-from faultbond.analysis.static_search import Found, search
+from faultbond.analysis.static_search import Found, same, search, starts
 from faultbond.analysis.static_solve import (
     NotPolynomialError,
     Point,
@@ -37,12 +37,13 @@ class Hypothesis:
     """Suspended parameters, or blocks, and what explains the observations so far.
 
     points: solutions that are left; of blocks the empty one. systems: equations, each with infinitely many solutions.
-    At the start everything is possible.
+    At the start everything is possible. searched: points were searched for, so that there may be others.
     """
 
     suspects: tuple[str, ...]
     points: tuple[Point, ...] = ()
     systems: tuple[System, ...] = ((),)
+    searched: bool = False
 
     @property
     def is_possible(self) -> bool:
@@ -56,6 +57,8 @@ def advance(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation
         consistent = is_consistent(network, held.suspects, rows[-1])
         return replace(held, points=({},) if consistent else (), systems=())
     points = [point for point in held.points if explains(network, point, rows[-1])]
+    if held.searched and not points:
+        return _searched(network, held, rows)
     systems = list(held.systems)
     if systems:
         try:
@@ -122,7 +125,7 @@ def _distinct(points: Iterable[Point]) -> list[Point]:
 
 def _confirmed(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
     """Look for a solution near the nominal values that rounding of the data may have hidden from exact arithmetic."""
-    found = nearest(network, held.suspects, rows)
+    found = next(_fits(network, held.suspects, rows, starts(len(held.suspects))[:1]), None)
     if found is None:
         return replace(held, points=(), systems=())
     if found.free:  # the newest observation says what others said, but for rounding
@@ -131,25 +134,47 @@ def _confirmed(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observat
 
 
 def nearest(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Found | None:
-    """Give a solution near the nominal values that explains all rows; `free` where there are others as near."""
+    """Give a solution that explains all rows, near the nominal values if it can be; `free` where others are as near."""
     if network.reader is None:
         return next(iter(_search(network, suspects, rows)), None)
+    return next(_fits(network, suspects, rows, starts(len(suspects))), None)
+
+
+def _fits(
+    network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation], factors: Iterable[tuple[float, ...]]
+) -> Iterator[Found]:
+    """Give solutions that explain all rows, by fits from multiples of the nominal values."""
+    if network.reader is None:
+        return
     items = [network.graph.parameter(name) for name in suspects]
-    start, scale = np.array([item.nominal for item in items]), np.array([item.scale for item in items])
+    scale = np.array([item.scale for item in items])
     bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
-    best = fit(network.reader.of(suspects), start, scale, bounds, data_of(network, rows))
-    found = Found(values=dict(zip(suspects, best.values.tolist(), strict=True)), free=best.rank < len(suspects))
-    return found if all(explains(network, _point(found), row) for row in rows) else None
+    data, read = data_of(network, rows), network.reader.of(suspects)
+    for factor in factors:
+        best = fit(read, np.array(factor) * scale, scale, bounds, data)
+        values = dict(zip(suspects, best.values.tolist(), strict=True))
+        found = Found(values=values, free=best.rank < len(suspects))
+        if all(explains(network, _point(found), row) for row in rows):
+            yield found
 
 
 def _searched(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
     found = _search(network, held.suspects, rows)
     points = tuple(_point(item) for item in found if not item.free)
-    return replace(held, points=points, systems=((),) if any(item.free for item in found) else ())
+    systems = ((),) if any(item.free for item in found) else ()
+    return replace(held, points=points, systems=systems, searched=True)
 
 
 def _search(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> list[Found]:
-    """Give solutions by search that explain all rows."""
+    """Give some solutions that explain all rows."""
+    if network.reader is not None:
+        distinct: list[Found] = []
+        for item in _fits(network, suspects, rows, starts(len(suspects))):
+            if not any(same(item, other) for other in distinct):
+                distinct.append(item)
+            if item.free:
+                break
+        return distinct
     some = rows[:MAX_SEARCHED]
     systems = [suspend(network, row, suspects, {}) for row in some]
     if any(system.conflict is not None for system in systems):

@@ -18,7 +18,7 @@ from faultbond.analysis.static_reader import Reader, reader
 from faultbond.analysis.static_solve import Point, value_of
 from faultbond.types import FloatArray
 
-ROOTS_FROM = 4  # observations from which the first roots are looked for
+ROOTS_FROM = 4  # first observations: later ones start from the fits so far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +96,9 @@ def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observati
 
 
 def _starts(network: StaticNetwork, held: Trial, rows: Sequence[Observation]) -> list[FloatArray]:
-    """Give what to start from: the nominal values, the fits so far, and the roots of the first readings alone."""
+    """Give what to start from: the fits so far; at first, also the nominal values and the roots of single readings."""
+    if held.found and len(rows) > ROOTS_FROM:
+        return [item.values for item in held.found]
     roots = _first_roots(network, held.suspects, rows) if len(rows) <= ROOTS_FROM else ()
     nominal = np.array([float(network.values[name]) for name in held.suspects])
     exact = [np.array([float(value_of(point[name])) for name in held.suspects]) for point in roots]

@@ -61,23 +61,25 @@ def search(
         return [Found(values=dict(nominal), free=bool(wanted))]
     problem, rest = _problem(rows, wanted, signals)
     found: list[Found] = []
-    for factors in _starts(len(wanted)):
+    for factors in starts(len(wanted)):
         first = [factor * (nominal[name] or 1.0) for factor, name in zip(factors, wanted, strict=True)]
         solution = _descend(problem, np.array([*first, *rest]))
-        if solution is not None and not any(_same(solution, other) for other in found):
+        if solution is not None and not any(same(solution, other) for other in found):
             found.append(solution)
             if solution.free or not wanted:
                 return [solution]
     return found
 
 
-def _starts(count: int) -> list[tuple[float, ...]]:
+def starts(count: int) -> list[tuple[float, ...]]:
+    """Give factors of the nominal values to start from, those near them first."""
     factors = FACTORS.get(count, (1.0, 0.5) if count else ())
     nearest = sorted(product(factors, repeat=count), key=lambda item: sum(factor != 1.0 for factor in item))
     return nearest[:MAX_STARTS]
 
 
-def _same(one: Found, other: Found) -> bool:
+def same(one: Found, other: Found) -> bool:
+    """Whether two solutions differ by rounding only."""
     pairs = ((value, other.values[name]) for name, value in one.values.items())
     return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in pairs)
 
@@ -153,6 +155,6 @@ def _met(problem: _Problem, x: FloatArray, k: int) -> bool:
 
 def _is_free(jacobian: FloatArray, problem: _Problem) -> bool:
     """Whether a wanted unknown can move without leaving the solutions, to first order."""
-    _, singular, rows = np.linalg.svd(jacobian, full_matrices=True)
+    _, singular, rows = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=True)
     rank = int(np.sum(singular > _SINGULAR * max(singular.max(initial=0.0), 1e-300)))
     return bool(np.any(np.abs(rows[rank:, : len(problem.wanted)]) > _SAME))

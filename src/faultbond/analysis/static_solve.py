@@ -24,7 +24,8 @@ Point = dict[str, sp.Expr]  # an exact value, or one of 30 digits, by name
 System = tuple[sp.Expr, ...]  # polynomials that vanish
 
 MAX_CASES = 64  # combinations of branches
-MAX_SOLUTIONS = 30  # product of the degrees of a system
+MAX_DEGREE = 30  # in one unknown
+MAX_SOLUTIONS = 60  # product of the degrees of a system
 MAX_UNKNOWNS = 6
 MAX_POWER = 16
 MAX_TERMS = 500  # of a polynomial
@@ -211,7 +212,7 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
         return _linear_point(polynomials, target)
     if not others and len(every) < len(target):
         return [] if real_points(system, [symbol.name for symbol in every]) == [] else None
-    if len(every) > MAX_UNKNOWNS or prod(degrees) > MAX_SOLUTIONS:
+    if len(every) > MAX_UNKNOWNS or prod(degrees) > (MAX_DEGREE if len(every) == 1 else MAX_SOLUTIONS):
         raise NotPolynomialError
     if len(every) == len(system) == 1:
         return [{every[0].name: root} for root in real_roots(polynomials[0])]

@@ -1,12 +1,16 @@
 """Static networks of numbers and of logic: detection, diagnoses, branches, loops, noise, missing values."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import exp, inf, nan, sqrt
 
 import numpy as np
 import pytest
+import sympy as sp
 
+from faultbond.analysis import static_solve
 from faultbond.analysis.static import watch
+from faultbond.analysis.static_hypothesis import Hypothesis, advance
 from faultbond.analysis.static_network import (
     Observation,
     StaticNetwork,
@@ -253,6 +257,33 @@ sensors: {y: {reads: y}}
     _, diagnoses = report(text, rows)
     assert set(estimates(diagnoses[0])) == {("A",), ("K",)}
     assert singles(diagnoses[1]) == pytest.approx({"A": 1.5})
+
+
+def test_systems_that_are_too_large_are_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search finds some solutions of a few rows, and goes on when later rows discard them."""
+    monkeypatch.setattr(static_solve, "MAX_SOLUTIONS", 0)
+    text = """
+sample_time: none
+inputs: {x: {}, z: {}}
+blocks:
+  a: {law: p = A*x**2 - x, parameters: {A: {nominal: 1, range: any}}}
+  b: {law: y = B*p**2 - z, parameters: {B: {nominal: 2, range: any}}}
+sensors: {y: {reads: y}}
+"""
+    rows = [(x, z, -2 * (3 * x * x - x) ** 2 - z) for x, z in ((1, 1), (2, 1), (3, 2), (-1, 2))]
+    _, diagnoses = report(text, rows)
+    ((pair,),) = estimates(diagnoses[-1]).values()
+    assert pair == pytest.approx((3.0, -2.0))
+
+
+def test_what_was_searched_for_is_searched_again() -> None:
+    """Points that a search found may not be all: when a row discards them, another search takes their place."""
+    network, rows = observed(PRODUCT, [(4, 32)])
+    wrong = Hypothesis(suspects=("A",), points=({"A": sp.Integer(5)},), systems=())
+    seen = [with_healthy(network, row) for row in rows]
+    assert not advance(network, wrong, seen).is_possible
+    (point,) = advance(network, replace(wrong, searched=True), seen).points
+    assert float(point["A"]) == pytest.approx(8 / 3)
 
 
 def test_loops_of_blocks() -> None:
