@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from time import monotonic
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names
 from faultbond.structure.branches import Case, Condition, cases, name_functions
@@ -11,6 +12,7 @@ from faultbond.structure.isolate import collect
 from faultbond.structure.polynomial import (
     Polynomial,
     Space,
+    TooLargeError,
     by_power,
     degree,
     scale,
@@ -41,7 +43,7 @@ class Search:
     """What solving one problem in names goes by.
 
     prefer: whether an expression is positive at the nominal plant. deadline: on the clock of `time.monotonic`.
-    left_out: number of candidates beyond the limit.
+    left_out: number of candidates and cases beyond the limit, at least.
     """
 
     problem: Problem
@@ -86,7 +88,13 @@ def _solve_block(search: Search, block: Block, candidate: Candidate) -> list[Can
     unknown = frozenset(block.unknown)
     found = []
     problem: NoClosedFormError | SingularError | None = None
-    for case in cases(block.residuals, unknown, candidate.sides, search.problem.plain, search.prefer):
+    every = cases(block.residuals, unknown, candidate.sides, search.problem.plain, search.prefer)
+    for number, case in enumerate(every):
+        if number == MAX_CANDIDATES:
+            search.left_out += 1
+            break
+        if monotonic() > search.deadline:
+            raise TooLargeError
         try:
             found += _solve_case(search, block, candidate, name_functions(case, unknown, search.fresh))
         except (NoClosedFormError, SingularError) as error:

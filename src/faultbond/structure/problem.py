@@ -7,9 +7,9 @@ from math import inf
 from time import monotonic
 
 from faultbond.errors import StructureError
-from faultbond.model.expression import Expression, Number, names
+from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
 from faultbond.structure.backward_euler import Plant, misfit, random_inputs, simulate
-from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, SignalAt, frame_name, in_frame
+from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, Equation, SignalAt, frame_name, in_frame
 from faultbond.structure.isolate import substitute
 from faultbond.structure.linearise import Fixed, fixes
 from faultbond.structure.numeric import Value
@@ -84,10 +84,12 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
     Raises
     ------
     StructureError
-        Where a signal in a frame and a parameter have one name.
+        Where a signal in a frame and a parameter have one name, or an equation is logic.
     """
     constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
     equations = {item.name: item for item in network.equations}
+    for step in route.steps:
+        _refuse_logic(equations[step.equation])
     residuals = [substitute(in_frame(equations[step.equation], step.frame), dict(constants)) for step in route.steps]
     signals = {
         frame_name((signal, step.frame + back)): (signal, step.frame + back)
@@ -117,6 +119,16 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
         frames=1 + max((frame for _, frame in signals.values()), default=0),
         shared=bool(network.states),
     )
+
+
+def _refuse_logic(equation: Equation) -> None:
+    for part in walk(equation.residual):
+        logical = isinstance(part, Binary) and part.operator in LOGIC
+        if logical or (isinstance(part, Call) and part.function not in FUNCTIONS):
+            raise StructureError(
+                f"the equation of {equation.owner} is logic, which is not solved for numbers; "
+                "diagnoses of logic networks follow from consistency alone"
+            )
 
 
 def trials_of(

@@ -3,13 +3,14 @@
 Where that is no way, Newton's method from several starts, which finds roots near the start only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import exp, inf, isfinite
 from random import Random
 from time import monotonic
 
+from faultbond.model.expression import Expression, names
 from faultbond.structure.backward_euler import misfit, newton
 from faultbond.structure.branches import Case, cases, name_functions
 from faultbond.structure.elimination import Reduced, SingularError, eliminate
@@ -32,10 +33,14 @@ _BITS = 400  # of a number; longer ones are rounded
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Count:
-    """Real roots that satisfy all equations, and the number of algebraic ones; None where Newton's method was used."""
+    """Real roots that satisfy all equations, and the number of algebraic ones.
+
+    degree: None where Newton's method was used. complete: whether every case was looked at.
+    """
 
     roots: tuple[Values, ...]
     degree: int | None
+    complete: bool = True
 
 
 @dataclass(slots=True)
@@ -45,6 +50,7 @@ class _Walk:
     deadline: float
     number: int = 0
     by_newton: bool = False
+    cut: bool = False
 
     def fresh(self, word: str) -> str:
         """Make a name that no signal and no parameter has."""
@@ -66,13 +72,16 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
     for block in problem.blocks:
         further = [_through(walk, block, values) for values in paths]
         total *= max((degree for _, degree in further), default=0)
-        paths = [values for found, _ in further for values in found][:MAX_PATHS]
+        paths = [values for found, _ in further for values in found]
+        walk.cut |= len(paths) > MAX_PATHS
+        paths = paths[:MAX_PATHS]
     roots: list[Values] = []
     for values in paths:
         root = {name: values[name] for name in problem.unknown}
         if problem.is_met(_floats(values)) and not any(_same(root, other) for other in roots):
             roots.append(root)
-    return Count(roots=tuple(roots), degree=None if walk.by_newton else total)
+    degree = None if walk.by_newton or walk.cut else total
+    return Count(roots=tuple(roots), degree=degree, complete=not walk.cut)
 
 
 def _fraction(value: Value) -> Fraction:
@@ -99,7 +108,12 @@ def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], i
     found: list[Values] = []
     highest = 0
     try:
-        for case in cases(block.residuals, unknown, {}, lambda name: name):
+        for number, case in enumerate(cases(block.residuals, unknown, {}, _as_it_is, _prefer(walk, values))):
+            if number == MAX_PATHS:
+                walk.cut = True
+                break
+            if monotonic() > walk.deadline:
+                raise TooLargeError
             roots, degree = _case_roots(walk, block, name_functions(case, unknown, walk.fresh), values)
             good = [root for root in roots if misfit(block.residuals, _floats(root)) < TOLERANCE]
             found += good
@@ -109,6 +123,20 @@ def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], i
         walk.by_newton = True
         return _newton_roots(walk, block, values), 1
     return found, highest
+
+
+def _as_it_is(name: str) -> str:
+    return name
+
+
+def _prefer(walk: _Walk, values: Values) -> Callable[[Expression], bool]:
+    """Whether an expression is positive at the guess."""
+    everything = {**walk.guess, **values}
+
+    def positive(expression: Expression) -> bool:
+        return not set(names(expression)) <= everything.keys() or not evaluate(expression, everything) < 0
+
+    return positive
 
 
 def _case_roots(walk: _Walk, block: Block, case: Case, values: Values) -> tuple[list[Values], int]:

@@ -79,7 +79,7 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
         targets=problem.targets,
         kind=_kind(roots, count),
         degree=count.degree if count else None,
-        real_roots=len(count.roots) if count else None,
+        real_roots=len(count.roots) if count and count.complete else None,
         roots=roots,
         singular=_singular(roots, problem),
         remarks=(*remarks, *_not_closed(problem, records[0], roots, count)),
@@ -130,11 +130,14 @@ def _closed_forms(
         return (), ("no closed form within the limit",)
     remarks = []
     if search.left_out:
-        remarks.append(f"{search.left_out} further combinations of signs and cases were left out")
+        remarks.append(f"{search.left_out} or more further combinations of signs and cases were left out")
     drafts = [_draft(candidate) for candidate in candidates]
     valid = [k for k, root in enumerate(drafts) if any(_is_met(root, problem, record) for record in records)]
     roots = tuple(dict.fromkeys(_finished(candidates[k], problem) for k in valid))
-    if not all(any(_is_true(root, problem, record) for root in roots) for record in records):
+    reached = [record for record in records if any(_is_reached(root, record) for root in drafts)]
+    if reached[:1] != [records[0]] or not all(
+        any(_is_true(root, problem, record) for root in roots) for record in reached
+    ):
         return (), (*remarks, "no closed form: none gives back the values that the test records were made with")
     dropped = [_spelled_out(candidate, problem) for k, candidate in enumerate(candidates) if k not in valid]
     remarks += _not_met(dropped, roots)
@@ -178,6 +181,11 @@ def _is_met(root: Root, problem: Problem, record: Trial) -> bool:
     values = {**record.known, **evaluate_root(root, record.known)}
     found = all(not is_nan(values[name]) for name in problem.unknown)
     return found and holds(root, values) and problem.is_met(values)
+
+
+def _is_reached(root: Root, record: Trial) -> bool:
+    """Whether a record lies where a root is said to hold; where cases are left out some do not."""
+    return holds(root, {**evaluate_root(root, record.known), **record.true})
 
 
 def _is_true(root: Root, problem: Problem, record: Trial) -> bool:

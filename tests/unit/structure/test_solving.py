@@ -9,6 +9,7 @@ import pytest
 from solved import example, route_to, static
 
 from faultbond.errors import StructureError
+from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import to_text
 from faultbond.structure.backward_euler import Plant, random_inputs, simulate
 from faultbond.structure.components import ComponentNetwork
@@ -281,3 +282,21 @@ def test_same_result_each_time() -> None:
     route = route_to(network, "R", "C")
     texts = {json.dumps(to_record(solve(network, route, plant))) for _ in range(2)}
     assert len(texts) == 1
+
+
+def test_logic_is_refused() -> None:
+    """A logic gate has no closed form in numbers; the message names it."""
+    network, plant = static({"gate": "x - u", "P": "y - P*x"}, ["u"], ["y"], {"P": 2.0})
+    gate = replace(network.equations[0], residual=Binary("&", Name("x"), Name("u")))
+    with pytest.raises(StructureError, match="equation of gate is logic"):
+        solve(replace(network, equations=(gate, network.equations[1])), route_to(network, "P"), plant)
+
+
+def test_many_kinks_are_bounded() -> None:
+    """Thirty independent kinks do not mean 2^30 cases: the nominal sides are solved, and what is left out is said."""
+    laws = {f"k{k}": f"x{k} + 0.5*abs(x{k} - {k}) - z" for k in range(30)}
+    laws |= {"P": "z - P*u", "sum": "y - " + " - ".join(f"x{k}" for k in range(30))}
+    network, plant = static(laws, ["u"], ["y"], {"P": 0.5})
+    solution = solve(network, route_to(network, "P"), plant)
+    assert solution.is_closed
+    assert "left out" in solution.remarks[0]
