@@ -16,7 +16,7 @@ import numpy as np
 from faultbond.analysis import static_fit, static_noise
 from faultbond.analysis.static_equations import holds
 from faultbond.analysis.static_hypothesis import Hypothesis, advance, is_consistent, nearest
-from faultbond.analysis.static_logic import watch_logic
+from faultbond.analysis.static_logic import logic_observations, watch_logic
 from faultbond.analysis.static_network import (
     Observation,
     StaticNetwork,
@@ -30,6 +30,7 @@ from faultbond.analysis.static_solve import value_of
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
+from faultbond.structure.logic import logic_network
 
 _SURELY = 1e-10  # relative: closer than the tolerance by what floating point may add
 
@@ -70,7 +71,7 @@ def watch(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection |
         if the model is no static network, or nothing in it is suspected; with noise, if a signal does not follow.
     """
     if graph.is_logic:
-        yield from watch_logic(graph, points)
+        yield from watch_logic(logic_network(graph), logic_observations(graph, points))
         return
     network = static_network(graph)
     prover: Prover = NoisyProver(network) if network.is_noisy else ExactProver(network)

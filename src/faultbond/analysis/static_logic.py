@@ -1,7 +1,7 @@
-"""Static networks of logic: the smallest sets of blocks that explain every observation since the detection.
+"""Networks of logic: the smallest sets of blocks or gates that explain every observation since the detection.
 
 However large the smallest sets are, they are given: nothing is solved for, so that `max_faults` is no limit here.
-Source: thesis 3.6.
+Source: thesis 3.6; Reiter 1987.
 """
 
 from collections.abc import Iterable, Iterator
@@ -10,62 +10,71 @@ from math import isnan
 from faultbond.errors import RecordingError
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import LogicNetwork
+from faultbond.model.logic import LogicNetwork, Observation, TimedObservation
 from faultbond.runtime.history import Candidate, Detection, Diagnosis
-from faultbond.structure.logic import logic_network, minimum_diagnoses, predict
+from faultbond.structure.logic import minimum_diagnoses, predict
 
 
-def watch_logic(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection | Diagnosis]:
+def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation]) -> Iterator[Detection | Diagnosis]:
     """Give the detection, if any, and one diagnosis for its observation and for each later one.
 
-    Parameters
-    ----------
-    graph : a static network of logic
-    points : its observations in order; those without a reading are passed over
+    A diagnosis holds all sets of the smallest size that explain every observation from the detection on; they are
+    equally probable and one group.
 
     Raises
     ------
     StructureError
-        if the network is not sound, or there are too many diagnoses.
+        if the network is not sound, or the diagnoses are too many or cannot be found in time.
+    """
+    rows: dict[tuple[tuple[str, bool], ...], Observation] = {}
+    candidates: tuple[Candidate, ...] = ()
+    for sample, seen in enumerate(observations):
+        if not rows:
+            signals = contradicting(network, seen.values)
+            if not signals:
+                continue
+            yield Detection(time=seen.time, sample=sample, change_time=seen.time, signals=signals)
+        key = tuple(sorted(seen.values.items()))
+        if key not in rows:  # a row seen before says nothing new
+            rows[key] = seen.values
+            candidates = _candidates(network, tuple(rows.values()))
+        yield Diagnosis(time=seen.time, candidates=candidates)
+
+
+def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
+    """Give the observed signals that are not as the healthy network makes them; none where it can make them.
+
+    With unknown inputs an observation contradicts the network only if no inputs make it; all signals are given then.
+    """
+    observed = tuple(name for name in seen if name not in network.inputs)
+    if all(name in seen for name in network.inputs):
+        expected = predict(network, seen)
+        return tuple(name for name in observed if expected[name] != seen[name])
+    return () if minimum_diagnoses(network, [seen]) == (frozenset(),) else observed
+
+
+def _candidates(network: LogicNetwork, rows: tuple[Observation, ...]) -> tuple[Candidate, ...]:
+    found = minimum_diagnoses(network, rows)
+    order = {name: k for k, name in enumerate(network.suspects)}
+    ordered = [tuple(sorted(diagnosis, key=order.__getitem__)) for diagnosis in found]
+    return tuple(Candidate(suspects=(), blocks=blocks, probability=1.0 / len(found), group=True) for blocks in ordered)
+
+
+def logic_observations(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[TimedObservation]:
+    """Give the rows of a model of logic as truth values; a value that is missing is not known.
+
+    Raises
+    ------
     RecordingError
         if a value is neither 0 nor 1.
     """
-    network = logic_network(graph)
-    rows: list[dict[str, bool]] = []
+    names = [*(item.name for item in graph.inputs), *(item.name for item in graph.sensors)]
     for point in points:
-        inputs = _logic(graph, point, [item.name for item in graph.inputs], point.u.tolist())
-        readings = _logic(graph, point, [item.name for item in graph.sensors], point.y.tolist())
-        if not readings:
-            continue
-        seen = {**inputs, **readings}
-        if not rows:
-            if minimum_diagnoses(network, [seen]) == (frozenset(),):
-                continue
-            signals = _wrong(network, inputs, readings)
-            yield Detection(time=point.time, sample=point.index, change_time=point.time, signals=signals)
-        rows.append(seen)
-        found = minimum_diagnoses(network, rows)
-        yield Diagnosis(time=point.time, candidates=_candidates(network, found))
-
-
-def _logic(graph: BondGraph, point: GridPoint, names: list[str], values: list[float]) -> dict[str, bool]:
-    """Give the values that are there."""
-    known = {name: value for name, value in zip(names, values, strict=True) if not isnan(value)}
-    for name, value in known.items():
-        if value not in (0.0, 1.0):
-            raise RecordingError(f"{graph.file}: observation {point.index + 1}: {name} is {value:g}, not 0 or 1")
-    return {name: value == 1.0 for name, value in known.items()}
-
-
-def _wrong(network: LogicNetwork, inputs: dict[str, bool], readings: dict[str, bool]) -> tuple[str, ...]:
-    """Give the readings that differ from what the healthy network gives; all where that depends on missing inputs."""
-    if len(inputs) < len(network.inputs):
-        return tuple(readings)
-    expected = predict(network, inputs)
-    return tuple(name for name, value in readings.items() if value != expected[name])
-
-
-def _candidates(network: LogicNetwork, found: tuple[frozenset[str], ...]) -> tuple[Candidate, ...]:
-    ordered = [tuple(name for name in network.suspects if name in names) for names in found]
-    share = 1.0 / max(len(found), 1)
-    return tuple(Candidate(suspects=(), blocks=blocks, probability=share, group=True) for blocks in ordered)
+        pairs = zip(names, (*point.u.tolist(), *point.y.tolist()), strict=True)
+        known = {name: value for name, value in pairs if not isnan(value)}
+        for name, value in known.items():
+            if value not in (0.0, 1.0):
+                raise RecordingError(
+                    f"{graph.file}: row {point.index}: {name} is {value:g}; expected 0 or 1, or nothing"
+                )
+        yield TimedObservation(time=point.time, values={name: value == 1.0 for name, value in known.items()})

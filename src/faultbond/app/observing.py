@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
+from math import nan
 from pathlib import Path
-
-import numpy as np
 
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import read_circuit, read_scenario
@@ -14,7 +13,6 @@ from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import TimedObservation
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.types import Method
@@ -35,7 +33,7 @@ class _Network:
 def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> bool:
     """Diagnose the observations of a logic circuit, and tell whether they contradict it."""
     _refuse_report(report, str(circuit))
-    from faultbond.analysis.logical import watch_logic  # noqa: PLC0415 - loads clingo
+    from faultbond.analysis.static_logic import watch_logic  # noqa: PLC0415 - loads clingo
 
     network, rows = read_circuit(circuit), read_scenario(scenario).observations
     about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
@@ -46,7 +44,9 @@ def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | 
 def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
     """Diagnose the observations of a static network, and tell whether they contradict it."""
     _refuse_report(report, graph.file)
-    grid, last = Grid(None), [np.nan]
+    from faultbond.analysis.static import watch  # noqa: PLC0415 - loads sympy and clingo
+
+    grid, last = Grid(None), [nan]
 
     def points() -> Iterator[GridPoint]:
         for point in on_grid(read_rows(recording, columns_of(graph)), grid):
@@ -61,32 +61,7 @@ def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path
     about = _Network(
         name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
     )
-    return _pass(about, _events(graph, points()), ending, method, out)
-
-
-def _events(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Event]:
-    """Watch a network of gates or of numbers."""
-    if graph.is_logic:
-        from faultbond.analysis.logical import watch_logic  # noqa: PLC0415 - loads clingo
-        from faultbond.structure.logic import logic_network  # noqa: PLC0415 - loads clingo
-
-        return watch_logic(logic_network(graph), _logical(graph, points))
-    from faultbond.analysis.static import watch  # noqa: PLC0415 - loads sympy
-
-    return watch(graph, points)
-
-
-def _logical(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[TimedObservation]:
-    """Give the rows as truth values; a value that is missing is not known."""
-    names = [*(item.name for item in graph.inputs), *(item.name for item in graph.sensors)]
-    for point in points:
-        values = dict(zip(names, (*point.u, *point.y), strict=True))
-        for name, value in values.items():
-            if np.isfinite(value) and value not in (0.0, 1.0):
-                raise RecordingError(f"row {point.index}: {name} is {value:g}; expected 0 or 1, or nothing")
-        yield TimedObservation(
-            time=point.time, values={name: bool(value) for name, value in values.items() if np.isfinite(value)}
-        )
+    return _pass(about, watch(graph, points()), ending, method, out)
 
 
 def _pass(

@@ -96,9 +96,7 @@ def answer(
 ) -> Function:
     """Answer one question; with a `cache` folder for solutions, also in closed form where there is one.
 
-    Parameters
-    ----------
-    record : of the nominal plant, long enough for the route; None where it cannot be simulated
+    The record is of the nominal plant, long enough for the route; None where that cannot be simulated.
     """
     try:
         route = choose_route(network, question, preference, plant, record)

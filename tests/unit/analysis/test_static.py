@@ -513,7 +513,7 @@ def test_logic_with_missing_values() -> None:
 
 def test_logic_that_is_neither() -> None:
     """A value between 0 and 1 is refused with its row."""
-    with pytest.raises(RecordingError, match=r"observation 2: o is 0\.5, not 0 or 1"):
+    with pytest.raises(RecordingError, match=r"row 1: o is 0\.5; expected 0 or 1"):
         report(LOGIC, [(1, 1, 1, 0), (1, 1, 0.5, 0)])
 
 
