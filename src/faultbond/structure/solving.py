@@ -45,12 +45,13 @@ from faultbond.structure.systems import NoClosedFormError
 from faultbond.structure.tidy import fold
 
 _TINY = 1e-300
+BEYOND = "no closed form within the limit"
 MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in place of a name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """When solving gives up: seconds for the closed form, as many for counting roots, and terms of a polynomial."""
+    """When solving gives up: seconds (a third more for counting roots), and terms of a polynomial."""
 
     seconds: float = 3.0
     terms: int = 5_000
@@ -70,11 +71,12 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
     """
     limits = limits or Limits()
     problem = prepare(network, route, plant)
-    records, fixed = trials_of(network, problem, plant, monotonic() + limits.seconds)
+    deadline = monotonic() + limits.seconds
+    records, fixed = trials_of(network, problem, plant, deadline)
     if not records:
         return _unchecked(problem, fixed)
-    roots, remarks = _closed_forms(problem, records, limits)
-    count = _count(problem, records[0], limits)
+    roots, remarks = _closed_forms(problem, records, deadline, limits.terms)
+    count = _count(problem, records[0], max(deadline - monotonic(), limits.seconds / 3.0))
     return Solution(
         targets=problem.targets,
         kind=_kind(roots, count),
@@ -95,7 +97,8 @@ def solve_cached(
     if known is not None:
         return known
     solution = solve(network, route, plant, limits)
-    write_cached(folder, key, solution)
+    if BEYOND not in solution.remarks:  # a faster or idler machine may get further
+        write_cached(folder, key, solution)
     return solution
 
 
@@ -111,14 +114,14 @@ def cache_key(network: ComponentNetwork, route: Route, plant: Plant, limits: Lim
 
 
 def _closed_forms(
-    problem: Problem, records: Sequence[Trial], limits: Limits
+    problem: Problem, records: Sequence[Trial], deadline: float, max_terms: int
 ) -> tuple[tuple[Root, ...], tuple[str, ...]]:
     """Give the closed forms that hold, and remarks."""
     search = Search(
         problem=problem,
         prefer=_positive_at(records[0].true),
-        deadline=monotonic() + limits.seconds,
-        max_terms=limits.terms,
+        deadline=deadline,
+        max_terms=max_terms,
     )
     try:
         candidates = find_candidates(search)
@@ -127,7 +130,7 @@ def _closed_forms(
     except SingularError as error:
         return (), (f"no closed form: {error}",)
     except TooLargeError:
-        return (), ("no closed form within the limit",)
+        return (), (BEYOND,)
     remarks = []
     if search.left_out:
         remarks.append(f"{search.left_out} or more further combinations of signs and cases were left out")
@@ -148,7 +151,7 @@ def _unchecked(problem: Problem, fixed: Fixed | None) -> Solution:
     """Say why no record could be made to check a closed form on."""
     targets = ", ".join(problem.targets)
     if fixed is None:
-        kind, words = Kind.NUMERIC, "no closed form within the limit"
+        kind, words = Kind.NUMERIC, BEYOND
     elif fixed is Fixed.NOT:
         kind, words = Kind.UNDETERMINED, f"the equations of this route do not fix {targets} on any test record"
     else:
@@ -261,10 +264,10 @@ def _in_words(conditions: Sequence[Condition]) -> str:
     return " and ".join(condition.text for condition in conditions)
 
 
-def _count(problem: Problem, record: Trial, limits: Limits) -> Count | None:
+def _count(problem: Problem, record: Trial, seconds: float) -> Count | None:
     """Count the roots on a record of the nominal plant; None where that takes too long."""
     try:
-        return find_roots(problem, record.known, record.true, limits.seconds)
+        return find_roots(problem, record.known, record.true, seconds)
     except TooLargeError:
         return None
 
