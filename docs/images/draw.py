@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -163,13 +164,16 @@ def points_of(graph: BondGraph, recording: str) -> list[GridPoint]:
 # Lines and letters
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Axes:
-    """A frame of 290 by 230 with its scales."""
+    """A frame with its left edge on the page and the ranges of its scales."""
 
-    width, height, top = 290.0, 230.0, 35.0
-
-    def __init__(self, left: float, x: tuple[float, float], y: tuple[float, float]) -> None:
-        self.left, self.x, self.y = left, x, y
+    left: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+    top: float = 35.0
+    width: float = 290.0
+    height: float = 230.0
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Give where a point of the curve stands on the page."""
@@ -182,11 +186,11 @@ class Axes:
         bottom = self.top + self.height
         parts = [f'<rect x="{self.left:g}" y="{self.top:g}" width="290" height="230" fill="none" stroke="{INK}"/>']
         parts.append(text(self.left, self.top - 12, title, weight="bold"))
-        for value in np.linspace(*self.x, 5)[:-1]:
-            parts.append(text(self.place(float(value), 0)[0], bottom + 16, f"{value:g}", anchor="middle"))
+        ticks = [(self.place(float(value), 0)[0], f"{value:g}") for value in np.linspace(*self.x, 5)[:-1]]
+        parts += [text(x, bottom + 16, words, anchor="middle") for x, words in ticks]
         parts.append(text(self.left + self.width, bottom + 16, below, anchor="end"))
-        for value in np.linspace(*self.y, 5):
-            parts.append(text(self.left - 6, self.place(0, float(value))[1] + 4, f"{value:g}", anchor="end"))
+        steps = [(self.place(0, float(value))[1], f"{value:g}") for value in np.linspace(*self.y, 5)]
+        parts += [text(self.left - 6, y + 4, words, anchor="end") for y, words in steps]
         turn = f'transform="rotate(-90 {self.left - 45:g} {bottom - 115:g})"'
         parts.append(text(self.left - 45, bottom - 115, beside, anchor="middle", more=turn))
         return "".join(parts)
@@ -208,7 +212,7 @@ def bends(x: FloatArray, y: FloatArray) -> Iterable[int]:
     """Give about every tenth point, and those about a jump."""
     jumps = np.flatnonzero(np.abs(np.diff(y)) > 0.02 * float(np.ptp(y)))
     yield from range(0, len(x), max(1, len(x) // 150))
-    yield from (k + shift for k in jumps for shift in (0, 1))
+    yield from (int(k) + shift for k in jumps for shift in (0, 1))
 
 
 def text(
