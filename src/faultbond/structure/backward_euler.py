@@ -52,6 +52,7 @@ def plant_of(graph: BondGraph, sample_time: float | None = None) -> Plant:
 
     Parameters
     ----------
+    graph : a bond graph, or the blocks of a network
     sample_time : s; default that of the model, 1 s where it has none
     """
     numbers = [*((item.name, item.nominal) for item in graph.parameters)]
@@ -77,6 +78,9 @@ def random_inputs(plant: Plant, n: int, seed: int, *, signed: bool = False) -> d
 
     Parameters
     ----------
+    plant : which inputs there are, and their ranges
+    n : number of samples
+    seed : of the random numbers
     signed : whether an input that rests at 0 takes values of both signs
     """
     rng = Random(seed)  # noqa: S311 - test data, no secret
@@ -112,6 +116,7 @@ def simulate(
 
     Parameters
     ----------
+    network : equations of a frame
     values : parameters and constants, SI
     inputs : all of one length, oldest first
     dt : sample time, s

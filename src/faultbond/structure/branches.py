@@ -80,6 +80,7 @@ def cases(
 
     Parameters
     ----------
+    residuals : equations of one block
     unknown : names that are solved for; a kink in known values is no case but a value
     sides : sides taken before
     plain : a name without its frame
@@ -183,6 +184,8 @@ def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], s
 
     Parameters
     ----------
+    case : on one side of every kink
+    unknown : names that are solved for
     fresh : makes a name that is not in use from a word
     """
     residuals, known, applied = case.residuals, list(case.known), list(case.unknown)

@@ -93,6 +93,8 @@ def eliminate(
     Parameters
     ----------
     polynomials : as many as signals and parameters
+    signals, parameters : what is unknown
+    space : of the polynomials; its limit on terms counts
     deadline : on the clock of `time.monotonic`
 
     Raises

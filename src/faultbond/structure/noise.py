@@ -64,8 +64,10 @@ def noise_gain(
 
     Parameters
     ----------
+    network, route : what is computed from what
     plant : its `sds` are the noise of inputs and sensors
     record : of the nominal plant, to judge several routes by; made here if None
+    instants : newest samples of the record that are looked at
 
     Raises
     ------

@@ -173,6 +173,7 @@ def solve_linear(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) ->
     Parameters
     ----------
     rows : one mapping from column to entry for each of as many rows as columns
+    right : one value for each row
     """
     work = [(dict(row), value) for row, value in zip(rows, right, strict=True)]
     order: list[tuple[int, dict[int, Value], Value]] = []

@@ -142,6 +142,7 @@ def trials_of(
 
     Parameters
     ----------
+    network, problem, plant : what is simulated, and for which route
     deadline : on the clock of `time.monotonic`; records not made by then are left out
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]

@@ -98,6 +98,8 @@ def specialise(polynomial: Polynomial, space: Space, values: Mapping[str, Fracti
 
     Parameters
     ----------
+    polynomial, space : with all names
+    values : numbers for some of them
     into : the space of the names that are left
     """
     sums: dict[int, Fraction] = {}

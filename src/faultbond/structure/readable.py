@@ -36,6 +36,7 @@ def formulas(solution: Solution, parameters: Sequence[str]) -> tuple[Formula, ..
 
     Parameters
     ----------
+    solution : with closed forms
     parameters : names that are parameters of the plant; all others but `dt` are samples
     """
     found = []
@@ -107,6 +108,7 @@ def common_parts(lines: Sequence[Line], fresh: Callable[[], str]) -> tuple[Line,
 
     Parameters
     ----------
+    lines : of one formula
     fresh : makes a name that is not in use
     """
     seen: Counter[Expression] = Counter()

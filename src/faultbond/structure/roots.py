@@ -63,8 +63,10 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
 
     Parameters
     ----------
+    problem : the equations
     known : samples, parameters, `dt`; values of unknowns among them are not used
     guess : where Newton's method starts from, for all unknowns, where it is needed
+    seconds : after which no further root is looked for
     """
     walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
     paths: list[Values] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]

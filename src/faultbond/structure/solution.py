@@ -90,6 +90,7 @@ def evaluate_root(root: Root, values: Mapping[str, Value]) -> dict[str, Value]:
 
     Parameters
     ----------
+    root : a closed form
     values : parameters and samples by name, and `dt`; nan results where a line has no real value
     """
     known = dict(values)

@@ -62,7 +62,9 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
 
     Parameters
     ----------
+    network, route : what is computed from what
     plant : the numbers of the nominal plant; constants among them enter the closed form as numbers
+    limits : default 3 s
 
     Raises
     ------

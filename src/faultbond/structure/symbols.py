@@ -291,12 +291,12 @@ def lowest_terms(above: Polynomial, below: Polynomial, space: Space) -> tuple[Po
 def real_roots(coefficients: Sequence[int]) -> tuple[Fraction, ...]:
     """Give the different real roots of a polynomial in ascending order, exact where they are rational and it is easy.
 
+    Others are good to about 70 binary digits of their size. Source: isolation by continued fractions, as sympy has it
+    (Akritas and Strzebonski 2005), then bisection.
+
     Parameters
     ----------
     coefficients : the highest power first; not all zero
-
-    Others are good to about 70 binary digits of their size. Source: isolation by continued fractions, as sympy has it
-    (Akritas and Strzebonski 2005), then bisection.
     """
     whole = _trimmed(list(coefficients))
     if len(whole) < 2:
