@@ -2,8 +2,8 @@
 
 Unknowns: which equations are used, which unknowns are needed, and by which used equation each needed one is found. All
 unknowns of a used equation are needed, a needed one is found by one used equation, a used equation finds one. Targets
-are needed; the number of parts of the plant passed through is least. Ours; the thesis reaches the same by following
-every route (A.2.1), which explodes; this one is checked against it.
+are needed. The question put is whether fewer parts of the plant are enough than in the route by matching. Ours; the
+thesis reaches the same by following every route (A.2.1), which explodes; this one is checked against it.
 """
 
 from collections.abc import Sequence
@@ -16,15 +16,17 @@ from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.matching import closure, match, undetermined
 from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import Frames, fewest_frames, route_of, shorten
+from faultbond.structure.routes import fewest_frames, route_of, shorten
 from faultbond.structure.unroll import check_question, in_words
 
 TIME_LIMIT = 10.0  # seconds
-_SMALL = 1e-3  # weight of a sensor, so that none is used without need
+_OPTIMAL, _INFEASIBLE = 0, 2  # status of a solution
 
 
 def fewest_components(network: ComponentNetwork, question: Question, time_limit: float = TIME_LIMIT) -> Route:
     """Give, of the routes with the fewest frames, one that passes through the fewest components.
+
+    This is the route of `routes.find_route` in any direction, unless there is one with fewer components.
 
     Raises
     ------
@@ -33,31 +35,27 @@ def fewest_components(network: ComponentNetwork, question: Question, time_limit:
     """
     check_question(network, question)
     found = fewest_frames(network, question)
+    matched = shorten(found)
     if not found.n_targets:
-        return route_of(network, question, found, found.matched)
-    chosen = _choose(found, time_limit)
-    if chosen is None:
+        return route_of(network, question, found, matched)
+    unrolled = found.unrolled
+    free = undetermined(unrolled.equations, len(unrolled.unknowns), matched)
+    usable = [e for e, row in enumerate(unrolled.equations) if row and free.isdisjoint(row)]
+    weights = np.array([float(unrolled.weights[e]) for e in usable])
+    needed = closure(found.targets, unrolled.equations, matched)[0]
+    known = sum(unrolled.weights[e] for e in needed)
+    rows = [unrolled.equations[e] for e in usable]
+    result = _solve(rows, len(unrolled.unknowns), found.targets, weights, known - 1, time_limit)
+    if result.status not in (_OPTIMAL, _INFEASIBLE):
         sought = ", ".join(in_words(target) for target in question.targets)
-        n = len(closure(found.targets, found.unrolled.equations, shorten(found))[0])
         raise StructureError(
             f"{network.file}: {sought}: no route is shown to be the shortest within {time_limit:g} s; "
-            f"use the default route, of {n} equations, or allow more time"
+            f"use the default route, of {len(needed)} equations, or allow more time"
         )
-    rows = [row if e in chosen else () for e, row in enumerate(found.unrolled.equations)]
-    return route_of(network, question, found, match(rows, len(found.unrolled.unknowns)))
-
-
-def _choose(found: Frames, time_limit: float) -> frozenset[int] | None:
-    """Give the equations to use; None where time is too short."""
-    unrolled = found.unrolled
-    free = undetermined(unrolled.equations, len(unrolled.unknowns), found.matched)
-    usable = [e for e, row in enumerate(unrolled.equations) if row and free.isdisjoint(row)]
-    rows = [unrolled.equations[e] for e in usable]
-    weights = np.array([max(float(unrolled.weights[e]), _SMALL) for e in usable])
-    result = _solve(rows, len(unrolled.unknowns), found.targets, weights, time_limit)
-    if result.x is None or result.status != 0:
-        return None
-    return frozenset(e for k, e in enumerate(usable) if result.x[k] > 0.5)
+    if result.status == _OPTIMAL:
+        chosen = {e for k, e in enumerate(usable) if result.x[k] > 0.5}
+        matched = match([row if e in chosen else () for e, row in enumerate(unrolled.equations)], len(matched))
+    return route_of(network, question, found, matched)
 
 
 def _solve(
@@ -65,9 +63,13 @@ def _solve(
     n_unknowns: int,
     targets: Sequence[int],
     weights: np.ndarray,
+    at_most: int,
     time_limit: float,
 ) -> OptimizeResult:
-    """Columns: equation used; unknown needed; equation finds unknown, for each that it contains."""
+    """Look for a route of weight `at_most` or less, of the least weight.
+
+    Columns: equation used; unknown needed; equation finds unknown, for each that it contains.
+    """
     n = len(rows)
     edges = [(e, v) for e, row in enumerate(rows) for v in row]
     ends = np.array(edges)
@@ -81,15 +83,16 @@ def _solve(
     all_needed = csr_array((np.concatenate([ones, -ones]), pairs), shape=(len(edges), size))
     lower = np.zeros(size)
     lower[n + np.array(targets)] = 1.0
-    cost = np.concatenate([weights, np.zeros(size - n)])
+    weight = np.concatenate([weights, np.zeros(size - n)])
     return milp(
-        cost,
+        weight,
         constraints=(
             LinearConstraint(each_finds, 0, 0),
             LinearConstraint(each_found, 0, 0),
             LinearConstraint(all_needed, 0, 1),
+            LinearConstraint(weight[None, :], -np.inf, at_most + 0.5),
         ),
         bounds=Bounds(lower, np.ones(size)),
-        integrality=np.concatenate([np.ones(n + n_unknowns), np.zeros(len(edges))]),
+        integrality=np.arange(size) < n,  # with whole equations used, the other columns can be taken whole
         options={"time_limit": time_limit},
     )

@@ -46,7 +46,5 @@ def test_no_route() -> None:
 def test_too_little_time() -> None:
     """Where time is too short the message says how long the default route is."""
     net = ladder(8, "ends+i")
-    with pytest.raises(
-        StructureError, match=r"C4: no route .* within 0\.0001 s; use the default route, of 90"
-    ):
+    with pytest.raises(StructureError, match=r"C4: no route .* within 0\.0001 s; use the default route, of 90"):
         fewest_components(net, parameters(net, ("C4",)), time_limit=1e-4)
