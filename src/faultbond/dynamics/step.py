@@ -8,7 +8,9 @@ Implicit relations are solved by a fixed number of safeguarded Newton steps from
 from the implicit function theorem.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from math import ceil, sqrt
 
 import casadi as ca
@@ -25,6 +27,7 @@ NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.5  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
 _REFERENCE_STEPS = 100
+_NUDGE_PARTS = (0.01, 0.1, 1.0)  # of what a step would bring to a store
 _SOLVED = 1e-6  # relative size of the next Newton step at a solution; far from one it is large
 _TINY = 1e-9  # a signal smaller than this is zero
 
@@ -37,6 +40,7 @@ class StepModel:
     nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
+    prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
     reference: state, and implicit signals, of a nominal run, where the number of substeps was chosen.
     """
 
@@ -47,7 +51,7 @@ class StepModel:
     scales: FloatArray
     noisy: tuple[int, ...]
     rates: ca.Function
-    predict: ca.Function
+    prediction: Callable[[], ca.Function]
     measure: ca.Function
     substeps: int
     states: tuple[str, ...]
@@ -57,6 +61,11 @@ class StepModel:
     reference_implicit: FloatArray
     measure_is_linear: bool
     direct: tuple[tuple[int, ...], ...]
+
+    @property
+    def predict(self) -> ca.Function:
+        """One step in time."""
+        return self.prediction()
 
 
 def build_step_model(plant: Plant) -> StepModel:
@@ -80,9 +89,8 @@ def build_step_model(plant: Plant) -> StepModel:
     readings_ = _with_slope("readings", readings, gap, arguments)
     newton = _newton(gap, arguments)
     measure = _measure(readings_, newton, arguments)
-    one = _predict(rates, newton, arguments, n_x, 1)
     start = _nominal_start(plant, coordinates, v.numel(), scales)
-    reference_x, reference_z, fastest = _reference(plant, rates, one, newton, start)
+    reference_x, reference_z, fastest = _reference(plant, rates, newton, start)
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     substeps = int(np.clip(ceil(fastest * grid / _RESOLVED), 1, MAX_SUBSTEPS))
     return StepModel(
@@ -93,7 +101,7 @@ def build_step_model(plant: Plant) -> StepModel:
         scales=scales,
         noisy=noisy,
         rates=rates,
-        predict=one if substeps == 1 else _predict(rates, newton, arguments, n_x, substeps),
+        prediction=cache(lambda: _predict(rates, newton, arguments, n_x, substeps)),
         measure=measure,
         substeps=substeps,
         states=tuple(
@@ -201,7 +209,7 @@ def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_
         k2 = back(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
         x = x + 1.5 * h * k1[:, 0] + 0.5 * h * k2[:, 0]
         slope = slope + 1.5 * h * k1[:, 1:] + 0.5 * h * k2[:, 1:]
-    return ca.Function("predict", [v, u, z, dt], [x, slope, solved], {"cse": True})
+    return ca.Function("predict", [v, u, z, dt], [x, slope, solved])
 
 
 def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]:
@@ -221,25 +229,72 @@ def reference_inputs(plant: Plant) -> FloatArray:
 
 
 def _reference(
-    plant: Plant, rates: ca.Function, predict: ca.Function, newton: ca.Function, start: FloatArray
+    plant: Plant, rates: ca.Function, newton: ca.Function, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Run the nominal plant a while; give its last state, implicit signals, and the usual fastest rate (1/s)."""
-    graph, n_x = plant.graph, plant.x.numel()
-    v, u = start.copy(), reference_inputs(plant)
-    z = _first_implicit(plant, newton, v, u)
-    step = graph.sample_time if graph.sample_time is not None else 1.0
-    fastest: list[float] = []
-    for _ in range(_REFERENCE_STEPS if n_x else 0):
-        slope = rates(v, u, z)[1].full()[:, :n_x]
-        if not np.all(np.isfinite(slope)):
+    """Run the nominal plant a while; give its last state, implicit signals, and the usual fastest rate (1/s).
+
+    Where the start is one that the equations cannot leave, as tanks in a row that are all empty (a turbulent
+    pipe between equal levels has an endless slope), the run is begun near it, with stores filled unlike each other.
+    """
+    u = reference_inputs(plant)
+    first = _first_implicit(plant, newton, start, u)
+    step = plant.graph.sample_time if plant.graph.sample_time is not None else 1.0
+
+    def run(begin: FloatArray) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        v, z, slopes = begin.copy(), first, list[FloatArray]()
+        for _ in range(count):
+            x, after, slope = _advance(rates, newton, v, u, z, step)
+            if not (np.all(np.isfinite(x)) and np.all(np.isfinite(slope))):
+                break
+            v[: len(x)], z = x, after
+            slopes.append(slope)
+        return v[: plant.x.numel()], z, slopes
+
+    count = _REFERENCE_STEPS if plant.x.numel() else 0
+    best = run(start)
+    for nudge in _nudges(rates(start, u, first)[0].full()[:, 0], step):
+        if len(best[2]) == count:
             break
-        fastest.append(float(np.max(np.abs(np.linalg.eigvals(slope)))))
-        x_next, _, z_next = predict(v, u, z, step)
-        if not np.all(np.isfinite(x_next.full())):
-            break
-        v[:n_x], z = x_next.full()[:, 0], z_next.full()[:, 0]
-    usual = float(np.median(fastest)) if fastest else 0.0
-    return v[:n_x].copy(), np.asarray(z, dtype=float).reshape(-1), usual
+        near = start.copy()
+        near[: len(nudge)] += nudge
+        best = max(best, run(near), key=lambda item: len(item[2]))
+    return best[0], best[1], _usual_rate(best[2])
+
+
+def _nudges(rates: FloatArray, step: float) -> Iterator[FloatArray]:
+    """Give moves of the states, no two alike: parts of what a step would bring, then of many sizes."""
+    unlike = 1.0 + np.arange(len(rates)) / max(1, len(rates))
+    moved = np.where(np.isfinite(rates), np.abs(rates), 0.0) * step
+    yield from (part * moved * unlike for part in _NUDGE_PARTS)
+    yield from (10.0**k * unlike for k in range(-6, 7))
+
+
+def _advance(
+    rates: ca.Function, newton: ca.Function, v: FloatArray, u: FloatArray, z: FloatArray, h: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Take one ROS2 step in numbers; give the state (nan: there is none), implicit signals, slope of the rates."""
+    z = newton(v, u, z)[0].full()[:, 0]
+    f, by = (item.full() for item in rates(v, u, z))
+    n_x, rate = len(f), f[:, 0]
+    slope = by[:, :n_x]
+    matrix = np.eye(n_x) - GAMMA * h * slope
+    try:
+        k1 = np.linalg.solve(matrix, rate)
+        middle = np.concatenate([v[:n_x] + h * k1, v[n_x:]])
+        z = newton(middle, u, z)[0].full()[:, 0]
+        k2 = np.linalg.solve(matrix, rates(middle, u, z)[0].full()[:, 0] - 2.0 * k1)
+    except np.linalg.LinAlgError:
+        return np.full(n_x, np.nan), z, slope
+    return v[:n_x] + 1.5 * h * k1 + 0.5 * h * k2, z, slope
+
+
+def _usual_rate(slopes: list[FloatArray]) -> float:
+    """Give the median of the fastest rates, 1/s; equal slopes, as those of linear laws, are looked at once."""
+    speeds: list[float] = []
+    for k, slope in enumerate(slopes):
+        same = k > 0 and np.array_equal(slope, slopes[k - 1])
+        speeds.append(speeds[-1] if same else float(np.max(np.abs(np.linalg.eigvals(slope)))))
+    return float(np.median(speeds)) if speeds else 0.0
 
 
 def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import MAX_SUBSTEPS, StepModel, build_step_model
+from faultbond.dynamics.step import MAX_SUBSTEPS, StepModel, build_step_model, reference_inputs
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model, parse_model
 from faultbond.types import FloatArray
@@ -294,3 +294,56 @@ def test_plant_of_two_sources_has_a_step() -> None:
         )
     )
     assert model.measure([2.0], [5.0], [])[0] == 2.0 * 3.0
+
+
+ROW_OF_TANKS = (
+    "name: row\nsample_time: 1 s\ncomponents:\n  pump: {type: Se, law: e = P, parameters: {P: 50 kPa}}\n"
+    + "".join(
+        f"  pipe{k}: {{type: R, law: e = R{k}*f*abs(f), parameters: {{R{k}: 2e11 Pa*s^2/m^6}}}}\n"
+        f"  tank{k}: {{type: C, law: e = A{k}*q, parameters: {{A{k}: 1.3e5 Pa/m^3}}}}\n"
+        for k in (1, 2, 3)
+    )
+    + "junctions: {l1: 1, n1: 0, l2: 1, n2: 0, l3: 1, n3: 0}\n"
+    "bonds: [pump -> l1 -> pipe1, l1 -> n1 -> tank1, n1 -> l2 -> pipe2, l2 -> n2 -> tank2, n2 -> l3 -> pipe3, "
+    "l3 -> n3 -> tank3]\nsensors: {p: {reads: n3.e, unit: Pa, noise: 100 Pa}}\n"
+)
+
+
+def test_empty_tanks_in_a_row_fill() -> None:
+    """Equal levels make a turbulent pipe's slope endless; the reference run leaves that start and the tanks fill."""
+    model = build_step_model(build_plant(parse_model(ROW_OF_TANKS)))
+    first, second, third = model.reference_state
+    assert 5e4 > first > second > third > 0.0
+    exact = solve_ivp(
+        lambda _t, x: 1.3e5 * np.diff([-np.sqrt((5e4 - x[0]) / 2e11), *-np.sqrt((x[:-1] - x[1:]) / 2e11), 0.0]),
+        (0.0, 100.0),
+        [2.0, 1.0, 0.0],
+        rtol=1e-8,
+    ).y[:, -1]
+    assert model.reference_state[:2] == pytest.approx(exact[:2], rel=0.1)
+    assert model.substeps < MAX_SUBSTEPS
+
+
+@pytest.mark.parametrize("name", ["tank", "rlc", "pipe", "dc_motor_current"])
+def test_reference_follows_the_step(name: str) -> None:
+    """Where one step a sample is enough, the reference run ends where a hundred of them by `predict` do."""
+    model = example(name)
+    assert model.substeps == 1
+    v = nominal(model)
+    starts = {item.name: item.start.mean for item in model.plant.graph.components if item.start is not None}
+    contents = [starts.get(state.component or "", 0.0) for state in model.plant.network.states]
+    theta = [item.nominal for item in model.plant.graph.parameters]
+    n = len(model.states)
+    v[:n] = model.coordinates(contents, theta).full()[:, 0]
+    grid = model.plant.graph.sample_time or 1.0
+    z = model.reference_implicit
+    for _ in range(100):
+        x, _, z = model.predict(v, reference_inputs(model.plant), z, grid)
+        v[:n] = x.full()[:, 0]
+    assert v[:n] == pytest.approx(model.reference_state, rel=1e-9)
+
+
+def test_the_step_is_built_once() -> None:
+    """The function of the step is built at its first use, and is the same from then on."""
+    model = example("rc")
+    assert model.predict is model.predict
