@@ -167,7 +167,7 @@ def test_blocks_with_a_store() -> None:
 def test_static_blocks() -> None:
     """A network without time has no states; its parameters take one observation each, pairs take two."""
     net = components_of(STATIC)
-    assert questions.states(net) == questions.states_at_start(net) == questions.rates(net) == ()
+    assert [*questions.states(net), *questions.states_at_start(net), *questions.rates(net)] == []
     for question in questions.parameter_sets(net, 2):
         route = find_route(net, question)
         assert route.observations == len(question.targets)

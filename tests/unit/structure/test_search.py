@@ -52,7 +52,7 @@ def ask(net: ComponentNetwork, *targets: str | tuple[str, int]) -> Question:
 
 def passed(search_question: Question, net: ComponentNetwork, **options: bool) -> str | None:
     """The components passed, in order; None where there is no route."""
-    search = search_route(net, search_question, **options)  # type: ignore[arg-type]
+    search = search_route(net, search_question, **options)
     return " ".join(f"{s.equation}{s.frame}" for s in search.route.steps) if search.route is not None else None
 
 
