@@ -188,12 +188,13 @@ def _last_unknown(
     if len(reduced.rest) > 1:
         raise NoClosedFormError(f"{len(reduced.rest)} equations in {', '.join(reduced.unknown)} remain")
     (name,), (polynomial,) = reduced.unknown, reduced.rest
-    if min(by_power(polynomial, name, space)):  # zero is a root, of a division by the unknown as a rule
-        polynomial = _lowered(polynomial, name, space)
-    pieces = (polynomial,) if degree(polynomial, name, space) <= 2 else factors(polynomial, name, space)
     found = []
+    if min(by_power(polynomial, name, space)):  # 0 is a root, of a division by the unknown as a rule
+        polynomial = _lowered(polynomial, name, space)
+        found.append(replace(candidate, lines=(*candidate.lines, (name, ZERO))))
+    pieces = (polynomial,) if degree(polynomial, name, space) <= 2 else factors(polynomial, name, space)
     for piece in pieces:
-        if degree(piece, name, space) <= 2:
+        if 1 <= degree(piece, name, space) <= 2:
             found += _roots(search, piece, name, space, name not in parameters, candidate)
     if not found:
         raise NoClosedFormError(f"a polynomial of degree {degree(polynomial, name, space)} in {name} remains")

@@ -198,12 +198,8 @@ def _divide_out_later(work: _Work, divisor: Polynomial) -> None:
 
 def _stripped(work: _Work, polynomial: Polynomial) -> Polynomial:
     """Divide out the denominators of pivots: where one is zero its unknown has no value, so no solution is lost."""
-    mask = work.space.mask(work.unknown)
     for divisor in work.divisors:
-        while len(polynomial) >= len(divisor):
-            smaller = divide(polynomial, divisor, work.space)
-            if smaller is None or not uses(smaller, mask):
-                break
+        while len(polynomial) >= len(divisor) and (smaller := divide(polynomial, divisor, work.space)):
             polynomial = smaller
     return polynomial
 

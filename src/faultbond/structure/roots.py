@@ -187,7 +187,8 @@ def _last_roots(reduced: Reduced, space: Space) -> tuple[list[Values], int]:
     if degree > MAX_DEGREE:
         raise TooLargeError
     coefficients = [parts.get(power, {}).get(0, 0) for power in range(degree, -1, -1)]
-    return [{name: root} for root in real_roots(coefficients)], degree - min(parts)
+    repeated = max(min(parts) - 1, 0)  # of the root 0; a division by the unknown as a rule
+    return [{name: root} for root in real_roots(coefficients)], degree - repeated
 
 
 def _back(reduced: Reduced, space: Space, values: Values) -> Values | None:

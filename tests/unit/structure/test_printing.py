@@ -163,6 +163,18 @@ def test_text_of_the_motor() -> None:
     )
 
 
+def test_text_of_a_quadratic() -> None:
+    """K of the motor has two closed forms, plus and minus one root, over a denominator without minus sign."""
+    _, solution = solution_of("dc_motor", ("K",))
+    last = [to_lines(root, ("K",))[-1] for root in solution.roots]
+    assert all(line.endswith("/(2*(dt*omega_0)))") or line.endswith("/(2*(dt*omega_0))") for line in last)
+    assert ["- sqrt(" in line or "+ sqrt(" in line for line in last] == [True, False]
+    assert to_lines(solution.roots[1], ("K",))[:2] == (
+        "K.e2_0 = C*omega_0 + J*(omega_0 - omega_1)/dt",
+        "b1 = -(dt*V_0)",
+    )
+
+
 def test_one_line() -> None:
     """Lines, closed forms and conditions go into one line; none gives None."""
     _, solution = solution_of("tank", ("K8",))

@@ -300,3 +300,21 @@ def test_many_kinks_are_bounded() -> None:
     solution = solve(network, route_to(network, "P"), plant)
     assert solution.is_closed
     assert "left out" in solution.remarks[0]
+
+
+def test_zero_is_a_root_like_any_other() -> None:
+    """P y = P^2 u is satisfied by P = y/u and by P = 0: two roots, the nominal one first."""
+    network, plant = static({"law": "P*y - P**2*u"}, ["u"], ["y"], {"P": 2.0})
+    solution = solve(network, route_to(network, "P"), plant)
+    found = solve_samples(solution, {"y_0": Fraction(6), "u_0": Fraction(2), "dt": Fraction(1)})
+    assert [root["P"] for root in found] == [3, 0]
+    assert (solution.degree, solution.real_roots) == (2, 2)
+
+
+def test_zero_of_a_division_is_no_root() -> None:
+    """P^2 y = P (P^2 u - x), with x = 0 by its own law: what the division by P adds is dropped."""
+    network, plant = static({"law": "y - (P**2*u - x)/P", "x": "x - u + u"}, ["u"], ["y"], {"P": 2.0})
+    solution = solve(network, route_to(network, "P"), plant)
+    found = solve_samples(solution, {"y_0": Fraction(6), "u_0": Fraction(2), "dt": Fraction(1)})
+    assert [root["P"] for root in found] == [3]
+    assert (solution.degree, solution.real_roots) == (1, 1)
