@@ -306,8 +306,7 @@ def _choices(state: _State, codes: _Codes) -> tuple[int, tuple[tuple[int, int], 
             frames = max((frames, *(frame - codes.newest + 1 for _, frame in places)))
         else:
             places = _signal_places(sought, last, state, codes)
-        is_open = sought < codes.first_parameter and sought // len(codes.signals) <= last
-        if places or is_open or frames >= codes.limit:
+        if places or frames >= codes.limit:
             return frames, places
         frames += 1
 

@@ -183,7 +183,6 @@ def causes(network: ComponentNetwork) -> dict[str, frozenset[str]]:
     matched = match(full, len(signals), match(first, len(signals)))
     given = {k for k, e in enumerate(matched) if e >= 0 and ordered[e].name in sums and signals[k] in states}
     rows = [tuple(k for k in row if k not in given or matched[k] == e) for e, row in enumerate(full)]
-    rows = [tuple(k for k in row if k in given) or row for row in rows]
     held = {e: k for k, e in enumerate(matched) if e >= 0}
     found: dict[str, frozenset[str]] = {item.name: frozenset() for item in network.equations}
     for block in blocks(rows, matched):

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.ladders import example, ladder
 
 from faultbond.errors import StructureError
+from faultbond.structure import fewest
 from faultbond.structure.fewest import fewest_components
 from faultbond.structure.questions import parameters
 from faultbond.structure.route import Question
@@ -20,6 +21,13 @@ def test_as_few_as_the_search(sensors: str) -> None:
         search = search_route(net, parameters(net, names))
         assert search.route is not None
         assert len(fewest_components(net, parameters(net, names)).steps) == len(search.route.steps)
+
+
+def test_shorter_than_what_was_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a route that is not shortened, integer programming reaches the 26 components of the search."""
+    net = ladder(4, "ends+i")
+    monkeypatch.setattr(fewest, "shorten", lambda found: found.matched)
+    assert len(fewest_components(net, parameters(net, ("C2",))).steps) == 26
 
 
 def test_sensors_count_nothing() -> None:

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 from benchmarks.ladders import components_of, example, ladder
+from small_networks import ask, network
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.questions import outputs, parameter_sets, parameters, states
+from faultbond.structure.questions import outputs, parameter_sets, parameters, states, states_from_rates
 from faultbond.structure.route import Question, Route, Step
 from faultbond.structure.routes import alternatives, earlier, find_route
 from faultbond.structure.unroll import assemble, causes, frame_limit, unroll
@@ -105,6 +106,30 @@ def test_earlier() -> None:
     assert shifted.steps[0] == Step(equation="R", frame=2, finds="R")
     assert shifted.blocks == route.blocks
     assert shifted == assemble(motor, shifted.question, shifted.steps)
+
+
+def test_earlier_is_an_answer() -> None:
+    """The question of a shifted route has that route as its answer: newer frames are not used."""
+    motor = example("dc_motor")
+    for question in (states(motor)[0], states_from_rates(motor)[0]):
+        shifted = earlier(find_route(motor, question))
+        assert find_route(motor, shifted.question).steps == shifted.steps
+
+
+def test_sensors_weigh_nothing() -> None:
+    """Two sensors are taken rather than one component, and one sensor rather than two."""
+    net = network("c: x y; m?: x w y; n?: w y")
+    assert passed(find_route(net, ask(net, ("x", 0)))) == {"m_0", "n_0"}
+    net = network("m?: x w y; n?: w y; o?: x y")
+    assert passed(find_route(net, ask(net, ("x", 0)))) == {"o_0"}
+
+
+def test_shorter_by_two_exchanges() -> None:
+    """From the rates the voltage in the middle follows from the end of the ladder: four components, not six."""
+    net = ladder(3, "ends+i")
+    question = states_from_rates(net)[1]
+    assert question.targets == (("node2.e", 0),)
+    assert passed(find_route(net, question)) == {"line3_0", "R3_0", "node3_0", "C3_0"}
 
 
 def test_frames_only_add_numbers() -> None:

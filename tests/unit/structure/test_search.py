@@ -4,50 +4,15 @@ from dataclasses import replace
 
 import pytest
 from benchmarks.ladders import example, ladder
+from small_networks import ask, network
 
 from faultbond.errors import StructureError
-from faultbond.model.expression import Number
-from faultbond.structure.components import ComponentNetwork, Equation, State
+from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.questions import outputs, parameters, states_at_start
 from faultbond.structure.route import Question
 from faultbond.structure.routes import find_route
 from faultbond.structure.search import Ending, search_route
 from faultbond.structure.trace import trace_lines
-
-
-def network(text: str, outputs: str = "y", states: str = "") -> ComponentNetwork:
-    """A network of `name: signals` separated by semicolons; `x@` is x one frame earlier, a capital is a parameter."""
-    equations = tuple(_equation(part) for part in text.split(";"))
-    signals = tuple(dict.fromkeys(signal for item in equations for signal, _ in item.signals))
-    names = tuple(dict.fromkeys(name for item in equations for name in item.parameters))
-    return ComponentNetwork(
-        name="net",
-        equations=equations,
-        signals=signals,
-        inputs=(),
-        outputs=tuple(outputs.split()),
-        states=tuple(State(signal=x, rate=f"d{x}", sum=f"s{x}", component=None) for x in states.split()),
-        parameters=names,
-        suspects=names,
-    )
-
-
-def _equation(text: str) -> Equation:
-    name, _, rest = text.partition(":")
-    words = rest.split()
-    return Equation(
-        name=name.strip(),
-        owner=name.strip(),
-        residual=Number(0.0),
-        signals=tuple((word.rstrip("@"), word.count("@")) for word in words if word[0].islower()),
-        parameters=tuple(word for word in words if word[0].isupper()),
-    )
-
-
-def ask(net: ComponentNetwork, *targets: str | tuple[str, int]) -> Question:
-    """The question for these targets; parameters among them are unknown."""
-    unknown = tuple(target for target in targets if isinstance(target, str))
-    return Question(targets=targets, unknown=unknown, observed=net.observed)
 
 
 def passed(search_question: Question, net: ComponentNetwork, **options: bool) -> str | None:
