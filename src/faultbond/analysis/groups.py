@@ -7,23 +7,28 @@ one set, the other leaves at most the sine of that angle unexplained. Angles wei
 Source: thesis 6.1.2 (faults that explain one another); Bjorck and Golub, Math. Comp. 27 (1973) 579 (angles).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, groupby
+from itertools import combinations, groupby, product
 from math import radians, sin
 
 import numpy as np
 
 from faultbond.analysis.alike import why_alike, why_near
 from faultbond.analysis.ranks import Reduced, bases
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray, IntArray
 
 Set = tuple[int, ...]
+Pair = tuple[Set, Set]
+Following = Callable[[IntArray, IntArray], BoolArray]
 
 NEAR_ANGLE = 10.0  # degrees: about a sixth of an effect is left to tell two sets apart
-MOST_NUMBERS = 3 * 10**7  # in the comparison of all sets of one size with all others; larger sizes are left out
+MOST_COMPARED = 4000  # sets of one size of which each is compared with each; sizes with more are left out
+MOST_CLOSE = 20_000  # pairs of one size whose angle is worked out
 MOST_NEAR = 100  # near groups given, the nearest
 _SAME_SHADOW = 1e-6
+_BLOCK = 2**21  # numbers in one batch
+_VECTORS = 3  # random ones, of which shadows are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,38 +56,51 @@ def groups(reduced: Reduced, sets: Sequence[Set]) -> tuple[Group, ...]:
     reduced : what the plant shows, by exact rank
     sets : identifiable, sorted by size
     """
-    found: list[Group] = []
-    for _, same_size in groupby(sets, key=len):
-        for members in _classes(reduced, tuple(same_size)):
-            smaller = {frozenset(group.sets): group.reason for group in found}
-            found.append(Group(sets=members, reason=why_alike(reduced, members, smaller)))
-    return tuple(found)
+    reasons: dict[frozenset[Set], str] = {}
+    for members in classes(reduced, sets):
+        reasons[frozenset(members)] = why_alike(reduced, members, reasons)
+    return tuple(Group(sets=tuple(sorted(members)), reason=reason) for members, reason in reasons.items())
+
+
+def classes(reduced: Reduced, sets: Sequence[Set]) -> list[tuple[Set, ...]]:
+    """Give the members of each of `groups`, without reasons."""
+    by_size = groupby(sets, key=len)
+    return [members for _, same_size in by_size for members in _classes(reduced, tuple(same_size))]
 
 
 def _classes(reduced: Reduced, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
     """Give the classes of sets of one size that span the same space.
 
-    Equal spaces give equal shadows of a vector; those of a random one are compared first, since that needs no
+    Equal spaces give equal shadows of a vector; those of random ones are compared first, since that needs no
     comparison of all with all.
     """
     if len(sets) < 2:
         return []
     base = bases(reduced, sets)
-    vector = np.random.default_rng(0).standard_normal(base.shape[1])
-    shadows = np.sum(np.einsum("nik,i->nk", base, vector) ** 2, axis=1) / max(float(np.sum(vector**2)), 1e-300)
-    order = np.argsort(shadows, kind="stable")
-    breaks = np.flatnonzero(np.diff(shadows[order]) > _SAME_SHADOW) + 1
+    vectors = np.random.default_rng(0).standard_normal((base.shape[1], _VECTORS))
+    lengths = np.maximum(np.sum(vectors**2, axis=0), 1e-300)
+    shadows = np.sum(np.einsum("nik,iv->nkv", base, vectors) ** 2, axis=1) / lengths
+    order = np.argsort(shadows[:, 0], kind="stable")
+    breaks = np.flatnonzero(np.diff(shadows[order, 0]) > _SAME_SHADOW) + 1
+    bounds = np.concatenate([[0], breaks, [len(sets)]])
     found: list[tuple[Set, ...]] = []
-    for part in np.split(order, breaks):
-        classes: list[list[Set]] = []
-        for chosen in sorted(sets[k] for k in part):
-            home = next((item for item in classes if _alike(reduced, item[0], chosen)), None)
-            if home is None:
-                classes.append([chosen])
-            else:
-                home.append(chosen)
-        found += [tuple(item) for item in classes if len(item) > 1]
+    for k in np.flatnonzero(np.diff(bounds) > 1):
+        part = sorted(order[bounds[k] : bounds[k + 1]].tolist(), key=sets.__getitem__)
+        found += [tuple(sets[m] for m in item) for item in _same_space(reduced, sets, shadows, part) if len(item) > 1]
     return sorted(found)
+
+
+def _same_space(reduced: Reduced, sets: tuple[Set, ...], shadows: FloatArray, part: list[int]) -> list[list[int]]:
+    """Give the classes of some of the sets, those with like shadows of the first vector."""
+    found: list[list[int]] = []
+    for one in part:
+        homes = [item for item in found if np.all(np.abs(shadows[item[0]] - shadows[one]) <= _SAME_SHADOW)]
+        home = next((item for item in homes if _alike(reduced, sets[item[0]], sets[one])), None)
+        if home is None:
+            found.append([one])
+        else:
+            home.append(one)
+    return found
 
 
 def _alike(reduced: Reduced, one: Set, two: Set) -> bool:
@@ -106,41 +124,99 @@ def near_groups(
     alike : the exact groups of these sets
     threshold : largest angle, degrees
     """
-    double = {chosen for group in alike for chosen in group.sets[1:]}
-    known = {frozenset(pair) for group in alike for pair in combinations(group.sets, 2)}
-    found: list[NearGroup] = []
+    pairs = near_pairs(reduced, sets, [group.sets for group in alike], threshold)
+    nearest = sorted(pairs, key=lambda item: (item[1], item[0]))[:MOST_NEAR]
+    return tuple(NearGroup(sets=pair, angle=angle, reason=why_near(reduced, pair, angle)) for pair, angle in nearest)
+
+
+def near_pairs(
+    reduced: Reduced, sets: Sequence[Set], alike: Sequence[tuple[Set, ...]], threshold: float = NEAR_ANGLE
+) -> list[tuple[Pair, float]]:
+    """Give the pairs of `near_groups` and their angles, at most `MOST_CLOSE` a size, in no order, without reasons."""
+    double = {chosen for members in alike for chosen in members[1:]}
+    known = {frozenset(pair) for members in alike for pair in combinations(members, 2)}
+    found: list[tuple[Pair, float]] = []
     for _, same_size in groupby((chosen for chosen in sets if chosen not in double), key=len):
-        for pair, angle in _close_pairs(reduced, tuple(same_size), threshold):
+        for pair, angle in _close_pairs(reduced, tuple(same_size), threshold, known):
             known.add(frozenset(pair))
             if not _follows(pair, known):
-                found.append(NearGroup(sets=pair, angle=angle, reason=why_near(reduced, pair, angle)))
-    return tuple(sorted(found, key=lambda item: (item.angle, item.sets))[:MOST_NEAR])
+                found.append((pair, angle))
+    return found
 
 
-def _follows(pair: tuple[Set, Set], known: set[frozenset[Set]]) -> bool:
+def not_compared(sets: Sequence[Set]) -> int:
+    """Give the number of sets that `near_groups` leaves out, since there are too many of their size."""
+    counts = [len(tuple(same_size)) for _, same_size in groupby(sets, key=len)]
+    return sum(count for count in counts if count > MOST_COMPARED)
+
+
+def _follows(pair: Pair, known: set[frozenset[Set]]) -> bool:
     """Whether the pair without what both hold is known."""
     shared = set(pair[0]) & set(pair[1])
     left, right = (tuple(k for k in chosen if k not in shared) for chosen in pair)
     return bool(shared) and frozenset((left, right)) in known
 
 
-def _close_pairs(reduced: Reduced, sets: tuple[Set, ...], threshold: float) -> list[tuple[tuple[Set, Set], float]]:
-    """Give the pairs of sets with their largest principal angle where that is below the threshold."""
-    n, height = len(sets), reduced.matrix.shape[0]
-    if n < 2 or n * max(n, height * height) > MOST_NUMBERS:
+def _close_pairs(
+    reduced: Reduced, sets: tuple[Set, ...], threshold: float, known: set[frozenset[Set]]
+) -> list[tuple[Pair, float]]:
+    """Give the pairs of sets with their largest principal angle where that is below the threshold.
+
+    Of pairs of two that follow from known ones some may be left out.
+    """
+    if len(sets) < 2 or len(sets) > MOST_COMPARED:
         return []
     base = bases(reduced, sets)
-    size = base.shape[2]
-    flat = np.einsum("nik,njk->nij", base, base).reshape(n, -1)
-    left_over = size - flat @ flat.T  # sum of squared sines of the principal angles
-    one, two = np.nonzero(np.triu(left_over < size * sin(radians(threshold)) ** 2, 1))
-    angles = largest_angles(base[one], base[two])
-    close = np.flatnonzero(angles <= threshold)
-    return [((sets[one[k]], sets[two[k]]), float(angles[k])) for k in close]
+    one, two = _candidates(base, sin(radians(threshold)), _following(sets, len(reduced.parameters), known))
+    step = max(1, _BLOCK // max(1, base[0].size))
+    parts = [slice(first, first + step) for first in range(0, len(one), step)]
+    angles = [angle for part in parts for angle in largest_angles(base[one[part]], base[two[part]]).tolist()]
+    pairs = zip(one.tolist(), two.tolist(), angles, strict=True)
+    return [((sets[k], sets[m]), angle) for k, m, angle in pairs if angle <= threshold]
+
+
+def _candidates(base: FloatArray, sine: float, following: Following) -> tuple[IntArray, IntArray]:
+    """Give the pairs whose squared sines have a sum that allows the largest; of too many those of the smallest sums."""
+    n, height, size = base.shape
+    flat = base.transpose(1, 0, 2).reshape(height, n * size)
+    step = max(1, _BLOCK // max(1, n * size * size))
+    one, two, sums = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0)
+    for first in range(0, n - 1, step):
+        cosines = flat[:, first * size : (first + step) * size].T @ flat[:, first * size :]
+        left_over = size - np.sum(cosines.reshape(-1, size, n - first, size) ** 2, axis=(1, 3))
+        rows, columns = np.nonzero(np.triu(left_over < size * sine**2, 1))
+        new = ~following(rows + first, columns + first)
+        one, two = np.append(one, rows[new] + first), np.append(two, columns[new] + first)
+        sums = np.append(sums, left_over[rows[new], columns[new]])
+        if len(sums) > MOST_CLOSE:
+            kept = np.sort(np.argpartition(sums, MOST_CLOSE)[:MOST_CLOSE])
+            one, two, sums = one[kept], two[kept], sums[kept]
+    return one, two
+
+
+def _following(sets: tuple[Set, ...], n_parameters: int, known: set[frozenset[Set]]) -> Following:
+    """Give a function that tells of pairs of two suspects each whether they follow from a known pair of single ones."""
+    if len(sets[0]) != 2:
+        return lambda one, _two: np.zeros(len(one), dtype=bool)
+    near = np.zeros((n_parameters, n_parameters), dtype=bool)
+    for pair in known:
+        if all(len(chosen) == 1 for chosen in pair):
+            (left,), (right,) = pair
+            near[left, right] = near[right, left] = True
+    members = np.array(sets)
+
+    def following(one: IntArray, two: IntArray) -> BoolArray:
+        found = np.zeros(len(one), dtype=bool)
+        for k, m in product((0, 1), repeat=2):
+            shared = members[one, k] == members[two, m]
+            found |= shared & near[members[one, 1 - k], members[two, 1 - m]]
+        return found
+
+    return following
 
 
 def largest_angles(one: FloatArray, two: FloatArray) -> FloatArray:
     """Give the largest principal angle, in degrees, of each pair of orthonormal bases, shape (n, height, size)."""
-    apart = two - one @ (one.transpose(0, 2, 1) @ two)
-    sines = np.linalg.svd(apart, compute_uv=False)[:, 0] if len(one) else np.zeros(0)
-    return np.degrees(np.arcsin(np.minimum(sines, 1.0)))
+    apart = two - np.einsum("nik,nkm->nim", one, np.einsum("nik,nim->nkm", one, two))
+    squares = np.linalg.eigvalsh(np.einsum("nik,nim->nkm", apart, apart))[:, -1] if len(one) else np.zeros(0)
+    return np.asarray(np.degrees(np.arcsin(np.sqrt(np.clip(squares, 0.0, 1.0)))))

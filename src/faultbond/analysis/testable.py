@@ -93,13 +93,14 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
         sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
         if not sets:
             break
-        for chosen, rank, doubt in zip(sets, *set_ranks(reduced, sets), strict=True):
+        ranks, doubts = (found.tolist() for found in set_ranks(reduced, sets))
+        for chosen, rank, doubt in zip(sets, ranks, doubts, strict=True):
             verdicts.append(
                 Verdict(
                     parameters=chosen,
-                    identifiable=bool(rank == size),
-                    falsifiable=bool(rank < reduced.rank.value),
-                    uncertain=bool(doubt) or not reduced.rank.clear,
+                    identifiable=rank == size,
+                    falsifiable=rank < reduced.rank.value,
+                    uncertain=doubt or not reduced.rank.clear,
                 )
             )
     return Judgement(rank=reduced.rank, verdicts=tuple(verdicts), left_out=total - len(verdicts))

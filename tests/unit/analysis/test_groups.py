@@ -9,7 +9,7 @@ import pytest
 from plants import TANK_SENSORS, circuit, example, named, positions, run
 
 from faultbond.analysis import groups as module
-from faultbond.analysis.groups import NEAR_ANGLE, groups, largest_angles, near_groups
+from faultbond.analysis.groups import NEAR_ANGLE, groups, largest_angles, near_groups, near_pairs, not_compared
 from faultbond.analysis.ranks import Reduced, reduce, told_rank
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
 from faultbond.dynamics.step import StepModel
@@ -181,11 +181,62 @@ def test_noise_decides_which_sets_are_near() -> None:
     assert angles[0] != pytest.approx(angles[1], rel=0.05)
 
 
+def test_near_pairs_are_those_of_the_definition() -> None:
+    """Near are the pairs below the angle that no smaller pair explains: by brute force on sets of one, two, three."""
+    rng = np.random.default_rng(7)
+    base = rng.standard_normal((9, 3))
+    columns = np.hstack([base, base + 0.05 * rng.standard_normal((9, 3)), base[:, :1] + base[:, 1:2]])
+    columns /= np.linalg.norm(columns, axis=0)
+    seen = of_columns(*(list(column) for column in columns.T))
+    sets = [item for size in (1, 2, 3) for item in combinations(range(7), size)]
+    close = {
+        frozenset((a, b))
+        for a, b in combinations(sets, 2)
+        if len(a) == len(b) and sines(columns, a, b).max() <= np.sin(np.radians(10.0))
+    }
+    wanted = {pair for pair in close if not shared(pair) or frozenset(rests(pair)) not in close}
+    found = near_pairs(seen, sets, [], 10.0)
+    assert {frozenset(pair) for pair, _ in found} == wanted
+    assert {len(pair[0]) for pair, _ in found} == {1, 2, 3}
+    assert len(wanted) < len(close)
+    for (one, two), angle in found:
+        assert np.sin(np.radians(angle)) == pytest.approx(sines(columns, one, two).max(), rel=1e-9)
+
+
+def sines(columns: FloatArray, one: tuple[int, ...], two: tuple[int, ...]) -> FloatArray:
+    """Sines of the principal angles."""
+    first, second = (np.linalg.qr(columns[:, list(chosen)])[0] for chosen in (one, two))
+    return np.asarray(np.linalg.svd(second - first @ (first.T @ second), compute_uv=False))
+
+
+def shared(pair: frozenset[tuple[int, ...]]) -> set[int]:
+    """What both sets hold."""
+    one, two = pair
+    return set(one) & set(two)
+
+
+def rests(pair: frozenset[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The sets without what both hold."""
+    return [tuple(k for k in chosen if k not in shared(pair)) for chosen in pair]
+
+
+def test_of_very_many_pairs_the_nearest_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where more pairs are close than are looked at, the nearest of them are."""
+    angles = np.radians([0.0, 1.0, 3.0, 6.0])
+    seen = of_columns(*([float(np.cos(angle)), float(np.sin(angle))] for angle in angles))
+    assert len(near_groups(seen, [(0,), (1,), (2,), (3,)])) == 6
+    monkeypatch.setattr(module, "MOST_CLOSE", 2)
+    found = near_groups(seen, [(0,), (1,), (2,), (3,)])
+    assert [item.angle for item in found] == pytest.approx([1.0, 2.0])
+
+
 def test_comparisons_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A size with more sets than can be compared has no near groups."""
+    """A size with more sets than can be compared has no near groups, and its sets are counted."""
     seen = of_columns([1, 0, 0], [1, 1e-3, 0], [0, 0, 1])
     assert len(near_groups(seen, [(0,), (1,), (2,)])) == 1
-    monkeypatch.setattr(module, "MOST_NUMBERS", 8)
+    assert not_compared([(0,), (1,), (2,)]) == 0
+    monkeypatch.setattr(module, "MOST_COMPARED", 2)
+    assert not_compared([(0,), (1,), (2,), (0, 1)]) == 3
     assert near_groups(seen, [(0,), (1,), (2,)]) == ()
 
 
