@@ -1,6 +1,7 @@
 """The pages say what the program does: every key, verb, option and record is there, and every example is valid."""
 
 import argparse
+import json
 import re
 import shlex
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 import pytest
 from insert import PAGES, ROOT, RUN, agree, differences, filled
 
-from faultbond.cli import build_parser
+from faultbond.cli import build_parser, main
 from faultbond.io.faults import parse_fault
 from faultbond.model import FUNCTIONS, model_schema, parse_model
 from faultbond.synthesis.compile import find_compiler
@@ -23,7 +24,20 @@ RECORDS = {
     "detection": "time sample change_time signals",
     "diagnosis": "time candidates components parameters nominal estimate sd probability group",
     "end": "time samples watched detections missing late duplicate",
+    "analyse": (
+        "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups group_reasons "
+        "near_groups on_data detectable isolable by_causality tests structural_sensors routes twins smallest_fault "
+        "sensor_advice sensors_now sensors_not_tried input_advice "
+        "parameters identifiable falsifiable testable uncertain roots other_values sets angle reason mso mtes first "
+        "second always words target question components observations equations closed_form refusal steps samples frames "
+        "largest_block noise kind degree real_roots singular remarks value within up down certainty effects size "
+        "in_noise classes near choices input level change hold before after"
+    ),
+    "trace": "model targets ending expanded distinct steps observations",
+    "code": "model form text",
 }
+BY_NAME = {"detectable": 1, "isolable": 2, "smallest_fault": 1, "effects": 1, "by_causality": 1, "noise": 1}
+BY_NAME |= {"other_values": 1}  # levels of keys that are names of parameters, sensors and the like
 
 
 def section(page: str, title: str) -> str:
@@ -134,6 +148,28 @@ def test_fields_of_records(record: str) -> None:
     """Every field of a record is explained in its section."""
     text = section(COMMANDS, f'`"record": "{record}"`')
     assert [name for name in RECORDS[record].split() if f"`{name}`" not in text] == []
+
+
+def keys(value: object, names: int = 0) -> set[str]:
+    """Give all keys of a record and of what is in it; `names` levels of keys are the user's names and do not count."""
+    if isinstance(value, list):
+        return {key for item in value for key in keys(item, names)}
+    if not isinstance(value, dict):
+        return set()
+    inside = {key for name, item in value.items() for key in keys(item, names - 1 if names else BY_NAME.get(name, 0))}
+    return inside if names else {*value, *inside}
+
+
+@pytest.mark.parametrize("extra", [["--data", str(ROOT / "examples" / "rc" / "healthy.csv")], ["--trace", "R"]])
+def test_keys_of_an_analysis(extra: list[str], tmp_path: Path) -> None:
+    """No key of the record of an analysis or of a search is left out of the pages."""
+    target = tmp_path / "record.json"
+    model = ROOT / "examples" / "rc" / "model.yaml"
+    assert main(["analyse", str(model), *extra, "--json", str(target)]) == 0
+    record = json.loads(target.read_text(encoding="utf-8"))
+    known = {"record", *RECORDS[record["record"]].split()}
+    assert keys(record) <= known
+    assert {"analyse": "hypotheses", "trace": "ending"}[record["record"]] in keys(record)
 
 
 @pytest.mark.parametrize("place", [place for place, _ in fences("yaml")])
