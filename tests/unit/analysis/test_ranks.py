@@ -45,6 +45,16 @@ def test_ranks_of_sets(size: int) -> None:
     assert min(wanted) < size
 
 
+def test_a_set_larger_than_the_rank() -> None:
+    """More columns than there are directions have the rank of the space, whatever rounding leaves of the others."""
+    for seed in range(20):
+        matrix = np.random.default_rng(seed).standard_normal((3, 5))
+        for size in (3, 4, 5):
+            ranks, doubts = set_ranks(seen(matrix), list(combinations(range(5), size)))
+            assert set(ranks.tolist()) == {3}
+            assert not doubts.any()
+
+
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_bases_of_sets(size: int) -> None:
     """A basis is orthonormal and holds the columns of its set, also of two that differ by a trace."""
