@@ -83,11 +83,11 @@ def _fold_product(operator: str, left: Expression, right: Expression) -> Express
         return right
     match left, right:
         case Negative(one), Negative(two):
-            return Binary(operator, one, two)
+            return _fold_product(operator, one, two)
         case Negative(one), _:
-            return Negative(Binary(operator, one, right))
+            return Negative(_fold_product(operator, one, right))
         case _, Negative(two):
-            return Negative(Binary(operator, left, two))
+            return Negative(_fold_product(operator, left, two))
         case _, Binary("/", above, below):
             up, down = (above, below) if operator == "*" else (below, above)
             return Binary("/", _fold_product("*", left, up), down)

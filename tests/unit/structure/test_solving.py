@@ -11,9 +11,13 @@ from solved import example, route_to, static
 from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import to_text
-from faultbond.structure.backward_euler import Plant, random_inputs, simulate
-from faultbond.structure.components import ComponentNetwork
+from faultbond.model.text import parse_model
+from faultbond.structure.backward_euler import Plant, plant_of, random_inputs, simulate
+from faultbond.structure.causality import assign_causality
+from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.network import build_network
 from faultbond.structure.numeric import Value
+from faultbond.structure.printing import to_one_line
 from faultbond.structure.problem import prepare
 from faultbond.structure.roots import find_roots
 from faultbond.structure.route import Question, Route
@@ -318,3 +322,22 @@ def test_zero_of_a_division_is_no_root() -> None:
     found = solve_samples(solution, {"y_0": Fraction(6), "u_0": Fraction(2), "dt": Fraction(1)})
     assert [root["P"] for root in found] == [3]
     assert (solution.degree, solution.real_roots) == (1, 1)
+
+
+def test_plant_that_moves_by_itself() -> None:
+    """A capacitor that discharges through a resistor has no input: records begin away from rest."""
+    text = """
+name: discharge
+sample_time: 0.5 s
+inputs: {V: {unit: V}}
+components:
+  C: {type: C, parameters: {C: 2 F}}
+  R: {type: R, parameters: {R: 3 ohm}}
+junctions: {node: 0}
+bonds: [node -> C, node -> R]
+sensors: {u: {reads: node.e, unit: V, noise: 1 mV}}
+"""
+    graph = parse_model(text)
+    network = build_components(graph, build_network(graph, assign_causality(graph)))
+    solution = solve(network, route_to(network, "R"), plant_of(graph))
+    assert to_one_line(solution) == "R = -(u_0*dt/(C*(u_0 - u_1)))"
