@@ -4,6 +4,8 @@ import argparse
 import json
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +27,13 @@ RECORDS = {
     "diagnosis": "time candidates components parameters nominal estimate sd probability group",
     "end": "time samples watched detections missing late duplicate",
     "analyse": (
-        "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups group_reasons "
-        "near_groups on_data detectable isolable by_causality tests structural_sensors routes twins smallest_fault "
-        "sensor_advice sensors_now sensors_not_tried input_advice "
+        "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "
+        "group_reasons near_groups on_data detectable isolable by_causality tests structural_sensors routes twins "
+        "smallest_fault sensor_advice sensors_now sensors_not_tried input_advice "
         "parameters identifiable falsifiable testable uncertain roots other_values sets angle reason mso mtes first "
-        "second always words target question components observations equations closed_form refusal steps samples frames "
-        "largest_block noise kind degree real_roots singular remarks value within up down certainty effects size "
-        "in_noise classes near choices input level change hold before after"
+        "second always words target question components observations equations closed_form refusal steps samples "
+        "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
+        "size in_noise classes near choices input level change hold before after"
     ),
     "trace": "model targets ending expanded distinct steps observations",
     "code": "model form text",
@@ -214,6 +216,16 @@ def test_places_in_the_method() -> None:
         file = next((root / path for root in (ROOT, ROOT / "src" / "faultbond") if (root / path).is_file()), None)
         assert file is not None, path
         assert f"def {name}" in file.read_text(encoding="utf-8") if name else True, f"{path}::{name}"
+
+
+def test_figures_are_those_of_the_examples(tmp_path: Path) -> None:
+    """The figures of the pages are what their script draws; `python docs/images/draw.py` renews them."""
+    images = ROOT / "docs" / "images"
+    subprocess.run([sys.executable, images / "draw.py", tmp_path], check=True)
+    drawn = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+    shown = {path.name: path.read_text(encoding="utf-8") for path in images.glob("*.svg")}
+    assert drawn.keys() == shown.keys()
+    assert [name for name, text in shown.items() if not agree(text, drawn[name])] == []
 
 
 def test_links_between_pages() -> None:
