@@ -26,6 +26,7 @@ from faultbond.structure.unroll import (
 )
 
 _FEW = 24  # equations that are left out in turn to shorten a route
+_EXPLORED = 3  # routes looked at for each alternative wanted
 _TRIED_SENSORS = 12  # signals that are tried as a further sensor when a question is refused,
 _TRIED_EQUATIONS = 20_000  # and the number of equations looked at for that
 
@@ -71,8 +72,8 @@ def find_route(network: ComponentNetwork, question: Question) -> Route:
 def alternatives(network: ComponentNetwork, question: Question, limit: int = 20) -> Iterator[Route]:
     """Give up to `limit` different routes, the one of `find_route` first.
 
-    Each further one does without one equation more of a route found before, which may take more frames. For a caller
-    that prefers, say, the route that amplifies noise least.
+    Each further one does without one equation more of a route found before, which may take more frames. The same route
+    some frames earlier is not another one. For a caller that prefers, say, the route that amplifies noise least.
 
     Raises
     ------
@@ -81,22 +82,33 @@ def alternatives(network: ComponentNetwork, question: Question, limit: int = 20)
     """
     first = find_route(network, question)
     yield first
-    seen = {_places(first)}
+    seen, given = {_places(first)}, {_newest(first)}
     tried = {frozenset[Place]()}
     queue = [(frozenset[Place](), first)]
     for without, route in queue:
         for step in route.steps:
             fewer = without | {(step.equation, step.frame)}
-            if len(seen) >= limit:
+            if len(given) >= limit or len(seen) >= _EXPLORED * limit:
                 return
             if fewer in tried:
                 continue
             tried.add(fewer)
             other = _without(network, question, fewer)
-            if other is not None and _places(other) not in seen:
-                seen.add(_places(other))
-                queue.append((fewer, other))
+            if other is None or _places(other) in seen:
+                continue
+            seen.add(_places(other))
+            queue.append((fewer, other))
+            if _newest(other) not in given:
+                given.add(_newest(other))
                 yield other
+
+
+def _newest(route: Route) -> frozenset[Place]:
+    """The places of a route, moved to the newest frame where nothing ties it to another."""
+    question = route.question
+    tied = question.known or question.hidden or any(not isinstance(target, str) for target in question.targets)
+    moved = 0 if tied else min((step.frame for step in route.steps), default=0)
+    return frozenset((step.equation, step.frame - moved) for step in route.steps)
 
 
 def _without(network: ComponentNetwork, question: Question, without: frozenset[Place]) -> Route | None:

@@ -223,6 +223,17 @@ def test_alternatives_use_other_samples() -> None:
     assert any(("V", 0) in route.samples for route in found[1:])
 
 
+def test_alternatives_are_not_the_same_earlier() -> None:
+    """R and L of the motor may be found from older samples alone, but that is no other route."""
+    motor = example("dc_motor")
+    found = list(alternatives(motor, parameters(motor, ("R", "L")), 12))
+    moved = [
+        {(step.equation, step.frame - min(s.frame for s in route.steps)) for step in route.steps} for route in found
+    ]
+    assert len(found) == 12
+    assert all(one not in moved[:k] for k, one in enumerate(moved))
+
+
 def test_alternatives_end() -> None:
     """Where nothing can be spared there is one route, and where there is none, a refusal."""
     motor = example("dc_motor")
