@@ -65,7 +65,8 @@ class Solution:
     kind : linear, quadratic, polynomial; numeric where roots are found by Newton's method only; undetermined where the
         equations leave the targets open, whatever the samples
     degree : number of algebraic roots, complex ones and those of every case included; None where not counted
-    real_roots : number of real roots that satisfy all equations, at the nominal plant; None where not counted
+    real_roots : number of real roots that satisfy all equations, at the nominal plant; where the kind is numeric, those
+        that were found; None where not counted
     roots : closed forms, each checked in the original equations; empty where there is none
     singular : where they have no value
     remarks : what was left out, and why there is no closed form

@@ -83,7 +83,7 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
         targets=problem.targets,
         kind=_kind(roots, count),
         degree=count.degree if count else None,
-        real_roots=len(count.roots) if count and count.complete else None,
+        real_roots=(len(count.roots) or None) if count and count.complete else None,  # there is one: the nominal value
         roots=roots,
         singular=_singular(roots, problem),
         remarks=(*remarks, *_not_closed(problem, records[0], roots, count)),
