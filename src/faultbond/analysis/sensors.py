@@ -13,9 +13,9 @@ from math import comb
 
 import numpy as np
 
-from faultbond.analysis.groups import Group, groups, near_groups
+from faultbond.analysis.groups import Group, classes, groups, near_pairs
 from faultbond.analysis.ranks import reduce
-from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivity
+from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, build_recursion, sensitivity
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import StepModel
@@ -24,9 +24,12 @@ from faultbond.model.graph import BondGraph, Sensor, Unit
 
 NOISE_PART = 0.01  # of the root mean square of the signal along the run
 MOST_TRIED = 300  # combinations of sensors judged
+MOST_WORK = 10**10  # products in all trials together
+MOST_SETS = 2500  # sets judged in a trial, sizes whole
 MOST_COMPARED = 100  # sets compared for nearness, sizes whole
-MOST_NUMBERS = 2 * 10**7  # of sensitivities held at a time
+MOST_NUMBERS = 10**7  # of sensitivities held at a time
 MOST_ADVISED = 5  # of one sensor, and of two
+_WORK_OF_A_SET = 100  # products, for each column
 _BOND = "->"  # in the name of a signal that only a bond has; no law can read it
 
 
@@ -36,7 +39,7 @@ class SensorAdvice:
 
     sensors: signals to read; none for the plant as it is. classes: testable sets that can be told apart, sets that look
     alike counted once. near: pairs hard to tell apart, of small sets where there are many. clearness: size of the
-    combination of parameters that shows least, relative to that which shows most, to one digit.
+    combination of parameters that shows least, relative to that which shows most, to one digit; 0 if rounding hides it.
     """
 
     sensors: tuple[str, ...]
@@ -55,14 +58,33 @@ class SensorAdvice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
-    """The plant as it is, and the sensors that would help, the best first; `left_out` combinations were not tried."""
+    """The plant as it is, and the sensors that would help, the best first.
+
+    left_out: combinations of sensors that were not tried. largest: size of the largest sets of suspects counted.
+    """
 
     now: SensorAdvice
     further: tuple[SensorAdvice, ...]
     left_out: int
+    largest: int
 
 
-def advise_sensors(model: StepModel) -> Advice:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Trial:
+    """What all trials share: a run with all that could be read, of whose outputs the first `present` are read.
+
+    suspects: positions of parameters. largest: size of the largest sets. most: number of trials.
+    """
+
+    graph: BondGraph
+    run: Sensitivity
+    present: int
+    suspects: tuple[int, ...]
+    largest: int
+    most: int
+
+
+def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Advice:
     """Give the one or two further sensors that would help most; those that would not help are not among them.
 
     Raises
@@ -70,33 +92,49 @@ def advise_sensors(model: StepModel) -> Advice:
     StructureError
         Where the equations have no finite solution along any random run.
     """
-    graph = model.plant.graph
-    found = candidates(model)
-    run, room = _extended_run(model, found)
-    first = len(graph.sensors)
-    shown = [k for k in range(first, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
-    now = _advice(graph, run, ())
-    most = _best_possible(graph)
-    alone = {k: _advice(graph, run, (k,)) for k in shown[:MOST_TRIED] if now.merit < most}
+    run, room = _extended_run(model, candidates(model), recursion)
+    trial = _trial(model.plant.graph, run)
+    shown = [k for k in range(trial.present, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
+    now = _advice(trial, ())
+    most = _best_possible(trial)
+    alone = {k: _advice(trial, (k,)) for k in shown[: trial.most] if now.merit < most}
     ranked = sorted(alone, key=lambda k: _order(alone[k]))
     best = max((now.merit, *(item.merit for item in alone.values())))
     wanted = _pairs(ranked) if best < most else iter(())
-    pairs = [_advice(graph, run, pair) for pair in islice(wanted, max(0, MOST_TRIED - len(alone)))]
+    pairs = [_advice(trial, pair) for pair in islice(wanted, max(0, trial.most - len(alone)))]
     useful = [alone[k] for k in ranked if alone[k].merit > now.merit]
     better = sorted((item for item in pairs if item.merit > best), key=_order)
     tried = len(alone) + len(pairs)
     return Advice(
-        now=now,
-        further=tuple(useful[:MOST_ADVISED] + better[:MOST_ADVISED]),
+        now=_with_groups(trial, now),
+        further=tuple(_with_groups(trial, item) for item in useful[:MOST_ADVISED] + better[:MOST_ADVISED]),
         left_out=0 if best >= most else comb(len(shown) + room, 2) + len(shown) + room - tried,
+        largest=trial.largest,
     )
 
 
-def _best_possible(graph: BondGraph) -> tuple[int, int, int, int]:
+def _trial(graph: BondGraph, run: Sensitivity) -> _Trial:
+    """Bound the work of a trial by the size of the sets compared, that of all by their number."""
+    suspects = tuple(k for k, item in enumerate(graph.parameters) if item.suspect)
+    sizes = range(1, min(graph.max_faults, max(1, len(suspects))) + 1)
+    counts = {size: sum(comb(len(suspects), k) for k in range(1, size + 1)) for size in sizes}
+    largest = max((size for size in sizes if counts[size] <= MOST_SETS), default=1)
+    present, columns = len(graph.sensors), len(run.parameters) + len(run.states)
+    work = len(run.times) * (present + 2) * columns**2 + _WORK_OF_A_SET * counts[largest] * columns
+    return _Trial(
+        graph=graph,
+        run=run,
+        present=present,
+        suspects=suspects,
+        largest=largest,
+        most=max(1, min(MOST_TRIED, MOST_WORK // max(1, work))),
+    )
+
+
+def _best_possible(trial: _Trial) -> tuple[int, int, int, int]:
     """Give the merit of a plant of which everything shows."""
-    suspects = sum(item.suspect for item in graph.parameters)
-    rank = len(graph.parameters)
-    sets = sum(comb(suspects, size) for size in range(1, min(graph.max_faults, rank - 1) + 1))
+    rank = len(trial.run.parameters)
+    sets = sum(comb(len(trial.suspects), size) for size in range(1, min(trial.largest, rank - 1) + 1))
     return sets, sets, rank, 0
 
 
@@ -110,14 +148,14 @@ def candidates(model: StepModel) -> tuple[str, ...]:
     return tuple(sorted(free, key=lambda name: name.partition(".")[0] not in junctions))
 
 
-def _extended_run(model: StepModel, names: Sequence[str]) -> tuple[Sensitivity, int]:
+def _extended_run(model: StepModel, names: Sequence[str], recursion: Recursion | None) -> tuple[Sensitivity, int]:
     """Give the run that shows most, with sensors on the signals, and how many of these there was no room for."""
     graph = model.plant.graph
-    run = generic_run(model)
+    run = generic_run(model, recursion)
     size = len(run.times) * (len(run.parameters) + len(run.states))
     taken = names[: max(1, MOST_NUMBERS // max(1, size))]
     more = tuple(Sensor(name=name, column=name, unit=Unit("1"), reads=Name(name), noise=0.0) for name in taken)
-    recursion = build_recursion(build_plant(replace(graph, sensors=(*graph.sensors, *more))))
+    extended = build_recursion(build_plant(replace(graph, sensors=(*graph.sensors, *more))))
     experiment = Experiment(
         start=run.x[0],
         inputs=run.inputs,
@@ -125,7 +163,7 @@ def _extended_run(model: StepModel, names: Sequence[str]) -> tuple[Sensitivity, 
         theta=run.theta,
         implicit=model.reference_implicit,
     )
-    return sensitivity(recursion, experiment), len(names) - len(taken)
+    return sensitivity(extended, experiment), len(names) - len(taken)
 
 
 def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
@@ -158,24 +196,31 @@ def _few(sets: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     return [chosen for chosen in sets if len(chosen) <= most]
 
 
-def _advice(graph: BondGraph, run: Sensitivity, further: tuple[int, ...]) -> SensorAdvice:
-    """Judge the plant with its sensors and some further outputs of the run."""
-    present = len(graph.sensors)
-    part = restricted(run, (*range(present), *further))
-    noise = np.array([item.noise for item in graph.sensors] + [0.0] * len(further))
+def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorAdvice:
+    """Judge the plant with its sensors and some further outputs of the run; groups are left for later."""
+    part = restricted(trial.run, (*range(trial.present), *further))
+    noise = np.array([item.noise for item in trial.graph.sensors] + [0.0] * len(further))
     usual = np.sqrt(np.mean(part.y**2, axis=0))
     noise = np.where(noise > 0, noise, NOISE_PART * usual)
     seen, weighed = reduce([part]), reduce([part], noise)
-    suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
-    sets = sets_to_test(judge(seen, suspects, graph.max_faults)).sets
-    alike = groups(seen, sets)
+    sets = sets_to_test(judge(seen, trial.suspects, trial.largest)).sets
+    alike = classes(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
+    told = weighed.rank.clear and weighed.rank.value >= seen.rank.value
     return SensorAdvice(
-        sensors=tuple(run.outputs[k] for k in further),
+        sensors=tuple(trial.run.outputs[k] for k in further),
         rank=seen.rank.value,
         testable=len(judged),
-        classes=len(sets) - sum(len(group.sets) - 1 for group in alike) if judged else 0,
-        near=len(near_groups(weighed, _few(sets), alike)),
-        clearness=float(f"{weighed.rank.kept:.0e}"),
-        groups=alike,
+        classes=len(sets) - sum(len(members) - 1 for members in alike) if judged else 0,
+        near=len(near_pairs(weighed, _few(sets), alike)),
+        clearness=float(f"{weighed.rank.kept:.0e}") if told else 0.0,
+        groups=(),
     )
+
+
+def _with_groups(trial: _Trial, item: SensorAdvice) -> SensorAdvice:
+    """Add the sets that still look alike, with the reasons."""
+    further = (trial.run.outputs.index(name, trial.present) for name in item.sensors)
+    seen = reduce([restricted(trial.run, (*range(trial.present), *further))])
+    sets = sets_to_test(judge(seen, trial.suspects, trial.largest)).sets
+    return replace(item, groups=groups(seen, sets))

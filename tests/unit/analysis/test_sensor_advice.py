@@ -98,6 +98,29 @@ def test_many_sets_are_compared_by_small_ones_only(monkeypatch: pytest.MonkeyPat
     assert advise_sensors(model).now.near == 0  # no two of the motor's single suspects are near
 
 
+def test_large_sets_are_left_aside_where_there_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there are too many sets to judge in each trial, the largest sizes are not counted, and that is said."""
+    model = example("dc_motor")
+    assert advise_sensors(model).largest == 2
+    monkeypatch.setattr(sensors, "MOST_SETS", 14)
+    found = advise_sensors(model)
+    assert (found.largest, found.now.testable, found.now.classes) == (1, 5, 5)
+
+
+def test_the_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The larger the plant, the fewer combinations are tried; the others are counted."""
+    model = stated(two_stages())
+    shown = len(candidates(model)) - 2
+    monkeypatch.setattr(sensors, "MOST_WORK", 1)
+    assert advise_sensors(model).left_out == shown + shown * (shown - 1) // 2 - 1
+
+
+def test_groups_that_are_left_are_named() -> None:
+    """What still looks alike with the advised sensors is told with the reason."""
+    advised = {item.sensors: item for item in advise_sensors(stated(two_stages())).further}
+    assert [group.reason for group in advised["l1.f",].groups] == ["only R2*C2 acts"]
+
+
 def test_a_run_restricted_to_some_outputs() -> None:
     """The outputs chosen are kept in the order asked for."""
     whole = generic_run(example("dc_motor_current"))
