@@ -1,0 +1,128 @@
+"""The tables of the thesis, computed anew beside what it prints: writes docs/thesis.md.
+
+    python -m benchmarks.thesis [--quick]
+
+`--quick` leaves the part that takes minutes as it stands. Only what is between the marks of the page is written.
+"""
+
+import argparse
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from benchmarks import thesis_appendix as appendix
+from benchmarks import thesis_hypotheses as motor
+from benchmarks import thesis_routes as routes
+from benchmarks import thesis_sets as conflicts
+from benchmarks import thesis_static as static
+from benchmarks.page import as_markdown, write_part
+from benchmarks.thesis_page import SAME, Table, as_text
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis.md"
+SUMMARY = "corrections"
+ERRATUM = "erratum: "
+
+
+def chapter_3() -> tuple[Table, ...]:
+    """Give the tables of chapter 3."""
+    return (
+        routes.table_3_1(),
+        static.figures_3_4_and_3_5(),
+        static.full_adder(),
+        static.table_3_3(),
+        static.table_of_figure_3_14(0),
+        static.table_of_figure_3_14(1),
+        static.figure_3_17(),
+        static.table_3_6(),
+        routes.figure_3_19(),
+        static.section_3_10(),
+    )
+
+
+def chapter_4() -> tuple[Table, ...]:
+    """Give the tables of chapter 4."""
+    return (
+        routes.section_4_1(),
+        routes.table_4_1(),
+        routes.section_4_2_1(),
+        routes.section_4_2_2(),
+        routes.section_4_2_3(),
+        routes.section_4_3(),
+    )
+
+
+def chapter_6() -> tuple[Table, ...]:
+    """Give the tables of chapter 6 up to section 6.5, but for the slow one."""
+    return (
+        conflicts.table_6_1(),
+        conflicts.table_6_2(),
+        conflicts.conflicts_of_6_1(),
+        motor.section_6_1_2(),
+        motor.long_record(),
+        conflicts.figure_6_13(),
+        conflicts.table_6_4(),
+        motor.tables_6_5_and_6_6(),
+        motor.section_6_5(),
+        motor.twin_faults(),
+    )
+
+
+def appendix_a() -> tuple[Table, ...]:
+    """Give the tables of appendix A."""
+    found = appendix.search()
+    return appendix.voltage_alone(), appendix.section_a_3(found), appendix.table_a_1(found), appendix.closed_forms()
+
+
+QUICK: Mapping[str, Callable[[], tuple[Table, ...]]] = {
+    "chapter-3": chapter_3,
+    "chapter-4": chapter_4,
+    "chapter-6": chapter_6,
+    "section-6-6": lambda: (conflicts.section_6_6(),),
+    "appendix-a": appendix_a,
+}
+SLOW: Mapping[str, Callable[[], tuple[Table, ...]]] = {"reach": lambda: (motor.reach(),)}
+
+
+def summary(page: str) -> str:
+    """Give, from the tables of a page, how many values agree and every correction of the thesis."""
+    found: dict[tuple[str, str], None] = {}
+    compared = same = 0
+    title = ""
+    for line in page.splitlines():
+        title = line.removeprefix("### ") if line.startswith("### ") else title
+        cells = [cell.strip() for cell in line.split("|")]
+        if len(cells) != 6 or title == "":  # four cells between the outer bars
+            continue
+        remarks = cells[4].split("; ")
+        same += remarks[0] == SAME
+        corrections = [text.removeprefix(ERRATUM) for text in remarks if text.startswith(ERRATUM)]
+        compared += remarks[0] == SAME or bool(corrections)
+        found |= {(title, text): None for text in corrections}
+    table = as_markdown(("where", "what is right"), [(_link(title), text) for title, text in found])
+    head = f"Of {compared} printed values {same} agree with ours; the others are corrected here, each once."
+    return f"{head}\n\n{table}"
+
+
+def _link(title: str) -> str:
+    anchor = re.sub(r"[^a-z0-9 _-]", "", title.lower()).replace(" ", "-")
+    return f"[{title.partition(':')[0]}](#{anchor})"
+
+
+def write(page: Path, parts: Iterable[tuple[str, tuple[Table, ...]]]) -> None:
+    """Put tables into a page, then what they sum up to."""
+    for name, tables in parts:
+        write_part(page, name, as_text(tables))
+    write_part(page, SUMMARY, summary(page.read_text(encoding="utf-8")))
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Compute, write."""
+    parser = argparse.ArgumentParser(description="The thesis' tables beside ours, written into docs/thesis.md.")
+    parser.add_argument("--quick", action="store_true", help="leave the part that takes minutes as it stands")
+    chosen = parser.parse_args(argv)
+    wanted = QUICK if chosen.quick else {**QUICK, **SLOW}
+    write(PAGE, ((name, tables()) for name, tables in wanted.items()))
+
+
+if __name__ == "__main__":
+    main()
