@@ -5,9 +5,15 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from faultbond.errors import StructureError
+from faultbond.errors import ModelError, StructureError
 from faultbond.io.out import Out
+from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
+from faultbond.structure.causality import assign_causality
+from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.network import build_network
+
+PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,18 +34,22 @@ class Wishes:
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
     """Tell what can be found and told apart, how small, by which routes, and what would help."""
-    graph = load_model(model)
+    graph, network = _plant(model)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
-    from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
-    from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads rich
-    from faultbond.report.terminal import PLAIN_WIDTH  # noqa: PLC0415 - loads rich
+    from faultbond.report.plant import plant_record, print_plant  # noqa: PLC0415 - loads rich
 
     console = None if out.text is None else Console(file=out.text)
-    if console is not None and not console.is_terminal:
-        console.width = PLAIN_WIDTH
-    record: dict[str, object] = {}
-    for title, work in sections(graph, wishes):
+    record = plant_record(graph, network)
+    if console is not None:
+        if not console.is_terminal:
+            console.width = PLAIN_WIDTH
+        print_plant(console, graph, network)
+        console.file.flush()
+    from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads casadi
+
+    for title, work in sections(graph, network, wishes):
         try:
             with _waiting(title):
                 section = work()
@@ -56,11 +66,10 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
 
 def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     """Print the closed forms of a plant as functions of Python or C, or as LaTeX."""
-    graph = load_model(model)
-    from faultbond.app.study import answers, components_of  # noqa: PLC0415 - loads casadi and sympy
+    graph, network = _plant(model)
+    from faultbond.app.study import answers  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
 
-    network = components_of(graph)
     text = code(answers(graph, network, wishes), network.parameters, Form(form))
     if out.text is not None:
         out.text.write(text)
@@ -69,15 +78,23 @@ def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
 
 def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
     """Print the thesis' search for the shortest route to a set of parameters, step by step."""
-    graph = load_model(model)
+    graph, network = _plant(model)
     from faultbond.app.study import find_trace  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.analysed import trace_record  # noqa: PLC0415
     from faultbond.structure.trace import trace_lines  # noqa: PLC0415 - loads scipy
 
-    found = find_trace(graph, names)
+    found = find_trace(graph, network, names)
     for line in trace_lines(found):
         out.say(line)
     out.record(trace_record(graph, found))
+
+
+def _plant(model: Path) -> tuple[BondGraph, ComponentNetwork]:
+    """Load a model and give the equations of one of its time frames."""
+    graph = load_model(model)
+    if graph.is_logic:
+        raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")
+    return graph, build_components(graph, build_network(graph, assign_causality(graph)))
 
 
 def _waiting(title: str) -> AbstractContextManager[object]:

@@ -26,11 +26,9 @@ from faultbond.model.graph import BondGraph
 from faultbond.report import analysed, analysis
 from faultbond.report.formulas import print_routes
 from faultbond.structure.backward_euler import plant_of
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.functions import Function, Preference, answer, asked, trial_record
 from faultbond.structure.isolability import Interpretation, isolability
-from faultbond.structure.network import build_network
 from faultbond.structure.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.structure.placement import sensors_to_isolate
 from faultbond.structure.questions import parameters
@@ -67,16 +65,20 @@ class Section:
     show: Callable[[Console], None]
 
 
-def sections(graph: BondGraph, wishes: Wishes) -> Iterator[tuple[str, Callable[[], Section]]]:
+Work = Callable[[], Section]
+
+
+def sections(
+    graph: BondGraph, network: ComponentNetwork, wishes: Wishes
+) -> Iterator[tuple[str, Callable[[], Section]]]:
     """Give the title of each section and how it is worked out, in order.
 
     Raises
     ------
     ModelError
-        Where the network is one of gates, or a parameter is asked for that does not exist.
+        Where a parameter is asked for that does not exist.
     """
-    study = _study(_numeric(graph), wishes)
-    yield "plant", lambda: _plant(study)
+    study = _study(graph, network, wishes)
     if not study.network.suspects:
         return
     view = in_general(study.model, study.recursion)
@@ -94,22 +96,10 @@ def sections(graph: BondGraph, wishes: Wishes) -> Iterator[tuple[str, Callable[[
         yield "test inputs", lambda: _inputs(study, wishes, recorded)
 
 
-def components_of(graph: BondGraph) -> ComponentNetwork:
-    """Give the component network of a plant."""
-    return build_components(_numeric(graph), build_network(graph, assign_causality(graph)))
-
-
-def find_trace(graph: BondGraph, names: tuple[str, ...]) -> Search:
+def find_trace(graph: BondGraph, network: ComponentNetwork, names: tuple[str, ...]) -> Search:
     """Search the shortest route to a set of parameters as the thesis does."""
-    network = components_of(graph)
     _known(graph, names)
     return search_route(network, parameters(network, names))
-
-
-def _numeric(graph: BondGraph) -> BondGraph:
-    if graph.is_logic:
-        raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")
-    return graph
 
 
 def _known(graph: BondGraph, names: tuple[str, ...]) -> None:
@@ -119,13 +109,13 @@ def _known(graph: BondGraph, names: tuple[str, ...]) -> None:
             raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known) or 'none'}")
 
 
-def _study(graph: BondGraph, wishes: Wishes) -> _Study:
+def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Study:
     model = build_model(graph)
     for names in wishes.separate:
         _known(graph, names)
     return _Study(
         graph=graph,
-        network=build_components(graph, model.plant.network),
+        network=network,
         model=model,
         recursion=build_recursion(model.plant),
         points=_points(graph, wishes.data) if wishes.data is not None else (),
@@ -138,13 +128,6 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     if not points:
         raise RecordingError(no_time(recording))
     return points
-
-
-def _plant(study: _Study) -> Section:
-    return Section(
-        record=analysed.plant_record(study.graph, study.network),
-        show=lambda console: analysis.print_plant(console, study.graph, study.network),
-    )
 
 
 def _general(study: _Study, view: View) -> Section:

@@ -20,29 +20,6 @@ from faultbond.structure.printing import to_one_line
 from faultbond.structure.search import Search
 
 
-def plant_record(graph: BondGraph, network: ComponentNetwork) -> Record:
-    """Give what names the plant; lists are empty until the sections that fill them."""
-    return {
-        "record": "analyse",
-        "model": graph.name,
-        "model_sha256": graph.sha256,
-        "states": [state.signal for state in network.states],
-        "inputs": list(network.inputs),
-        "sensors": list(network.outputs),
-        "suspects": list(network.suspects),
-        "max_faults": graph.max_faults,
-        "hypotheses": [],
-        "groups": [],
-        "near_groups": [],
-        "detectable": {},
-        "isolable": {},
-        "routes": [],
-        "smallest_fault": {},
-        "sensor_advice": [],
-        "input_advice": [],
-    }
-
-
 def groups_record(graph: BondGraph, view: View) -> Record:
     """Give what cannot be told apart, and why."""
     return {

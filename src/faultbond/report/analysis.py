@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from rich.console import Console
-from rich.text import Text
 
 from faultbond.analysis.capability import View
 from faultbond.analysis.sensors import Advice, SensorAdvice
@@ -17,25 +16,10 @@ from faultbond.report.analysed import Tests
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.verdict import join
-from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.isolability import Isolability
 
 LISTED = 12  # groups, near groups and the like that are listed
 NOWHERE = "not found"
-
-
-def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:
-    """Print what is known of the plant and what is suspected."""
-    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
-    lines(
-        console,
-        [
-            ("inputs", ", ".join(network.inputs) or "none"),
-            ("sensors", ", ".join(network.outputs)),
-            ("states", ", ".join(state.signal for state in network.states) or "none"),
-            ("suspects", ", ".join(network.suspects) or "none: no parameter may change"),
-        ],
-    )
 
 
 def print_view(console: Console, graph: BondGraph, view: View, heading: str, note: str) -> None:

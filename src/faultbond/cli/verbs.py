@@ -1,0 +1,119 @@
+"""What the command line needs of the verbs, and what every verb's arguments share."""
+
+import argparse
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Never, Protocol, TypeAlias
+
+from faultbond.app import Imperfections, Wishes
+from faultbond.errors import FaultbondError
+from faultbond.io.faults import FaultRequest
+from faultbond.io.out import Out
+from faultbond.model.quantities import duration, spread
+from faultbond.types import EngineChoice, Method
+
+DONE, FAULT_DETECTED = 0, 1
+ENGINE = "FAULTBOND_ENGINE"
+
+
+class Verbs(Protocol):
+    """What the command line needs of `faultbond.app`."""
+
+    def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
+        """Tell what was understood of a model."""
+
+    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
+        """Tell what can be found and told apart."""
+
+    def print_code(self, model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
+        """Print the closed forms as code."""
+
+    def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Print the thesis' search for a route."""
+
+    def simulate(
+        self,
+        model: Path,
+        *,
+        inputs: str,
+        faults: tuple[FaultRequest, ...],
+        seed: int | None,
+        imperfections: Imperfections,
+        start: Mapping[str, float],
+        output: Path,
+        out: Out,
+    ) -> None:
+        """Write a recording of the simulated plant; `inputs` is a path or `-`."""
+
+    def run(
+        self, model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out
+    ) -> bool:
+        """Watch a recording, a path or `-`, and tell whether a fault was detected."""
+
+    def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
+        """Find a fault in the built-in water tank and write the report."""
+
+
+Call = Callable[[argparse.Namespace, Verbs, Out], int]
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line."""
+
+    def error(self, message: str) -> Never:
+        """Refuse the arguments."""
+        raise FaultbondError(f"{self.prog}: {message}. See: {self.prog} --help")
+
+
+Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def add_verb(verbs: Subparsers, name: str, call: Call, summary: str, example: str) -> argparse.ArgumentParser:
+    """Add a verb with what all verbs share."""
+    parser = verbs.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=f"Example: {example}",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the result as JSON lines; - is standard output")
+    parser.set_defaults(call=call)
+    return parser
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """Add the model file argument."""
+    parser.add_argument("model", metavar="MODEL", type=Path, help="model file, YAML")
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the engine."""
+    parser.add_argument(
+        "--engine",
+        choices=[choice.value for choice in EngineChoice],
+        help=f"c: compiled, vm: without a compiler, auto: c where there is a compiler (default: ${ENGINE}, else auto)",
+    )
+
+
+def engine(arguments: argparse.Namespace) -> EngineChoice:
+    """Give the engine of the option, else of the environment."""
+    name: str = arguments.engine or os.environ.get(ENGINE) or EngineChoice.AUTO.value
+    known = [choice.value for choice in EngineChoice]
+    if name not in known:
+        raise FaultbondError(f"{ENGINE}={name}: no such engine; set it to one of {', '.join(known)}.")
+    return EngineChoice(name)
+
+
+def part(text: str) -> float:
+    """Read a percentage as a part of 1."""
+    found = spread(text)
+    if not found.is_relative:
+        raise FaultbondError(f"{text!r} is no percentage. Write it as in --spread '3 %'.")
+    return found.ratio
+
+
+def time(text: str) -> float:
+    """Read a length of time in seconds."""
+    return duration(text)

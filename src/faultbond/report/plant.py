@@ -1,0 +1,46 @@
+"""The plant that is analysed: shown at once, before anything that is slow to load."""
+
+from rich.console import Console
+from rich.text import Text
+
+from faultbond.model.graph import BondGraph
+from faultbond.report.console import lines
+from faultbond.runtime.records import Record
+from faultbond.structure.components import ComponentNetwork
+
+
+def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:
+    """Print what is known of the plant and what is suspected."""
+    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
+    lines(
+        console,
+        [
+            ("inputs", ", ".join(network.inputs) or "none"),
+            ("sensors", ", ".join(network.outputs)),
+            ("states", ", ".join(state.signal for state in network.states) or "none"),
+            ("suspects", ", ".join(network.suspects) or "none: no parameter may change"),
+        ],
+    )
+
+
+def plant_record(graph: BondGraph, network: ComponentNetwork) -> Record:
+    """Give what names the plant; lists are empty until the sections that fill them."""
+    return {
+        "record": "analyse",
+        "model": graph.name,
+        "model_sha256": graph.sha256,
+        "states": [state.signal for state in network.states],
+        "inputs": list(network.inputs),
+        "sensors": list(network.outputs),
+        "suspects": list(network.suspects),
+        "max_faults": graph.max_faults,
+        "hypotheses": [],
+        "groups": [],
+        "near_groups": [],
+        "detectable": {},
+        "isolable": {},
+        "routes": [],
+        "smallest_fault": {},
+        "sensor_advice": [],
+        "input_advice": [],
+    }
