@@ -123,6 +123,16 @@ def test_code_that_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert space["R_of"](**samples, C=0.4, J=1.5, K=2.0, L=2.5) == pytest.approx(3.0, rel=1e-9)
 
 
+@pytest.mark.parametrize(("form", "opening"), [("python", "def "), ("c", "static double ")])
+def test_each_function_has_a_name_of_its_own(form: str, opening: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """J alone and J beside C are two functions; so are the two closed forms of K."""
+    assert main(["analyse", str(MOTOR), "--code", form, "--closed", "2"]) == 0
+    text = capsys.readouterr().out
+    names = [line.removeprefix(opening).partition("(")[0] for line in text.splitlines() if line.startswith(opening)]
+    assert len(names) == len(set(names)) > 30
+    assert {"J_of", "J_of_parameters_J_C", "K_of", "K_of_2"} <= set(names)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import Enum
 
 from rich.console import Console
@@ -14,7 +15,7 @@ from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.functions import Function, equations_passed
 from faultbond.structure.latex import to_latex
 from faultbond.structure.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
-from faultbond.structure.readable import formulas, readable_lines, shown_conditions
+from faultbond.structure.readable import Formula, formulas, readable_lines, shown_conditions
 from faultbond.structure.solution import Solution
 
 LONGEST = 1500  # letters of a closed form on a terminal
@@ -88,10 +89,22 @@ def _closed(solution: Solution) -> Iterator[str]:
 
 def code(found: Sequence[Function], parameters: Sequence[str], form: Form) -> str:
     """Give all closed forms as functions of a language, or as LaTeX."""
-    solved = [item.solution for item in found if item.solution is not None]
+    solved = [(item.question.title, item.solution) for item in found if item.solution is not None]
     if form is Form.LATEX:
-        parts = [to_latex(root, solution.targets) for solution in solved for root in solution.roots]
+        parts = [
+            f"% {title}\n{to_latex(root, solution.targets)}" for title, solution in solved for root in solution.roots
+        ]
     else:
         header, write = (PYTHON_HEADER, to_python) if form is Form.PYTHON else (C_HEADER, to_c)
-        parts = [header, *(write(formula) for solution in solved for formula in formulas(solution, parameters))]
+        parts = [header, *(write(formula) for formula in _named(solved, parameters))]
     return "\n\n".join(part.strip("\n") for part in parts) + "\n"
+
+
+def _named(solved: Sequence[tuple[str, Solution]], parameters: Sequence[str]) -> Iterator[Formula]:
+    """Give the formulas; of a target that was given before, the title of the question makes the difference."""
+    taken: set[str] = set()
+    for question, solution in solved:
+        before = frozenset(taken)
+        for formula in formulas(solution, parameters):
+            yield replace(formula, origin=question) if formula.target in before else formula
+            taken.add(formula.target)

@@ -119,8 +119,9 @@ def _prepared(
 
 
 def _function_name(formula: Formula, words: dict[str, str]) -> str:
+    origin = re.sub(r"\W+", "_", f" {formula.origin}") if formula.origin else ""
     suffix = f"_{formula.number}" if formula.number > 1 else ""
-    return f"{words[formula.target]}_of{suffix}"
+    return f"{words[formula.target]}_of{origin}{suffix}"
 
 
 def _remark(formula: Formula) -> str:

@@ -20,7 +20,8 @@ class Formula:
     """What gives one target by one closed form.
 
     arguments: samples, then `dt`, then parameters. number: of the closed form, the first being the one that holds at
-    the nominal plant. count: of closed forms.
+    the nominal plant. count: of closed forms. origin: a word on what it follows from, where several functions give the
+    same target.
     """
 
     target: str
@@ -29,6 +30,7 @@ class Formula:
     conditions: tuple[Condition, ...]
     number: int
     count: int
+    origin: str = ""
 
 
 def formulas(solution: Solution, parameters: Sequence[str]) -> tuple[Formula, ...]:
