@@ -85,8 +85,9 @@ def print_structure(
         items.append(("one way", "; ".join(kept)))
     if tests is not None:
         smallest = join(["{" + ", ".join(names) + "}" for names in tests.faults[:LISTED]])
-        text = f"{tests.n_sets} minimal sets of equations can be checked; the smallest sets of faults that a check sees"
-        items.append(("tests", f"{text}: {smallest}"))
+        sets = "1 minimal set" if tests.n_sets == 1 else f"{tests.n_sets} minimal sets"
+        text = f"{sets} of equations can be checked; the smallest sets of faults that a check sees: {smallest}"
+        items.append(("tests", text))
     if sensors:
         named = [" with ".join(names) for names in sensors[:4]]
         items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))

@@ -193,7 +193,9 @@ def _print_signals(console: Console, seen: Understanding) -> None:
         for k, item in enumerate(graph.inputs)
     ]
     if inputs:
-        table(console, ("name", "column", "unit", "noise (sd)", "settling", "a step is more than"), inputs)
+        header = ("name", "column", "unit", "noise (sd)", "settling", "a step is more than")
+        shown = 4 if graph.grid is TimeGrid.NONE else len(header)  # without time nothing settles
+        table(console, header[:shown], [row[:shown] for row in inputs])
     else:
         lines(console, [("", "none")])
     title(console, "Sensors")
@@ -231,8 +233,8 @@ def _print_method(console: Console, seen: Understanding) -> None:
     graph, spec = seen.graph, seen.spec
     if graph.grid is TimeGrid.NONE:
         title(console, "Observations")
-        sets = f"with up to {graph.max_faults} suspects"
-        lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets {sets}")])
+        sets = f"of at most {graph.max_faults} suspect{'s'[: graph.max_faults != 1]}"
+        lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets, {sets}")])
         return
     step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
     substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
