@@ -8,7 +8,7 @@ WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo install test lint golden docs bench
+.PHONY: help demo install test lint golden docs thesis bench
 
 help:
 	@echo "make demo     find a fault in the built-in water tank and write report.html"
@@ -17,7 +17,8 @@ help:
 	@echo "make lint     check style, format and types"
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
 	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
-	@echo "make bench    run the benchmarks"
+	@echo "make thesis   compute the thesis' tables anew beside the printed values, into docs/thesis.md"
+	@echo "make bench    run the benchmarks (half an hour)"
 
 demo: $(RUNTIME)
 	@$(BIN)/faultbond demo
@@ -46,11 +47,21 @@ docs: $(DEV)
 	@git --no-pager diff --stat -- README.md CONTRIBUTING.md docs
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 
+thesis: $(DEV)
+	@echo "faultbond: the thesis' tables (two minutes)"
+	@$(BIN)/python -m benchmarks.thesis
+	@git --no-pager diff --stat -- docs/thesis.md
+
 bench: $(DEV)
+	@echo "faultbond: benchmarks, half an hour in all"
 	@echo "faultbond: figures (a quarter of an hour)"
 	@$(BIN)/python -m benchmarks.figures
 	@echo "faultbond: speed"
 	@$(BIN)/python -m benchmarks.speed
+	@echo "faultbond: structural diagnosis"; $(BIN)/python -m benchmarks.structure
+	@echo "faultbond: routes"; $(BIN)/python -m benchmarks.routes
+	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.closed_forms
+	@echo "faultbond: smallest faults (a quarter of an hour)"; $(BIN)/python -m benchmarks.smallest
 	@if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
 	  else set -e; for script in $(wildcard benchmarks/recordings.py benchmarks/watersafe.py); do \
 	    echo "faultbond: $$script"; $(BIN)/python "$$script"; done; fi

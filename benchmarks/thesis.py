@@ -12,11 +12,12 @@ from pathlib import Path
 
 from benchmarks import thesis_appendix as appendix
 from benchmarks import thesis_hypotheses as motor
+from benchmarks import thesis_reach as reach
 from benchmarks import thesis_routes as routes
 from benchmarks import thesis_sets as conflicts
 from benchmarks import thesis_static as static
 from benchmarks.page import as_markdown, write_part
-from benchmarks.thesis_page import SAME, Table, as_text
+from benchmarks.thesis_page import HEADER, SAME, Table, as_text
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis.md"
 SUMMARY = "corrections"
@@ -80,27 +81,31 @@ QUICK: Mapping[str, Callable[[], tuple[Table, ...]]] = {
     "section-6-6": lambda: (conflicts.section_6_6(),),
     "appendix-a": appendix_a,
 }
-SLOW: Mapping[str, Callable[[], tuple[Table, ...]]] = {"reach": lambda: (motor.reach(),)}
+SLOW: Mapping[str, Callable[[], tuple[Table, ...]]] = {"reach": lambda: (reach.three_components(),)}
 
 
 def summary(page: str) -> str:
     """Give, from the tables of a page, how many values agree and every correction of the thesis."""
-    found: dict[tuple[str, str], None] = {}
-    compared = same = 0
+    found: dict[tuple[str, str], list[str]] = {}
+    same = 0
     title = ""
     for line in page.splitlines():
         title = line.removeprefix("### ") if line.startswith("### ") else title
         cells = [cell.strip() for cell in line.split("|")]
-        if len(cells) != 6 or title == "":  # four cells between the outer bars
+        if len(cells) != len(HEADER) + 2 or not title:
             continue
-        remarks = cells[4].split("; ")
-        same += remarks[0] == SAME
-        corrections = [text.removeprefix(ERRATUM) for text in remarks if text.startswith(ERRATUM)]
-        compared += remarks[0] == SAME or bool(corrections)
-        found |= {(title, text): None for text in corrections}
-    table = as_markdown(("where", "what is right"), [(_link(title), text) for title, text in found])
-    head = f"Of {compared} printed values {same} agree with ours; the others are corrected here, each once."
-    return f"{head}\n\n{table}"
+        same += cells[4].startswith(SAME)
+        _, mark, correction = cells[4].partition(ERRATUM)
+        if mark:
+            found.setdefault((title, correction), []).append(cells[1])
+    rows = [(_link(title), _what(lines), text) for (title, text), lines in found.items()]
+    corrected = sum(len(lines) for lines in found.values())
+    head = f"Of {same + corrected} printed values and statements {same} agree with ours; {corrected} are corrected:"
+    return f"{head}\n\n{as_markdown(('where', 'of what', 'what is right'), rows)}"
+
+
+def _what(lines: Sequence[str]) -> str:
+    return lines[0] if len(lines) == 1 else f"{len(lines)} values"
 
 
 def _link(title: str) -> str:

@@ -40,9 +40,9 @@ STEPS = (  # A.3: numbers of the steps, the component, and U when what is known 
     ("26", "L1", "d1 e1"),
 )
 CHOICE = "Ka1 R1 Sb1"  # step 21
-KNOWN = "erratum: l1 and i1 are found, j1 stands twice"
-LEFT = "erratum: J1 has been passed through"
-MISSING = "erratum: steps 22 and 23 leave out that k1 is found through J1"
+KNOWN = "erratum: l1 and i1 belong there, and j1 once"
+LEFT = "erratum: J1 is no longer there"
+MISSING = "erratum: the step is missing; k1 is found through J1"
 
 TABLE_A_1 = {  # unknown: component, known values
     "R": ("R0", "c0 h0"),
@@ -96,7 +96,7 @@ def _lists(found: Search) -> tuple[Line, ...]:
     choices = short(frame_name(place) for place in passages[names.index("Ka1")].choices)
     known = [_targets([item.finds]) for item in passages[: names.index("C1") + 1] if item.place[1] == 1]
     left = _left(found, names.index("L1") + 1)
-    end = f"erratum: U, as A.2.1 says; C still holds {_left(found, len(names))}"
+    end = f"erratum: U must be empty, as A.2.1 says; C still holds {_left(found, len(names))}"
     return (
         equal("components for h1, step 21", CHOICE, choices, same={*choices.split()} == {*CHOICE.split()}),
         equal("K after step 25, of period 1", "j1 k1 j1 h1", " ".join(reversed(known)), KNOWN),

@@ -1,12 +1,11 @@
 """Sections 6.1, 6.4 and 6.6 of the thesis: conflict sets, hitting sets, and what they make of static systems."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from fractions import Fraction
 
 import sympy as sp
 
-from benchmarks.thesis_page import Line, Table, equal, number, numbers, set_text, sets, words
+from benchmarks.thesis_page import Table, equal, number, numbers, set_text, sets, value_text, words
 from benchmarks.thesis_static import falling, observed, predicted
 from faultbond.analysis.static_hypothesis import is_consistent
 from faultbond.analysis.static_tables import relations, solve, table_of_pairs
@@ -100,7 +99,7 @@ def conflicts_of_6_1() -> Table:
     conflicts = conflict_sets("ABC", constant)
     diagnoses = minimal_hitting_sets(conflicts)
     points = {item: falling(solve(network, _ordered(item), rows))[0] for item in diagnoses}
-    remark = "erratum: {A, C} meets all three as well; table 6.2 even gives its values"
+    remark = "erratum: {A, C} meets all three, too; table 6.2 gives its values"
     return Table(
         title="Section 6.1: conflict sets and hitting sets",
         source="6.1 and 6.1.2, pages 119 and 126",
@@ -191,37 +190,27 @@ def table_6_4() -> Table:
 
 
 ERRORS = {"A": 0.05, "B": 0.6, "C": 0.5, "D": 0.03}  # error index of the conflict set of each component of table 6.4
+TWICE = "erratum: one set stands twice; which set one of them should be cannot be told"
 BY_HAND = {"BC": "0.08", "ABC": "0.48", "B": "0.58", "A": "1.48"}
 
 
 def section_6_6() -> Table:
-    """Give hitting indices worked by hand, and say what table 6.7 lacks."""
+    """Give hitting indices beside those worked by hand, and say what table 6.7 lacks."""
     indices = {frozenset(name): value for name, value in ERRORS.items()}
+    found = {names: hitting_index(names, indices) for names in BY_HAND}
     lines = [
-        number(
-            f"hitting index of {set_text(names)}", text, round(hitting_index(names, indices), 12), "printed: by hand"
-        )
+        words(f"hitting index of {set_text(names)}", "", value_text(found[names]), f"by hand {text}")
         for names, text in BY_HAND.items()
     ]
     given = ", ".join(f"{{{name}}} {value:g}" for name, value in ERRORS.items())
     return Table(
         title="Section 6.6 and table 6.7: the hitting index",
         source="6.6, pages 152 and 153",
-        words=f"The thesis prints no worked example. Its sum is worked here by hand for four conflict sets of one "
-        f"component each with the error indices {given}; no more than 0.5 counts.",
+        words="The thesis prints no worked example. Its sum is worked here by hand for four conflict sets of one "
+        f"component each with the error indices {given}, of which no more than 0.5 counts. Table 6.7 cannot be "
+        "regenerated: neither its system nor its error indices are told.",
         lines=(
             *lines,
-            words(
-                "table 6.7, eight hypotheses of a system of seven components",
-                "3.96 to 5.82",
-                "",
-                "cannot be regenerated: neither the system nor its error indices are told; erratum: {A, F, G} is "
-                "listed twice, with 4.18 and with 4.65",
-            ),
+            words("rank 4 and rank 6 of table 6.7", "{A, F, G} with 4.18 and with 4.65", "", TWICE),
         ),
     )
-
-
-def _by_hand(what: str, text: str, value: float) -> Line:
-    """Give a number beside one that is not the thesis' own."""
-    return replace(number(what, text, value), printed=f"by hand {text}")

@@ -86,6 +86,8 @@ def full_adder() -> Table:
     seen = dict(zip(names, (bool(value) for value in (*row.u, *row.y)), strict=True))
     healthy = predict(network, {name: seen[name] for name in network.inputs})
     found = minimal_diagnoses(network.suspects, lambda suspended: explains(network, suspended, [seen]))
+    others = frozenset(network.suspects) - {"X2"}
+    needed = [x for x in (0, 1) if explains(network, others, [{"x": bool(x), "C": seen["C"], "D": seen["D"]}])]
 
     def verdict(*suspended: str) -> str:
         return "consistent" if explains(network, frozenset(suspended), [seen]) else "inconsistent"
@@ -97,7 +99,7 @@ def full_adder() -> Table:
         f"{', '.join(f'{name} = {int(seen[name])}' for name in names)}, agree with all that the text says.",
         lines=(
             number("X1 gives, from A and B", "1", int(healthy["x"])),
-            number("X2 needs, from C and D", "0", int(seen["C"] ^ seen["D"])),
+            numbers("input that X2 needs, from C and D", ["0"], needed),
             equal("{O1} suspended, figure 3.8", "inconsistent", verdict("O1")),
             equal("{X2, A2, A1} suspended, figure 3.9", "consistent", verdict("X2", "A2", "A1")),
             equal("{X2, A2} suspended, figure 3.10", "consistent", verdict("X2", "A2")),
@@ -107,7 +109,7 @@ def full_adder() -> Table:
                 "minimal diagnoses",
                 (("X1",), ("X2", "A2"), ("X2", "O2")),
                 found.sets,
-                "erratum: there is no O2, O1 is meant",
+                "erratum: O1 is meant, there is no O2",
                 "X1 X2 A1 A2 O1",
             ),
             sets("minimal conflicts", (), minimal_hitting_sets(found.sets), "", "X1 X2 A1 A2 O1"),
@@ -161,7 +163,8 @@ def figure_3_17() -> Table:
     network, rows = observed("fig_3_14")
     (pairs,) = table_of_pairs(network, rows)
     third = [*rows, observed("fig_3_14", [(1, 3, 1, 79)])[1][0]]
-    remark = "erratum: not the only one, so that (2, 15) is not yet known to be the fault"
+    count = sum(len(solved.points) for solved in pairs.values())
+    remark = f"erratum: (2, 15) is one of {count} solutions of {len(pairs)} pairs"
     lines = [_pair(pair, pairs[pair], remark if pair == ("M1", "M3") else "fits too") for pair in pairs]
     left = [(pair, falling(solve(network, pair, third))) for pair in pairs]
     return Table(

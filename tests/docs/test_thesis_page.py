@@ -1,0 +1,80 @@
+"""The page with the thesis' tables holds what the program computes, and says of every difference what is right."""
+
+import re
+
+import pytest
+from benchmarks.thesis import PAGE, QUICK, SLOW, SUMMARY, summary
+from benchmarks.thesis_page import Table, as_text, equal, is_printed, number, printed_value
+from benchmarks.thesis_reach import exact_count, is_possible
+
+TEXT = PAGE.read_text(encoding="utf-8")
+
+
+def part(name: str) -> str:
+    """Give what stands between the marks of a part."""
+    match = re.search(rf"<!-- {name}: begin -->\n(.*?)\n<!-- {name}: end -->", TEXT, flags=re.DOTALL)
+    assert match, name
+    return match[1]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_page_is_what_is_computed(name: str) -> None:
+    """Each part of the page, but for the slow one, is byte for byte what its tables give now."""
+    assert part(name) == as_text(QUICK[name]())
+
+
+def test_slow_part_agrees_with_algebra() -> None:
+    """What three components can explain is on the page as algebra tells it, and the search found no more than that."""
+    found = re.findall(r"^\| {(.*)} \| always \| (\d+) of 25; (\d+) by algebra", part("reach"), flags=re.M)
+    assert len(found) == 10
+    for names, reached, exact in found:
+        assert int(reached) <= int(exact) == exact_count(names.split(", "))
+
+
+def test_summary_is_that_of_the_page() -> None:
+    """The list of corrections at the top holds those of the tables, and nothing else."""
+    assert part(SUMMARY) == summary(TEXT)
+
+
+def test_page_has_no_other_parts() -> None:
+    """Every part of the page has tables that write it."""
+    assert {*re.findall(r"<!-- ([a-z0-9-]+): begin -->", TEXT)} == {SUMMARY, *QUICK, *SLOW}
+
+
+def test_links_lead_to_headings() -> None:
+    """Each correction links to the heading of its table."""
+    headings = re.findall(r"^### (.*)$", TEXT, flags=re.M)
+    anchors = {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    found = re.findall(r"\]\(#([^)]+)\)", part(SUMMARY))
+    assert found
+    assert [anchor for anchor in found if anchor not in anchors] == []
+
+
+def test_no_difference_without_a_remark() -> None:
+    """A value that is not the printed one needs a remark."""
+    with pytest.raises(ValueError, match="M1: 5, printed 4, and no remark says why"):
+        number("M1", "4", 5)
+    assert equal("minimal sets", "{B}", "{B}, {A, C}", "erratum: two").same is False
+
+
+def test_printed_numbers() -> None:
+    """Mixed fractions are read as printed; a decimal agrees within half a unit of its last digit."""
+    assert [float(printed_value(text)) for text in ("-5 1/3", "27 3/4", "-0.4", "8")] == [-16 / 3, 27.75, -0.4, 8.0]
+    assert is_printed("3.987", 3.98742)
+    assert not is_printed("3.987", 3.9876)
+    assert is_printed("2 2/3", printed_value("8/3"))
+    assert not is_printed("2 2/3", 2.6667)
+
+
+def test_a_table_names_its_place() -> None:
+    """A table begins with its heading and its place in the thesis."""
+    table = Table(title="Table 9", source="9.1, page 9", words="A system.", lines=(number("x", "1.0", 1),))
+    assert table.text.splitlines()[0:3] == ["### Table 9", "", "Thesis 9.1, page 9. A system."]
+
+
+@pytest.mark.parametrize("triple", ["RLJ", "RLK", "RJK", "RCK", "LJK", "LCK", "JCK"])
+def test_the_nominal_motor_is_possible(triple: str) -> None:
+    """The nominal lumps are within reach of every triple; lumps that need friction below zero are not of any."""
+    r, ell, k, j, c = 3.0, 2.5, 2.0, 1.5, 0.4
+    assert is_possible(triple, ell * j / k, (j * r + ell * c) / k, (r * c + k**2) / k)
+    assert not is_possible("RLJ", ell * j / k, (j * r + ell * c) / k, 0.5 * k)
