@@ -80,27 +80,32 @@ def _classes(reduced: Reduced, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
     vectors = np.random.default_rng(0).standard_normal((base.shape[1], _VECTORS))
     lengths = np.maximum(np.sum(vectors**2, axis=0), 1e-300)
     shadows = np.sum(np.einsum("nik,iv->nkv", base, vectors) ** 2, axis=1) / lengths
-    order = np.argsort(shadows[:, 0], kind="stable")
-    breaks = np.flatnonzero(np.diff(shadows[order, 0]) > _SAME_SHADOW) + 1
-    bounds = np.concatenate([[0], breaks, [len(sets)]])
-    found: list[tuple[Set, ...]] = []
-    for k in np.flatnonzero(np.diff(bounds) > 1):
-        part = sorted(order[bounds[k] : bounds[k + 1]].tolist(), key=sets.__getitem__)
-        found += [tuple(sets[m] for m in item) for item in _same_space(reduced, sets, shadows, part) if len(item) > 1]
-    return sorted(found)
+    found = [members for part in _like(shadows) for members in _same_space(reduced, sorted(sets[k] for k in part))]
+    return sorted(members for members in found if len(members) > 1)
 
 
-def _same_space(reduced: Reduced, sets: tuple[Set, ...], shadows: FloatArray, part: list[int]) -> list[list[int]]:
-    """Give the classes of some of the sets, those with like shadows of the first vector."""
-    found: list[list[int]] = []
-    for one in part:
-        homes = [item for item in found if np.all(np.abs(shadows[item[0]] - shadows[one]) <= _SAME_SHADOW)]
-        home = next((item for item in homes if _alike(reduced, sets[item[0]], sets[one])), None)
+def _like(shadows: FloatArray) -> list[list[int]]:
+    """Give the rows, two at least, that no gap in any column parts."""
+    labels = np.zeros(len(shadows), dtype=np.intp)
+    for column in shadows.T:
+        order = np.lexsort((column, labels))
+        apart = (np.diff(labels[order]) != 0) | (np.diff(column[order]) > _SAME_SHADOW)
+        labels[order] = np.concatenate([[0], np.cumsum(apart)])
+    order = np.argsort(labels, kind="stable")
+    bounds = np.concatenate([[0], np.cumsum(np.bincount(labels))])
+    return [order[bounds[k] : bounds[k + 1]].tolist() for k in np.flatnonzero(np.diff(bounds) > 1)]
+
+
+def _same_space(reduced: Reduced, sets: Sequence[Set]) -> list[tuple[Set, ...]]:
+    """Give the classes of some sets, compared one by one."""
+    found: list[list[Set]] = []
+    for one in sets:
+        home = next((item for item in found if _alike(reduced, item[0], one)), None)
         if home is None:
             found.append([one])
         else:
             home.append(one)
-    return found
+    return [tuple(item) for item in found]
 
 
 def _alike(reduced: Reduced, one: Set, two: Set) -> bool:

@@ -11,8 +11,9 @@ that never acts shows as zero to rounding: a rank can be read off. Slow errors a
 Source: thesis 4.2 (backward Euler over past samples); Griewank and Walther, Evaluating Derivatives, section 15.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -127,6 +128,31 @@ def sensitivities(recursion: Recursion, experiments: Sequence[Experiment]) -> tu
     return tuple(runs.result(lane) if runs.good[lane] else None for lane in range(len(experiments)))
 
 
+_Lanes = Callable[..., list[FloatArray]]
+
+
+def _in_lanes(function: ca.Function, n: int) -> _Lanes:
+    """Give a function of columns as one of arrays (n, rows) with results (n, rows, columns), without CasADi's matrices.
+
+    Those would be made of and turned into lists of Python's numbers.
+    """
+    buffer: Any  # its methods take one argument less than CasADi's types say
+    buffer, run = function.map(n).buffer()
+    slots = [np.zeros((n, function.size1_in(k))) for k in range(function.n_in())]
+    results = [np.zeros((n, function.size2_out(k), function.size1_out(k))) for k in range(function.n_out())]
+
+    def call(*arguments: FloatArray) -> list[FloatArray]:
+        for k, (slot, argument) in enumerate(zip(slots, arguments, strict=True)):
+            slot[...] = argument
+            buffer.set_arg(k, slot.reshape(-1).data)
+        for k, result in enumerate(results):
+            buffer.set_res(k, result.reshape(-1).data)
+        run()
+        return [result.transpose(0, 2, 1).copy() for result in results]
+
+    return call
+
+
 class _Runs:
     """Experiments in lanes: arrays have the lane as their first axis."""
 
@@ -136,7 +162,7 @@ class _Runs:
         self.plant = plant
         self.n_x, self.n_z, self.n_p = plant.x.numel(), plant.z.numel(), plant.theta.numel()
         n_y = plant.readings.numel()
-        self.misfit_of, self.slopes_of = recursion.misfit.map(n), recursion.slopes.map(n)
+        self.misfit_of, self.slopes_of = _in_lanes(recursion.misfit, n), _in_lanes(recursion.slopes, n)
         self.inputs = np.array([item.inputs for item in experiments]).reshape(n, self.n_samples, plant.u.numel())
         self.theta = np.array([item.theta for item in experiments]).reshape(n, self.n_p)
         self.dt = np.array([item.dt for item in experiments]).reshape(n, self.n_samples)
@@ -187,12 +213,10 @@ class _Runs:
             by_start=_still(self.by[lane, :, :, self.n_p :].copy()),
         )
 
-    def _call(self, function: ca.Function, w: FloatArray, before: FloatArray, k: int) -> list[FloatArray]:
+    def _call(self, function: _Lanes, w: FloatArray, before: FloatArray, k: int) -> list[FloatArray]:
         """Evaluate a function in all lanes; each result has shape (n_lanes, rows, columns)."""
-        n = len(w)
-        x, z = w[:, : self.n_x].T, w[:, self.n_x :].T
-        found = function(x, z, before.T, self.inputs[:, k].T, self.theta.T, self.dt[None, :, k])
-        return [item.full().reshape(item.shape[0], n, item.shape[1] // n).transpose(1, 0, 2) for item in found]
+        x, z = w[:, : self.n_x], w[:, self.n_x :]
+        return function(x, z, before, self.inputs[:, k], self.theta, self.dt[:, k, None])
 
     def _solve_first(self, start: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Solve the implicit signals at the start from the given guess, else from guesses over many sizes."""
