@@ -42,6 +42,7 @@ MOST_SETS = 60  # sets whose other solutions are looked for; single suspects whe
 MOST_TWINS = 8  # suspects up to which pairs are compared as twins
 REST_SAMPLES = 400  # of the record of inputs at rest
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
+AT_REST, WHEN_RECORDED = "while the inputs stand still", "on the recording"
 MOST_GROUPS = 5  # groups for which a change of an input is looked for
 
 
@@ -199,7 +200,7 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tupl
     for question in asked(network, largest):
         size = sum(isinstance(target, str) for target in question.targets)
         preference = Preference(wishes.preference)
-        cache = folder if size <= wishes.closed else None
+        cache = folder if size <= wishes.closed and wishes.closed else None
         found.append(answer(network, question, plant, record, preference=preference, cache=cache))
     return tuple(found)
 
@@ -251,6 +252,7 @@ def _sensors(study: _Study) -> Section:
 
 def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
     """What to move so that sets can be told apart: those that were named, else those that look alike at rest."""
+    note = "" if wishes.separate else f"for what looks alike {WHEN_RECORDED if recorded is not None else AT_REST}"
     if wishes.separate:
         groups = [wishes.separate]
     else:
@@ -261,7 +263,7 @@ def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
     found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group) for group in groups)
     return Section(
         record=analysed.inputs_record(found),
-        show=lambda console: analysis.print_input_advice(console, study.graph, found, asked=bool(wishes.separate)),
+        show=lambda console: analysis.print_input_advice(console, found, note),
     )
 
 

@@ -183,11 +183,11 @@ def _sensors(item: SensorAdvice, name: str) -> tuple[str, ...]:
     return (name, str(item.testable), str(item.classes), str(item.near), str(item.rank))
 
 
-def print_input_advice(console: Console, graph: BondGraph, found: Sequence[Stimulus], *, asked: bool) -> None:
-    """Print which input to move so that sets can be told apart."""
-    title(console, "Test inputs", "" if asked else "for what looks alike while the inputs stand still")
+def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -> None:
+    """Print which input to move so that sets can be told apart; the note says where they look alike."""
+    title(console, "Test inputs", note)
     if not found:
-        lines(console, [("", "nothing looks alike, even while the inputs stand still")])
+        lines(console, [("", "nothing looks alike")])
         return
     for item in found:
         named = join(["{" + ", ".join(names) + "}" for names in item.sets])
