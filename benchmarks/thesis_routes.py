@@ -200,7 +200,8 @@ def _sizes(network: ComponentNetwork, size: int) -> list[str]:
     groups: dict[str, list[str]] = {}
     for names in combinations(network.suspects, size):
         route = find_route(network, questions.parameters(network, names))
-        text = f"{route.observations} observations, {len(route.steps)} equations"
+        periods = "1 period" if route.frames == 1 else f"{route.frames} periods"
+        text = f"{route.observations} observations, {len(route.steps)} equations of {periods}"
         groups.setdefault(text, []).append("".join(names))
     largest = max(groups, key=lambda text: len(groups[text]))
     return [text if text == largest else f"{', '.join(groups[text])}: {text}" for text in (largest, *groups)][
