@@ -1,44 +1,42 @@
 """Fits of parameters to noise-free outputs, many at a time, with exact derivatives.
 
 Levenberg-Marquardt in logarithms of the parameters, each fit in a lane of its own. The start of the plant is free as
-well, since nobody knows it. Source: Levenberg 1944, Marquardt 1963 (damping scaled by the columns).
+well, since nobody knows it. Each iteration begins at the trajectory that the last one predicts. Source: Levenberg 1944,
+Marquardt 1963 (damping scaled by the columns).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.operation import reference_levels, times
-from faultbond.analysis.sensitivity import Experiment, Recursion, sensitivities
-from faultbond.dynamics.step import StepModel
-from faultbond.errors import StructureError
+from faultbond.analysis.trajectories import Course, Lanes, Paths, never
 from faultbond.types import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 45
-GENTLE = 0.3  # part of an input by which it moves
 EXACT = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same
-_HOPELESS = 1e3  # misfit of a lane without a solution
+_ENOUGH = 1e-12  # misfit below which no further iteration is worth it
 _MOST_STEP = 1.5  # in logarithms
-_STALLED = 5  # iterations without gain after which a lane rests
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Side:
-    """Plants to be fitted, one per lane: theta (lanes, n_parameters), SI; free, which of them may move; start."""
-
-    theta: FloatArray
-    free: BoolArray
-    start: FloatArray
+_STALLED = 4  # iterations without gain after which a lane rests
+_GAIN = 0.99
+_FAR = 6.0  # logarithms from where it began; a lane so far away is given up
+_HOME = 1e-2  # a lane so near to values that are known, and falling, ends there
+_FALLING = 1e-3  # misfit of such a lane
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """Where each lane ended: one theta (lanes, n_parameters) per side, and the misfit (lanes,)."""
+    """Where each lane ended: one theta (lanes, n_parameters) per side, start (lanes, n_states) of the first side.
+
+    misfit: (lanes,), in sizes of the outputs; inf without a solution. home: (lanes,), whether the lane was on its way
+    to the known values and was stopped. done: (lanes,), whether it ended before the time was over.
+    """
 
     theta: tuple[FloatArray, ...]
+    start: FloatArray
     misfit: FloatArray
+    home: BoolArray
+    done: BoolArray
 
     @property
     def exact(self) -> BoolArray:
@@ -46,146 +44,172 @@ class Fit:
         return np.asarray(self.misfit < EXACT)
 
 
-def long_run(model: StepModel, recursion: Recursion, thetas: Sequence[FloatArray] = ()) -> Experiment:
-    """Give a long run that excites all that the plant has: the random runs of `experiment`, one after another.
-
-    Where not every plant has a finite solution along it, one of them, else one whose inputs move about their
-    references.
+def fit(
+    course: Course,
+    lanes: Lanes,
+    guess: FloatArray,
+    data: FloatArray,
+    *,
+    known: FloatArray | None = None,
+    stop: Callable[[], bool] = never,
+) -> Fit:
+    """Fit each lane to its own outputs.
 
     Parameters
     ----------
-    model, recursion : the plant
-    thetas : other parameters, (n_parameters,), with which it must have a solution too
-
-    Raises
-    ------
-    StructureError
-        Where there is none along any of them.
+    course : the run
+    lanes : where the fits begin; `places` may move
+    guess : float array, shape (lanes, n_samples, n_w) or (n_samples, n_w); a trajectory nearby
+    data : float array, shape (lanes, n_samples, n_outputs), SI
+    known : float array, shape (lanes, n_parameters); a solution that need not be found again
+    stop : whether the time is over
     """
-    graph = model.plant.graph
-    nominal = np.array([item.nominal for item in graph.parameters])
-    start = model.contents(model.reference_state, nominal).full()[:, 0]
-    runs = [replace(item, theta=nominal, start=start) for item in random_experiments(model, recursion)]
-    joined = replace(
-        runs[0],
-        inputs=np.vstack([item.inputs for item in runs]),
-        dt=np.concatenate([item.dt for item in runs]),
-    )
-    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, runs[0].inputs.shape)
-    gentle = replace(runs[0], inputs=times(model, reference_levels(model), moves))
-    for trial in (joined, *runs, gentle):
-        plants = [trial, *(replace(trial, theta=theta) for theta in thetas)]
-        if all(item is not None for item in sensitivities(recursion, plants)):
-            return trial
-    raise StructureError(
-        f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs, or not with other "
-        "values of the parameters; check the laws and their units, or narrow the ranges of the parameters"
-    )
+    return _LevenbergMarquardt(course, (lanes,), guess, data, known, stop).run()
 
 
-def fit(recursion: Recursion, run: Experiment, side: Side, data: FloatArray) -> Fit:
-    """Fit each lane to its own outputs, shape (lanes, n_samples, n_outputs)."""
-    return _LevenbergMarquardt(recursion, run, (side,), data).run()
-
-
-def fit_together(recursion: Recursion, run: Experiment, one: Side, other: Side) -> Fit:
-    """Move both plants of each lane until their outputs are the same."""
-    return _LevenbergMarquardt(recursion, run, (one, other), None).run()
+def fit_together(
+    course: Course, one: Lanes, other: Lanes, guess: FloatArray, *, stop: Callable[[], bool] = never
+) -> Fit:
+    """Move both plants of each lane until their outputs are the same; `guess` as in `fit`, the same for both."""
+    return _LevenbergMarquardt(course, (one, other), guess, None, None, stop).run()
 
 
 class _LevenbergMarquardt:
     """All lanes at once. An unknown is a logarithm, or where the nominal is 0 a multiple of the scale, or a start."""
 
-    def __init__(self, recursion: Recursion, run: Experiment, sides: tuple[Side, ...], data: FloatArray | None) -> None:
-        parameters = recursion.plant.graph.parameters
-        self.recursion, self.run_along, self.sides, self.data = recursion, run, sides, data
-        self.linear = np.array([item.nominal == 0.0 for item in parameters], dtype=bool)
-        self.scale = np.array([item.scale for item in parameters])
-        self.n_lanes, self.n_p = sides[0].theta.shape
-        self.n_x = sides[0].start.shape[1]
-        sample = sensitivities(recursion, [run])[0]
-        if sample is None:
-            raise StructureError(f"{recursion.plant.graph.file}: no finite solution along the run to be fitted")
-        self.size = np.sqrt(np.mean(sample.y**2, axis=0)) + 1e-300
-        self.n_rows = sample.y.size
-        self.active = np.hstack(
-            [np.hstack([side.free, np.ones((self.n_lanes, self.n_x), dtype=bool)]) for side in sides]
-        )
-        self.points = np.hstack([np.hstack([self._coordinates(side.theta), side.start]) for side in sides])
-        self.signs = [np.where(self.linear, 1.0, np.sign(side.theta)) for side in sides]
+    def __init__(
+        self,
+        course: Course,
+        sides: tuple[Lanes, ...],
+        guess: FloatArray,
+        data: FloatArray | None,
+        known: FloatArray | None,
+        stop: Callable[[], bool],
+    ) -> None:
+        self.course, self.sides, self.data, self.known, self.stop = course, sides, data, known, stop
+        self.n_lanes = len(sides[0].theta)
+        self.widths: list[int] = [side.places.shape[1] for side in sides]
+        self.active = np.hstack([self._pad(side.places >= 0, fill=True) for side in sides])
+        self.points = np.hstack([np.hstack([self._coordinates(side), side.start]) for side in sides])
+        self.w = [np.broadcast_to(guess, (self.n_lanes, course.n_samples, course.n_w)).copy() for _ in sides]
+        self.w_by: list[FloatArray] = []
+        self.size = np.ones(course.n_y)
 
     def run(self) -> Fit:
         """Iterate until every lane is exact, or rests."""
-        points, damping = self.points, np.full(self.n_lanes, 1e-2)
-        misfit, slope = self._misfit(points, np.arange(self.n_lanes))
-        cost, idle = _cost(misfit), np.zeros(self.n_lanes, dtype=int)
+        n, points = self.n_lanes, self.points.copy()
+        every = np.arange(n)
+        first = [self._follow(points, side, every, self.w[side], patient=True) for side in range(len(self.sides))]
+        self.w, self.w_by = [path.w for path in first], [path.w_by for path in first]
+        self.size = self._sizes(first)
+        misfit, slope = self._misfit(first, every)
+        cost, damping, idle = _cost(misfit), np.full(n, 1e-2), np.zeros(n, dtype=int)
+        home, gone = np.zeros(n, dtype=bool), ~np.isfinite(cost)
         for _ in range(ITERATIONS):
-            lanes = np.flatnonzero((cost > 1e-13) & (idle < _STALLED))
-            if not len(lanes):
+            lanes = np.flatnonzero((cost > _ENOUGH) & (idle < _STALLED) & ~home & ~gone)
+            if not len(lanes) or self.stop():
                 break
-            trial = points[lanes] + self._step(misfit[lanes], slope[lanes], damping[lanes], lanes)
-            new_misfit, new_slope = self._misfit(trial, lanes)
+            step = self._step(misfit[lanes], slope[lanes], damping[lanes], lanes)
+            trial = points[lanes] + step
+            paths = [self._trial(trial, step, side, lanes) for side in range(len(self.sides))]
+            new_misfit, new_slope = self._misfit(paths, lanes)
             new_cost = _cost(new_misfit)
             better = new_cost < cost[lanes]
+            idle[lanes] = np.where(new_cost < _GAIN * cost[lanes], 0, idle[lanes] + 1)
             won = lanes[better]
-            idle[lanes] = np.where(new_cost < 0.99 * cost[lanes], 0, idle[lanes] + 1)
             points[won], misfit[won], slope[won], cost[won] = (
                 item[better] for item in (trial, new_misfit, new_slope, new_cost)
             )
+            for side, path in enumerate(paths):
+                self.w[side][won], self.w_by[side][won] = path.w[better], path.w_by[better]
             damping[lanes] = np.clip(np.where(better, damping[lanes] / 8, damping[lanes] * 5), 1e-12, 1e8)
-        return Fit(theta=tuple(self._theta(points, side) for side in range(len(self.sides))), misfit=cost)
+            home[won] = self._home(points, won, cost)
+            gone[won] = np.max(np.abs(points - self.points)[won] * self._is_value(), axis=1, initial=0.0) > _FAR
+        done = ~((cost > _ENOUGH) & (idle < _STALLED) & ~home & ~gone) | (not self.stop())
+        theta = tuple(self._theta(points, side, every) for side in range(len(self.sides)))
+        start = points[:, self.widths[0] : self.widths[0] + self.course.n_x]
+        return Fit(theta=theta, start=start, misfit=cost, home=home, done=done)
 
-    def _coordinates(self, theta: FloatArray) -> FloatArray:
-        return np.where(self.linear, theta / self.scale, np.log(np.maximum(np.abs(theta), 1e-300)))
+    def _pad(self, values: BoolArray, *, fill: bool) -> BoolArray:
+        """Add columns for the start."""
+        return np.hstack([values, np.full((self.n_lanes, self.course.n_x), fill)])
 
-    def _theta(self, points: FloatArray, side: int, lanes: IntArray | slice = slice(None)) -> FloatArray:
-        width = self.n_p + self.n_x
-        part = points[:, side * width : side * width + self.n_p]
-        signs = self.signs[side][lanes]
-        return np.asarray(np.where(self.linear, part * self.scale, signs * np.exp(np.where(self.linear, 0.0, part))))
+    def _is_value(self) -> FloatArray:
+        """Give 1 for unknowns that are parameters, 0 for starts."""
+        parts = [np.concatenate([np.ones(width), np.zeros(self.course.n_x)]) for width in self.widths]
+        return np.concatenate(parts)
 
-    def _misfit(self, points: FloatArray, lanes: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Give misfits (lanes, rows) and slopes (lanes, rows, unknowns) of some lanes, in sizes of the outputs."""
-        width = self.n_p + self.n_x
-        experiments = [
-            replace(self.run_along, theta=theta, start=point[side * width + self.n_p : (side + 1) * width])
-            for side in range(len(self.sides))
-            for point, theta in zip(points, self._theta(points, side, lanes), strict=True)
-        ]
-        found = sensitivities(self.recursion, experiments)
-        misfit = np.full((len(lanes), self.n_rows), _HOPELESS)
-        slope = np.zeros((len(lanes), self.n_rows, len(self.sides) * width))
-        for row, lane in enumerate(lanes):
-            results = [found[row + side * len(lanes)] for side in range(len(self.sides))]
-            good = [item for item in results if item is not None]
-            if len(good) < len(results):
-                continue
-            target = self.data[lane] if self.data is not None else good[1].y
-            misfit[row] = ((good[0].y - target) / self.size).reshape(-1)
-            for side, item in enumerate(good):
-                by = np.concatenate([item.by_theta, item.by_start], axis=2) / self.size[:, None]
-                slope[row, :, side * width : (side + 1) * width] = (1 - 2 * side) * by.reshape(self.n_rows, width)
-        return misfit, slope * self.active[lanes][:, None, :]
+    def _coordinates(self, side: Lanes) -> FloatArray:
+        course = self.course
+        values = np.where(course.linear, side.theta / course.scale, np.log(np.maximum(np.abs(side.theta), 1e-300)))
+        return np.take_along_axis(values, side.places, axis=1)
 
-    def _step(
-        self,
-        misfit: FloatArray,
-        slope: FloatArray,
-        damping: FloatArray,
-        lanes: IntArray,
-    ) -> FloatArray:
+    def _theta(self, points: FloatArray, side: int, lanes: IntArray) -> FloatArray:
+        """Give all parameters (lanes, n_parameters) of one side; `points` are those of the lanes."""
+        course, mine = self.course, self.sides[side].only(lanes)
+        first = self._first(side)
+        theta = mine.theta.copy()
+        for column in range(self.widths[side]):
+            place = mine.places[:, column]
+            rows = np.flatnonzero(place >= 0)
+            value, chosen = points[rows, first + column], place[rows]
+            sign = np.sign(mine.theta[rows, chosen])
+            grown = sign * np.exp(np.where(course.linear[chosen], 0.0, value))
+            theta[rows, chosen] = np.where(course.linear[chosen], value * course.scale[chosen], grown)
+        return theta
+
+    def _first(self, side: int) -> int:
+        return side * int(self.widths[0] + self.course.n_x)
+
+    def _follow(self, points: FloatArray, side: int, lanes: IntArray, guess: FloatArray, *, patient: bool) -> Paths:
+        start = self._first(side) + self.widths[side]
+        mine = Lanes(
+            theta=self._theta(points, side, lanes),
+            start=np.ascontiguousarray(points[:, start : start + self.course.n_x]),
+            places=self.sides[side].places[lanes],
+        )
+        return self.course.follow(mine, guess, patient=patient, stop=self.stop)
+
+    def _trial(self, trial: FloatArray, step: FloatArray, side: int, lanes: IntArray) -> Paths:
+        first, width = self._first(side), self.widths[side] + self.course.n_x
+        moved = np.einsum("lkwj,lj->lkw", self.w_by[side][lanes], step[:, first : first + width])
+        return self._follow(trial, side, lanes, self.w[side][lanes] + moved, patient=True)
+
+    def _sizes(self, paths: list[Paths]) -> FloatArray:
+        """Give the sizes of the outputs, of all lanes together."""
+        outputs = self.data if self.data is not None else paths[0].y[paths[0].good]
+        return np.asarray(np.sqrt(np.mean(outputs**2, axis=(0, 1))) + 1e-300) if len(outputs) else self.size
+
+    def _misfit(self, paths: list[Paths], lanes: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Give misfits (lanes, rows), inf without a solution, and slopes (lanes, rows, unknowns), in output sizes."""
+        target = self.data[lanes] if self.data is not None else paths[1].y
+        good = np.all([path.good for path in paths], axis=0)
+        misfit = ((paths[0].y - target) / self.size).reshape(len(lanes), -1)
+        slopes = [(1 - 2 * side) * path.y_by / self.size[:, None] for side, path in enumerate(paths)]
+        slope = np.concatenate(slopes, axis=3).reshape(len(lanes), misfit.shape[1], -1)
+        slope = np.where(good[:, None, None], slope, 0.0) * self.active[lanes][:, None, :]
+        return np.where(good[:, None], misfit, np.inf), slope
+
+    def _step(self, misfit: FloatArray, slope: FloatArray, damping: FloatArray, lanes: IntArray) -> FloatArray:
         length = np.sqrt(np.sum(slope**2, axis=1))
         length = np.where(length > 0, length, 1.0)
         unit = slope / length[:, None, :]
         normal = unit.transpose(0, 2, 1) @ unit
-        normal += damping[:, None, None] * np.eye(normal.shape[1]) + 1e-14 * np.eye(normal.shape[1])
+        normal += (damping[:, None, None] + 1e-14) * np.eye(normal.shape[1])
         right = -(unit.transpose(0, 2, 1) @ misfit[:, :, None])
         step = np.linalg.solve(normal, right)[:, :, 0] / length * self.active[lanes]
-        width = self.n_p + self.n_x
-        moves = np.hstack([step[:, side * width : side * width + self.n_p] for side in range(len(self.sides))])
-        longest = np.max(np.abs(moves), axis=1, initial=1e-300)
+        longest = np.max(np.abs(step * self._is_value()), axis=1, initial=1e-300)
         return np.asarray(step * np.minimum(1.0, _MOST_STEP / longest)[:, None])
+
+    def _home(self, points: FloatArray, lanes: IntArray, cost: FloatArray) -> BoolArray:
+        """Say which lanes are so near the known values that they end there."""
+        if self.known is None:
+            return np.zeros(len(lanes), dtype=bool)
+        theta, known = self._theta(points[lanes], 0, lanes), self.known[lanes]
+        away = np.abs(theta - known) / np.where(self.course.linear, np.abs(self.course.scale), np.abs(known))
+        return np.asarray((np.max(away, axis=1, initial=0.0) < _HOME) & (cost[lanes] < _FALLING))
 
 
 def _cost(misfit: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.mean(misfit**2, axis=1)))
+    with np.errstate(over="ignore"):
+        return np.asarray(np.sqrt(np.mean(misfit**2, axis=1)))

@@ -7,17 +7,21 @@ give the direction, fits of both at once follow it to large ones. Only what pass
 Source: thesis 6.1.2 and 6.5 speak of the motor's equivalent sets; the search is ours.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, product
+from math import comb
+from typing import TypeVar
 
 import numpy as np
 
+from faultbond.analysis.bench import Bench, Clock, changed, places_of, short_benches
 from faultbond.analysis.fitting import fit, fit_together
 from faultbond.analysis.ranks import Reduced, reduce
-from faultbond.analysis.sensitivity import sensitivities
-from faultbond.analysis.solutions import Bench, bench_of, changed, places_of
+from faultbond.analysis.solutions import FEW_STARTS, STARTS
+from faultbond.analysis.testable import generic_run
+from faultbond.analysis.trajectories import lanes_of
 from faultbond.dynamics.step import StepModel
 from faultbond.model.graph import BondGraph
 from faultbond.types import FloatArray
@@ -25,11 +29,13 @@ from faultbond.types import FloatArray
 SIZES = (0.7, 1.3, 1.7)  # of the leading parameter of a family
 DRAWS = 2  # random faults of one set to be imitated by another
 DRAWN = (0.7, 1.5)  # range of their factors
-MOST_PAIRS = 100  # followed of each kind, in the order given
+SECONDS = 1.0  # of processor time, for all pairs together
+_PART = 25  # pairs at a time
 _STEEPEST = 4.0  # largest power at which a family is looked for
 _SIMPLE = 1e-5  # an exponent so near a simple fraction is that fraction
 
 Sides = tuple[list[int], list[int]]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,50 +76,98 @@ class Twins:
         return f"{one} looks exactly like {two}, and so for other sizes"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """The twins among pairs of sets; how many pairs were compared, and how many not, for want of time or of a run."""
+
+    found: tuple[Twins, ...]
+    compared: int
+    left_out: int
+
+
 def twins(
     model: StepModel,
     pairs: Sequence[tuple[Sequence[str], Sequence[str]]] | None = None,
     sizes: Sequence[float] = SIZES,
 ) -> tuple[Twins, ...]:
+    """Give the pairs of sets that can give exactly the same outputs; see `compare`, without a limit in time."""
+    return compare(model, pairs, sizes, seconds=None).found
+
+
+def compare(
+    model: StepModel,
+    pairs: Sequence[tuple[Sequence[str], Sequence[str]]] | None = None,
+    sizes: Sequence[float] = SIZES,
+    *,
+    largest: int = 2,
+    seconds: float | None = SECONDS,
+) -> Comparison:
     """Give the pairs of sets that can give exactly the same outputs, always or along a family of faults.
 
     Parameters
     ----------
     model : the plant
-    pairs : sets to be compared; default all sets of one size of up to two suspects; families are followed where
+    pairs : sets to be compared; default all sets of one size of up to `largest` suspects; families are followed where
         the two have no common member
     sizes : factors of the leading parameter at which a family is followed
+    largest : 1 or 2; with 1 the pairs of sets of two count as left out
+    seconds : processor time after which no further pairs are compared; None: no limit
 
     Raises
     ------
-    ModelError, StructureError
-        Where a name is unknown, or a plant has no finite solution.
+    ModelError
+        Where a name is unknown.
+    StructureError
+        Where the nominal plant has no finite solution along any run.
     """
-    graph = model.plant.graph
-    pairs = pairs if pairs is not None else _all_pairs(graph)
+    graph, clock = model.plant.graph, Clock(seconds=seconds)
+    every = comb(comb(sum(item.suspect for item in graph.parameters), 2), 2)
+    unformed = every if pairs is None and largest < 2 else 0
+    pairs = pairs if pairs is not None else _all_pairs(graph, largest)
     sides = [(places_of(graph, one), places_of(graph, other)) for one, other in pairs]
-    bench = bench_of(model)
-    run = sensitivities(bench.recursion, [bench.run])[0]
-    if run is None:
-        return ()
-    reduced = reduce([run])
+    reduced = reduce([generic_run(model)])
     tangents = [_tangent(reduced, *both) for both in sides]
-    alike = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)][:MOST_PAIRS]
-    always = _always(model, [sides[k] for k in alike])
-    imitated = {k for k, found in zip(alike, always, strict=True) if found}
-    apart = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == 1 and not {*one} & {*other}][:MOST_PAIRS]
-    families = _families(bench, [sides[k] for k in apart], [tangents[k][0] for k in apart], sizes)
-    matches = dict(zip(apart, families, strict=True))
-    return tuple(
-        _twins(graph, sides[k], k in imitated, matches.get(k, ()), sizes)
-        for k in range(len(sides))
-        if k in imitated or matches.get(k)
+    alike = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)]
+    apart = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == 1 and not {*one} & {*other}]
+    if not alike and not apart:
+        return Comparison(found=(), compared=len(pairs), left_out=unformed)
+    bench = next(short_benches(model))
+    always = _in_parts(alike, clock, lambda part: _always(bench, [sides[k] for k in part], clock))
+    families = _in_parts(
+        apart,
+        clock,
+        lambda part: _families(bench, [sides[k] for k in part], [tangents[k][0] for k in part], sizes, clock),
+    )
+    unknown = {*(k for k in alike if always[k] is None), *(k for k in apart if families[k] is None)}
+    return Comparison(
+        found=tuple(
+            _twins(graph, sides[k], bool(always.get(k)), families.get(k) or (), sizes)
+            for k in range(len(sides))
+            if always.get(k) or families.get(k)
+        ),
+        compared=len(pairs) - len(unknown),
+        left_out=len(unknown) + unformed,
     )
 
 
-def _all_pairs(graph: BondGraph) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
+def _in_parts(
+    chosen: Sequence[int], clock: Clock, work: Callable[[Sequence[int]], Sequence[_T | None]]
+) -> dict[int, _T | None]:
+    """Do the work for some at a time; None for what there is no time for."""
+    found: dict[int, _T | None] = dict.fromkeys(chosen)
+    for first in range(0, len(chosen), _PART):
+        part = chosen[first : first + _PART]
+        if clock.over():
+            break
+        results = work(part)
+        if not clock.over():  # else they were cut short
+            found |= dict(zip(part, results, strict=True))
+    return found
+
+
+def _all_pairs(graph: BondGraph, largest: int) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     names = [item.name for item in graph.parameters if item.suspect]
-    sets = [chosen for size in (1, 2) for chosen in combinations(names, size)]
+    sets = [chosen for size in range(1, largest + 1) for chosen in combinations(names, size)]
     return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
 
 
@@ -135,29 +189,36 @@ def _silent(reduced: Reduced, columns: FloatArray) -> FloatArray:
     return np.asarray(right[int(np.sum(values > reduced.rank.low)) :])
 
 
-def _always(model: StepModel, sides: Sequence[Sides]) -> list[bool]:
-    """Give for each pair whether random faults of the first are imitated by the second, within its range."""
-    if not sides:
-        return []
-    graph, rng = model.plant.graph, np.random.default_rng(0)
+def _always(bench: Bench, sides: Sequence[Sides], clock: Clock) -> list[bool | None]:
+    """Give for each pair whether random faults of the first are imitated by the second, within its range.
+
+    None where they have no finite solution.
+    """
+    graph, rng = bench.graph, np.random.default_rng(0)
     plants = [changed(graph, one, rng.uniform(*DRAWN, len(one)).tolist()) for one, _ in sides for _ in range(DRAWS)]
-    bench = bench_of(model, plants)
-    data = bench.outputs(plants)
-    lanes = [
+    paths = bench.follow(plants, clock)
+    tasks = [
         (row, sides[row // DRAWS][1], factors)
-        for row in range(len(data))
-        for factors in bench.starts(len(sides[row // DRAWS][1]))
+        for row in np.flatnonzero(paths.good).tolist()
+        for factors in product(STARTS.get(len(sides[row // DRAWS][1]), FEW_STARTS), repeat=len(sides[row // DRAWS][1]))
     ]
-    side = bench.side([changed(graph, places, f) for _, places, f in lanes], [places for _, places, _ in lanes])
-    found = fit(bench.recursion, bench.run, side, np.array([data[row] for row, _, _ in lanes]))
-    good = np.zeros(len(data), dtype=bool)
-    for (row, _, _), theta, exact in zip(lanes, found.theta[0], found.exact, strict=True):
-        good[row] |= exact and bench.inside(theta)
-    return [bool(np.all(pair)) for pair in good.reshape(-1, DRAWS)]
+    good = np.zeros(len(plants), dtype=bool)
+    for first in range(0, len(tasks), bench.course.most_lanes):
+        part = tasks[first : first + bench.course.most_lanes]
+        lanes = lanes_of(
+            [changed(graph, places, factors) for _, places, factors in part],
+            bench.course.run.start,
+            [places for _, places, _ in part],
+        )
+        result = fit(bench.course, lanes, bench.nominal, paths.y[[row for row, _, _ in part]], stop=clock.over)
+        for (row, _, _), theta, exact in zip(part, result.theta[0], result.exact, strict=True):
+            good[row] |= exact and bench.inside(theta)
+    pairs = zip(good.reshape(-1, DRAWS), paths.good.reshape(-1, DRAWS), strict=True)
+    return [bool(found.all()) if known.all() else None for found, known in pairs]
 
 
 def _families(
-    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float]
+    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float], clock: Clock
 ) -> list[tuple[Match, ...]]:
     """Follow each one-parameter family from the healthy plant: the leading parameter of the first set has the size."""
     first_thetas, second_thetas, free = [], [], []
@@ -170,11 +231,10 @@ def _families(
             first_thetas.append(changed(bench.graph, one, factors[: len(one)]))
             second_thetas.append(changed(bench.graph, other, factors[len(one) :]))
             free.append([place for place in one if place != one[lead]])
-    if not free:
-        return []
-    first = bench.side(first_thetas, free)
-    second = bench.side(second_thetas, [other for _, other in sides for _ in sizes])
-    found = fit_together(bench.recursion, bench.run, first, second)
+    start = bench.course.run.start
+    first = lanes_of(first_thetas, start, free)
+    second = lanes_of(second_thetas, start, [other for _, other in sides for _ in sizes])
+    found = fit_together(bench.course, first, second, bench.nominal, stop=clock.over)
     lanes = list(zip(*found.theta, found.exact, strict=True))
     return [
         tuple(

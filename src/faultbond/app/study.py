@@ -14,7 +14,7 @@ from faultbond.analysis.sensors import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.stimulus import Stimulus, input_advice
-from faultbond.analysis.twins import twins
+from faultbond.analysis.twins import compare
 from faultbond.app.analysing import Wishes
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulating import solved_start
@@ -38,8 +38,8 @@ from faultbond.synthesis.compile import cache_folder
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 
-MOST_SETS = 60  # sets whose other solutions are looked for; single suspects where there are more
-MOST_TWINS = 8  # suspects up to which pairs are compared as twins
+MOST_SETS = 120  # sets whose other solutions are looked for; single suspects where there are more
+MOST_TWINS = 10  # suspects up to which pairs are compared as twins; single suspects where there are more
 REST_SAMPLES = 400  # of the record of inputs at rest
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
 AT_REST, WHEN_RECORDED = "while the inputs stand still", "on the recording"
@@ -222,7 +222,7 @@ def _solutions(study: _Study, view: View, recorded: View | None) -> Section:
         small = [item for item in small if len(item.parameters) == 1]
     sets = [tuple(names[k] for k in item.parameters) for item in small]
     found = other_solutions(study.model, sets) if sets else ()
-    alike = twins(study.model) if len(study.network.suspects) <= MOST_TWINS else ()
+    alike = compare(study.model, largest=2 if len(study.network.suspects) <= MOST_TWINS else 1)
     return Section(
         record=analysed.hypotheses_record(graph, view, recorded, found, alike),
         show=lambda console: analysis.print_solutions(console, graph, found, alike),

@@ -10,7 +10,7 @@ from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.stimulus import Stimulus
 from faultbond.analysis.testable import Verdict
-from faultbond.analysis.twins import Twins
+from faultbond.analysis.twins import Comparison
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.records import Record
 from faultbond.structure.components import ComponentNetwork, frame_name
@@ -45,7 +45,7 @@ def hypotheses_record(
     view: View,
     recorded: View | None,
     solutions: Sequence[OtherSolutions],
-    twins: Sequence[Twins],
+    twins: Comparison,
 ) -> Record:
     """Give the verdict on every set, with the number of values that look the same, and the sets that imitate others."""
     known = {item.parameters: item for item in solutions}
@@ -55,8 +55,9 @@ def hypotheses_record(
         "sets_left_out": view.judgement.left_out,
         "twins": [
             {"first": list(item.first), "second": list(item.second), "always": item.always, "words": item.words}
-            for item in twins
+            for item in twins.found
         ],
+        "twins_left_out": twins.left_out,
     }
 
 
@@ -68,8 +69,8 @@ def _hypothesis(
 ) -> Record:
     names = _names(graph, item.parameters)
     solution = known.get(tuple(names))
-    unique = None if solution is None or solution.continuum else 1 + len(solution.others)
-    record: Record = {"parameters": names, **_verdict(item), "uncertain": item.uncertain, "roots": unique}
+    roots = None if solution is None else solution.roots
+    record: Record = {"parameters": names, **_verdict(item), "uncertain": item.uncertain, "roots": roots}
     if solution is not None and solution.others:
         record["other_values"] = [dict(zip(names, values, strict=True)) for values in solution.others]
     if item.parameters in on_data:

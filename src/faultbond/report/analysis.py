@@ -10,7 +10,7 @@ from faultbond.analysis.sensors import Advice, SensorAdvice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.stimulus import Stimulus
-from faultbond.analysis.twins import Twins
+from faultbond.analysis.twins import Comparison
 from faultbond.model.graph import BondGraph
 from faultbond.report.analysed import Tests
 from faultbond.report.console import lines, table, title
@@ -109,12 +109,11 @@ def structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tupl
     return tuple(tuple(suspects[k] for k in group) for group in groups)
 
 
-def print_solutions(
-    console: Console, graph: BondGraph, solutions: Sequence[OtherSolutions], twins: Sequence[Twins]
-) -> None:
+def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[OtherSolutions], twins: Comparison) -> None:
     """Print other values that would look the same, and sets of suspects that can imitate each other."""
     title(console, "Other values that look the same", "of long records without noise")
-    several = [item for item in solutions if not item.unique]
+    looked = [item for item in solutions if not item.skipped]
+    several = [item for item in looked if not item.unique]
     rows = [
         ("{" + ", ".join(item.parameters) + "}", _values(graph, item.parameters, item.true), other)
         for item in several
@@ -122,18 +121,21 @@ def print_solutions(
     ]
     if rows:
         table(console, ("suspects", "these values", "look exactly like"), rows[:LISTED])
-    alone = len(solutions) - len(several)
-    what = f"{alone} of {len(solutions)} sets: a record leaves one set of values"
+    alone = len(looked) - len(several)
+    what = f"{alone} of {len(looked)} sets: a record leaves one set of values"
+    skipped = Counter(item.skipped for item in solutions if item.skipped)
+    rest = [("not looked at", f"{count} sets: {reason}") for reason, count in skipped.items()]
     words = _twins(twins)
-    lines(console, [("unique", what), *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
+    lines(console, [("unique", what), *rest, *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
 
 
-def _twins(twins: Sequence[Twins]) -> list[str]:
+def _twins(twins: Comparison) -> list[str]:
     """Say what imitates what; of pairs that meet in odd proportions only how many there are."""
-    plain = [item.words for item in twins if item.always or item.first_powers is not None]
-    odd = len(twins) - len(plain)
+    plain = [item.words for item in twins.found if item.always or item.first_powers is not None]
+    odd = len(twins.found) - len(plain)
     meet = f"{odd} other pairs of sets look alike for faults in certain proportions; --json writes them"
-    return [*plain[:LISTED], *([meet] if odd else [])]
+    left = f"{twins.left_out} pairs of sets were not compared"
+    return [*plain[:LISTED], *([meet] if odd else []), *([left] if twins.left_out else [])]
 
 
 def _values(graph: BondGraph, names: Sequence[str], values: Sequence[float]) -> str:

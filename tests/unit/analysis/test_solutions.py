@@ -63,6 +63,39 @@ def test_a_solution_outside_its_range_is_none() -> None:
     assert found.unique
 
 
+def test_what_there_is_no_time_for_is_said_to_be_skipped(motor: StepModel) -> None:
+    """Without time no set is looked at: none counts as unique, and none has a number of roots."""
+    for found in other_solutions(motor, [("R",), ("R", "C")], seconds=0.0):
+        assert found.skipped == "no time left"
+        assert found.roots is None
+        assert not found.unique
+    assert [item.roots for item in other_solutions(motor, [("R", "C"), ("R",)], seconds=None)] == [2, 1]
+
+
+def test_small_sets_come_first(motor: StepModel) -> None:
+    """With time for a single look the single suspects are looked at, whatever the order of the question."""
+    sets = [*combinations(NOMINAL, 4), *((name,) for name in NOMINAL)]
+    found = other_solutions(motor, sets, seconds=1e-3)
+    skipped = [bool(item.skipped) for item in found]
+    assert skipped == sorted(skipped, reverse=True)
+    assert skipped[0]
+
+
+def test_values_that_the_plant_cannot_have_are_said(motor: StepModel) -> None:
+    """A plant whose equations end where a parameter is off has no outputs there; the set is skipped, others are not."""
+    text = (
+        "name: line\nsample_time: 1 s\ninputs: {u: {unit: m}}\ncomponents:\n"
+        "  source: {type: Se, law: e = u*log(limit - A), parameters: {A: {nominal: 1, range: [0.5, 1.2]}}}\n"
+        "  pipe: {type: R, parameters: {R: 3}}\n  tank: {type: C, parameters: {C: 2}}\n"
+        "constants: {limit: 1.25}\njunctions: {line: 1}\nbonds: [source -> line -> pipe, line -> tank]\n"
+        "sensors: {flow: {reads: pipe.f, noise: 0.01}}\n"
+    )
+    model = build_step_model(build_plant(parse_model(text)))
+    one, other = other_solutions(model, [("A",), ("R",)])
+    assert one.skipped == "no finite solution with these values"
+    assert other.unique
+
+
 def test_an_unknown_name_is_refused(motor: StepModel) -> None:
     """A name that is no parameter is named, with those that are."""
     with pytest.raises(ModelError, match="no parameter Q; there are R, L, K, J, C"):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from plants import circuit, example, stated
 
-from faultbond.analysis.fitting import Side, fit
+from faultbond.analysis.fitting import fit
 from faultbond.analysis.sensitivity import build_recursion, sensitivities
 from faultbond.analysis.stimulus import FAULT, _experiment, _separation, input_advice
+from faultbond.analysis.trajectories import Course, lanes_of
 from faultbond.errors import ModelError
 
 PARALLEL = circuit(
@@ -79,14 +80,10 @@ def test_separation_is_what_a_fit_leaves() -> None:
         theta[list(one)] *= 1.0 + relative
         (faulty,) = sensitivities(recursion, [replace(experiment, theta=theta)])
         assert faulty is not None
-        free = np.zeros((1, len(theta)), dtype=bool)
-        free[0, list(other)] = True
-        found = fit(
-            recursion,
-            experiment,
-            Side(theta=experiment.theta[None], free=free, start=experiment.start[None]),
-            faulty.y[None],
-        )
+        course = Course(recursion, experiment)
+        nominal = course.alone(experiment.theta)
+        assert nominal is not None
+        found = fit(course, lanes_of([experiment.theta], experiment.start, [other]), nominal, faulty.y[None])
         samples = longest / 48 / 0.02  # that a step of the run stands for
         left = found.misfit[0] * np.sqrt(np.mean(run.y**2)) * np.sqrt(run.y.size * samples) / 0.06
         item = model.plant.graph.parameters[one[0]]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.analysis.twins import twins
+from faultbond.analysis.twins import compare, twins
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import StepModel, build_step_model
 from faultbond.model.text import load_model, parse_model
@@ -97,3 +97,9 @@ def test_every_pair_of_the_circuit_is_a_twin_of_every_other() -> None:
 def test_unlike_faults_have_no_twins(motor: StepModel) -> None:
     """Two singles of the motor have independent effects, so neither imitates the other."""
     assert twins(motor, [(("R",), ("C",)), (("L",), ("K",))]) == ()
+
+
+def test_what_there_is_no_time_for_is_counted(motor: StepModel) -> None:
+    """Without time the pairs whose ranks allow twins are left out; the others are told by their ranks."""
+    compared = compare(motor, [(("R",), ("C",)), (("R", "C"), ("L", "J"))], seconds=0.0)
+    assert (compared.found, compared.compared, compared.left_out) == ((), 1, 1)
