@@ -48,7 +48,7 @@ docs: $(DEV)
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 
 thesis: $(DEV)
-	@echo "faultbond: the thesis' tables (two minutes)"
+	@echo "faultbond: the thesis' tables"
 	@$(BIN)/python -m benchmarks.thesis
 	@git --no-pager diff --stat -- docs/thesis.md
 

@@ -1,13 +1,12 @@
 """The tables of the thesis, computed anew beside what it prints: writes docs/thesis.md.
 
-    python -m benchmarks.thesis [--quick]
+    python -m benchmarks.thesis
 
-`--quick` leaves the part that takes minutes as it stands. Only what is between the marks of the page is written.
+Only what is between the marks of the page is written.
 """
 
-import argparse
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks import thesis_appendix as appendix
@@ -53,7 +52,7 @@ def chapter_4() -> tuple[Table, ...]:
 
 
 def chapter_6() -> tuple[Table, ...]:
-    """Give the tables of chapter 6 up to section 6.5, but for the slow one."""
+    """Give the tables of chapter 6 up to section 6.5, but for that of three components."""
     return (
         conflicts.table_6_1(),
         conflicts.table_6_2(),
@@ -74,14 +73,14 @@ def appendix_a() -> tuple[Table, ...]:
     return appendix.voltage_alone(), appendix.section_a_3(found), appendix.table_a_1(found), appendix.closed_forms()
 
 
-QUICK: Mapping[str, Callable[[], tuple[Table, ...]]] = {
+PARTS: Mapping[str, Callable[[], tuple[Table, ...]]] = {
     "chapter-3": chapter_3,
     "chapter-4": chapter_4,
     "chapter-6": chapter_6,
+    "reach": lambda: (reach.three_components(),),
     "section-6-6": lambda: (conflicts.section_6_6(),),
     "appendix-a": appendix_a,
 }
-SLOW: Mapping[str, Callable[[], tuple[Table, ...]]] = {"reach": lambda: (reach.three_components(),)}
 
 
 def summary(page: str) -> str:
@@ -113,20 +112,11 @@ def _link(title: str) -> str:
     return f"[{title.partition(':')[0]}](#{anchor})"
 
 
-def write(page: Path, parts: Iterable[tuple[str, tuple[Table, ...]]]) -> None:
-    """Put tables into a page, then what they sum up to."""
-    for name, tables in parts:
-        write_part(page, name, as_text(tables))
-    write_part(page, SUMMARY, summary(page.read_text(encoding="utf-8")))
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Compute, write."""
-    parser = argparse.ArgumentParser(description="The thesis' tables beside ours, written into docs/thesis.md.")
-    parser.add_argument("--quick", action="store_true", help="leave the part that takes minutes as it stands")
-    chosen = parser.parse_args(argv)
-    wanted = QUICK if chosen.quick else {**QUICK, **SLOW}
-    write(PAGE, ((name, tables()) for name, tables in wanted.items()))
+def main() -> None:
+    """Put all tables into the page, then what they sum up to."""
+    for name, tables in PARTS.items():
+        write_part(PAGE, name, as_text(tables()))
+    write_part(PAGE, SUMMARY, summary(PAGE.read_text(encoding="utf-8")))
 
 
 if __name__ == "__main__":

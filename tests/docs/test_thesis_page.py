@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from benchmarks.thesis import PAGE, QUICK, SLOW, SUMMARY, summary
+from benchmarks.thesis import PAGE, PARTS, SUMMARY, summary
 from benchmarks.thesis_page import Table, as_text, equal, is_printed, number, printed_value
 from benchmarks.thesis_reach import exact_count, is_possible
 
@@ -17,13 +17,13 @@ def part(name: str) -> str:
     return match[1]
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", PARTS)
 def test_page_is_what_is_computed(name: str) -> None:
-    """Each part of the page, but for the slow one, is byte for byte what its tables give now."""
-    assert part(name) == as_text(QUICK[name]())
+    """Each part of the page is byte for byte what its tables give now."""
+    assert part(name) == as_text(PARTS[name]())
 
 
-def test_slow_part_agrees_with_algebra() -> None:
+def test_three_components_agree_with_algebra() -> None:
     """What three components can explain is on the page as algebra tells it, and the search found no more than that."""
     found = re.findall(r"^\| {(.*)} \| always \| (\d+) of 25; (\d+) by algebra", part("reach"), flags=re.M)
     assert len(found) == 10
@@ -38,7 +38,7 @@ def test_summary_is_that_of_the_page() -> None:
 
 def test_page_has_no_other_parts() -> None:
     """Every part of the page has tables that write it."""
-    assert {*re.findall(r"<!-- ([a-z0-9-]+): begin -->", TEXT)} == {SUMMARY, *QUICK, *SLOW}
+    assert {*re.findall(r"<!-- ([a-z0-9-]+): begin -->", TEXT)} == {SUMMARY, *PARTS}
 
 
 def test_links_lead_to_headings() -> None:
