@@ -13,13 +13,13 @@ from faultbond.errors import StructureError
 from faultbond.model.parser import parse_expression
 from faultbond.structure.components import ComponentNetwork, frame_name
 from faultbond.structure.numeric import Value
-from faultbond.structure.questions import parameters
-from faultbond.structure.route import Question, Target
-from faultbond.structure.routes import find_route
-from faultbond.structure.search import Passage, Search, search_route
-from faultbond.structure.solution import closed_form, solve_samples
-from faultbond.structure.symbols import to_sympy
-from faultbond.structure.unroll import contained
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.questions import parameters
+from faultbond.structure.routes.route import Question, Target
+from faultbond.structure.routes.search import Passage, Search, search_route
+from faultbond.structure.routes.unroll import contained
+from faultbond.structure.solving.solution import closed_form, solve_samples
+from faultbond.structure.solving.symbols import to_sympy
 
 STEPS = (  # A.3: numbers of the steps, the component, and U when what is known has been removed and U is sorted
     ("1", "R0", "c0 h0 L"),

@@ -16,7 +16,7 @@ from faultbond.dynamics.step import StepModel, build_step_model
 from faultbond.model.text import load_model
 from faultbond.sets import largest
 from faultbond.structure.numeric import Value
-from faultbond.structure.solution import solve_samples
+from faultbond.structure.solving.solution import solve_samples
 
 FAULT = Fraction(6, 5)  # what the parameters of a hypothesis are multiplied with
 LONGER = (*VOLTS, 3, -4, 7)

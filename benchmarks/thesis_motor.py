@@ -10,17 +10,17 @@ from pathlib import Path
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
-from faultbond.structure.backward_euler import Plant, Record, plant_of, simulate
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import ComponentNetwork, Equation, build_components, frame_name
 from faultbond.structure.isolate import substitute
 from faultbond.structure.network import build_network
 from faultbond.structure.numeric import Value
-from faultbond.structure.questions import parameters
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import find_route
-from faultbond.structure.solution import Solution
-from faultbond.structure.solving import solve
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.questions import parameters
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.solving.backward_euler import Plant, Record, plant_of, simulate
+from faultbond.structure.solving.solution import Solution
+from faultbond.structure.solving.solve import solve
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "thesis"
 

@@ -14,16 +14,16 @@ from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.expression import Expression
 from faultbond.model.parser import parse_expression, to_text
 from faultbond.model.text import load_model
-from faultbond.structure import questions
-from faultbond.structure.backward_euler import Record, simulate
 from faultbond.structure.components import ComponentNetwork, in_frame
 from faultbond.structure.isolate import linear_solution
 from faultbond.structure.numeric import Value
-from faultbond.structure.printing import to_lines
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import find_route
-from faultbond.structure.solution import Solution, closed_form, evaluate_root
-from faultbond.structure.symbols import to_sympy
+from faultbond.structure.routes import questions
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.solving.backward_euler import Record, simulate
+from faultbond.structure.solving.printing import to_lines
+from faultbond.structure.solving.solution import Solution, closed_form, evaluate_root
+from faultbond.structure.solving.symbols import to_sympy
 
 SIZES = ("one parameter", "two parameters", "three parameters", "four parameters", "all five parameters")
 

@@ -12,9 +12,9 @@ import numpy as np
 import sympy as sp
 
 from benchmarks.thesis_page import Line, Table, equal, number, numbers, sets, words
-from faultbond.analysis.static_network import READING, Observation, StaticNetwork, observation, static_network
-from faultbond.analysis.static_propagation import suspend
-from faultbond.analysis.static_tables import Solved, relations, solve, table_of_pairs, table_of_singles
+from faultbond.analysis.static.network import READING, Observation, StaticNetwork, observation, static_network
+from faultbond.analysis.static.propagation import suspend
+from faultbond.analysis.static.tables import Solved, relations, solve, table_of_pairs, table_of_singles
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
@@ -23,7 +23,7 @@ from faultbond.sets import (
     minimal_diagnoses,
     minimal_hitting_sets,
 )
-from faultbond.structure.logic import explains, logic_network, predict
+from faultbond.structure.logic.diagnoses import explains, logic_network, predict
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "thesis"
 

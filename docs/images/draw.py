@@ -20,14 +20,14 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import Sample
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.structure.backward_euler import plant_of
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import SAMPLE_TIME, build_components, frame_name
 from faultbond.structure.network import build_network
-from faultbond.structure.questions import parameters
-from faultbond.structure.routes import find_route
-from faultbond.structure.solution import evaluate_root
-from faultbond.structure.solving import solve
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.questions import parameters
+from faultbond.structure.solving.backward_euler import plant_of
+from faultbond.structure.solving.solution import evaluate_root
+from faultbond.structure.solving.solve import solve
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import FloatArray
 

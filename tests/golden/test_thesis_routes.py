@@ -12,12 +12,12 @@ from benchmarks.ladders import example
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork, Equation
-from faultbond.structure.fewest import fewest_components
-from faultbond.structure.questions import parameter_sets, parameters
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import find_route
-from faultbond.structure.search import Ending, Search, search_route
-from faultbond.structure.trace import trace_lines
+from faultbond.structure.routes.fewest import fewest_components
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.questions import parameter_sets, parameters
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.routes.search import Ending, Search, search_route
+from faultbond.structure.routes.trace import trace_lines
 
 HERE = Path(__file__).parent
 

@@ -12,12 +12,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from faultbond.structure import matching
-from faultbond.structure.classes import classes
-from faultbond.structure.isolability import Interpretation, isolability
+from faultbond.structure.diagnosability.classes import classes
+from faultbond.structure.diagnosability.isolability import Interpretation, isolability
+from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports
+from faultbond.structure.diagnosability.placement import sensors_to_detect, sensors_to_isolate
+from faultbond.structure.diagnosability.structural import StructuralModel
 from faultbond.structure.matching import Part, blocks, closure, decompose, match, redundant, undetermined
-from faultbond.structure.overdetermined import minimal_sets, minimal_supports
-from faultbond.structure.placement import sensors_to_detect, sensors_to_isolate
-from faultbond.structure.structural import StructuralModel
 
 Rows = tuple[tuple[int, ...], ...]
 

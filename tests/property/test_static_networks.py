@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultbond.analysis.static import watch
+from faultbond.analysis.static.watch import watch
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from faultbond.io.circuits import read_circuit, read_scenario
-from faultbond.structure.logic import explains, minimum_diagnoses
+from faultbond.structure.logic.diagnoses import explains, minimum_diagnoses
 
 DATA = os.environ.get("FAULTBOND_DATA")
 FOLDER = Path(DATA or "") / "dxc26"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.app import Imperfections
+from faultbond.app import Imperfections, Wishes
 from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
@@ -55,10 +55,43 @@ class Spy:
         self.seen = {"model": model, "recording": recording, "method": method, "report": report, "engine": engine}
         return bool(self.do(out))
 
+    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
+        """Note a call of `analyse`."""
+        self.seen = {"model": model, "wishes": wishes}
+        self.do(out)
+
+    def print_code(self, model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
+        """Note a call of `print_code`."""
+        self.seen = {"model": model, "form": form, "wishes": wishes}
+        self.do(out)
+
+    def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Note a call of `trace`."""
+        self.seen = {"model": model, "names": names}
+        self.do(out)
+
     def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
         """Note a call of `demo`."""
         self.seen = {"report": report, "engine": engine}
         self.do(out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "seen"),
+    [
+        ([], {"wishes": Wishes()}),
+        (["--data", "r.csv", "--within", "1 min"], {"wishes": Wishes(data="r.csv", within=60.0)}),
+        (["--separate", "K1", "K4,K6"], {"wishes": Wishes(separate=(("K1",), ("K4", "K6")))}),
+        (["--closed", "2", "--fewest"], {"wishes": Wishes(closed=2, preference="fewest components")}),
+        (["--least-noise", "--code", "c"], {"wishes": Wishes(preference="least noise"), "form": "c"}),
+        (["--trace", "R, L"], {"names": ("R", "L")}),
+    ],
+)
+def test_arguments_of_analyse(arguments: list[str], seen: dict[str, object]) -> None:
+    """What is asked for reaches `analyse`; code and trace are verbs of their own to the application."""
+    spy = Spy()
+    assert main(["analyse", "m.yaml", *arguments], spy) == 0
+    assert spy.seen == {"model": Path("m.yaml")} | seen
 
 
 def failing(error: BaseException) -> Callable[[Out], bool | None]:

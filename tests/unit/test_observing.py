@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ def _circuit() -> str:
     )
 
 
-def run(model: str, recording: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[dict[str, object]]]:
+def run(model: str, recording: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[dict[str, Any]]]:
     """Give the exit code and the records of a run."""
     code = main(["run", str(THESIS / f"{model}.yaml"), str(recording), "--json", "-"])
     return code, [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -22,7 +22,7 @@ class Wishes:
 
     data: recording, or None. within: s, for the smallest faults; None takes 300 samples. separate: sets of parameters
     that an input shall tell apart; none: those that look alike with inputs at rest. closed: largest set of parameters
-    solved in closed form. preference: which of several routes, a value of `structure.functions.Preference`.
+    solved in closed form. preference: which of several routes, a value of `structure.routes.functions.Preference`.
     """
 
     data: str | None = None
@@ -81,7 +81,7 @@ def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
     graph, network = _plant(model)
     from faultbond.app.study import find_trace  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.analysed import trace_record  # noqa: PLC0415
-    from faultbond.structure.trace import trace_lines  # noqa: PLC0415 - loads scipy
+    from faultbond.structure.routes.trace import trace_lines  # noqa: PLC0415 - loads scipy
 
     found = find_trace(graph, network, names)
     for line in trace_lines(found):

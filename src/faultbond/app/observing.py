@@ -33,7 +33,7 @@ class _Network:
 def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> bool:
     """Diagnose the observations of a logic circuit, and tell whether they contradict it."""
     _refuse_report(report, str(circuit))
-    from faultbond.analysis.static_logic import watch_logic  # noqa: PLC0415 - loads clingo
+    from faultbond.analysis.static.logic import watch_logic  # noqa: PLC0415 - loads clingo
 
     network, rows = read_circuit(circuit), read_scenario(scenario).observations
     about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
@@ -44,7 +44,7 @@ def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | 
 def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
     """Diagnose the observations of a static network, and tell whether they contradict it."""
     _refuse_report(report, graph.file)
-    from faultbond.analysis.static import watch  # noqa: PLC0415 - loads sympy and clingo
+    from faultbond.analysis.static.watch import watch  # noqa: PLC0415 - loads sympy and clingo
 
     grid, last = Grid(None), [nan]
 

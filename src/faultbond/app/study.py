@@ -25,15 +25,15 @@ from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.report import analysed, analysis
 from faultbond.report.formulas import print_routes
-from faultbond.structure.backward_euler import plant_of
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.functions import Function, Preference, answer, asked, trial_record
-from faultbond.structure.isolability import Interpretation, isolability
-from faultbond.structure.overdetermined import minimal_sets, minimal_supports, signatures
-from faultbond.structure.placement import sensors_to_isolate
-from faultbond.structure.questions import parameters
-from faultbond.structure.search import Search, search_route
-from faultbond.structure.structural import StructuralModel, structural_model
+from faultbond.structure.diagnosability.isolability import Interpretation, isolability
+from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
+from faultbond.structure.diagnosability.placement import sensors_to_isolate
+from faultbond.structure.diagnosability.structural import StructuralModel, structural_model
+from faultbond.structure.routes.functions import Function, Preference, answer, asked, trial_record
+from faultbond.structure.routes.questions import parameters
+from faultbond.structure.routes.search import Search, search_route
+from faultbond.structure.solving.backward_euler import plant_of
 from faultbond.synthesis.compile import cache_folder
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid

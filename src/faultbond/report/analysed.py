@@ -14,10 +14,10 @@ from faultbond.analysis.twins import Comparison
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.records import Record
 from faultbond.structure.components import ComponentNetwork, frame_name
-from faultbond.structure.functions import Function, components_passed, equations_passed
-from faultbond.structure.isolability import Isolability
-from faultbond.structure.printing import to_one_line
-from faultbond.structure.search import Search
+from faultbond.structure.diagnosability.isolability import Isolability
+from faultbond.structure.routes.functions import Function, components_passed, equations_passed
+from faultbond.structure.routes.search import Search
+from faultbond.structure.solving.printing import to_one_line
 
 
 def groups_record(graph: BondGraph, view: View) -> Record:

@@ -16,7 +16,7 @@ from faultbond.report.analysed import Tests
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.verdict import join
-from faultbond.structure.isolability import Isolability
+from faultbond.structure.diagnosability.isolability import Isolability
 
 LISTED = 12  # groups, near groups and the like that are listed
 NOWHERE = "not found"

@@ -12,11 +12,11 @@ from rich.text import Text
 from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.functions import Function, equations_passed
-from faultbond.structure.latex import to_latex
-from faultbond.structure.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
-from faultbond.structure.readable import Formula, formulas, readable_lines, shown_conditions
-from faultbond.structure.solution import Solution
+from faultbond.structure.routes.functions import Function, equations_passed
+from faultbond.structure.solving.latex import to_latex
+from faultbond.structure.solving.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
+from faultbond.structure.solving.readable import Formula, formulas, readable_lines, shown_conditions
+from faultbond.structure.solving.solution import Solution
 
 LONGEST = 1500  # letters of a closed form on a terminal
 

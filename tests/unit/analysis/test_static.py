@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from faultbond.analysis import static_solve
-from faultbond.analysis.static import watch
-from faultbond.analysis.static_hypothesis import Hypothesis, advance
-from faultbond.analysis.static_network import (
+from faultbond.analysis.static import solve as static_solve
+from faultbond.analysis.static.hypothesis import Hypothesis, advance
+from faultbond.analysis.static.network import (
     Observation,
     StaticNetwork,
     conflicts,
@@ -19,7 +18,8 @@ from faultbond.analysis.static_network import (
     static_network,
     with_healthy,
 )
-from faultbond.analysis.static_tables import relations, solve
+from faultbond.analysis.static.tables import relations, solve
+from faultbond.analysis.static.watch import watch
 from faultbond.errors import RecordingError, StructureError
 from faultbond.io.grid import GridPoint
 from faultbond.model.text import parse_model

@@ -2,7 +2,7 @@
 
 from faultbond.model.expression import Number
 from faultbond.structure.components import ComponentNetwork, Equation, State
-from faultbond.structure.route import Question, Target
+from faultbond.structure.routes.route import Question, Target
 
 
 def network(text: str, outputs: str = "y", states: str = "") -> ComponentNetwork:

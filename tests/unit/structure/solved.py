@@ -7,12 +7,12 @@ from pathlib import Path
 from faultbond.model.expression import names
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
-from faultbond.structure.backward_euler import Plant, plant_of
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import ComponentNetwork, Equation, build_components
 from faultbond.structure.network import build_network
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import find_route
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.solving.backward_euler import Plant, plant_of
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

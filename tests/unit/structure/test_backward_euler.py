@@ -10,7 +10,11 @@ from faultbond.errors import StructureError
 from faultbond.model.expression import names
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import parse_model
-from faultbond.structure.backward_euler import (
+from faultbond.structure.causality import assign_causality
+from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.network import build_network
+from faultbond.structure.numeric import Value
+from faultbond.structure.solving.backward_euler import (
     Plant,
     Record,
     frame_blocks,
@@ -20,10 +24,6 @@ from faultbond.structure.backward_euler import (
     random_inputs,
     simulate,
 )
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
-from faultbond.structure.network import build_network
-from faultbond.structure.numeric import Value
 
 FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/model.yaml") if path.parent.name != "pipe")
 

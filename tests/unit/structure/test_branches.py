@@ -8,8 +8,8 @@ import pytest
 
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression, to_text
-from faultbond.structure.branches import Case, Condition, cases, name_functions
 from faultbond.structure.numeric import evaluate
+from faultbond.structure.solving.branches import Case, Condition, cases, name_functions
 
 LAWS = [
     "e - K*f*abs(f)",

@@ -8,8 +8,8 @@ import pytest
 
 from faultbond.errors import StructureError
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
-from faultbond.structure.circuit import NOWHERE, build_circuit, dominators, simulate
-from faultbond.structure.regions import exchanges, find_regions
+from faultbond.structure.logic.circuit import NOWHERE, build_circuit, dominators, simulate
+from faultbond.structure.logic.regions import exchanges, find_regions
 
 TRUTH: dict[str, Callable[[Sequence[bool]], bool]] = {
     "and": all,

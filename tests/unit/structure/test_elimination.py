@@ -9,10 +9,10 @@ from solved import example, route_to
 
 from faultbond.model.expression import names
 from faultbond.model.parser import parse_expression
-from faultbond.structure.elimination import Reduced, SingularError, eliminate
-from faultbond.structure.polynomial import Polynomial, Space, TooLargeError, by_power, degree, space_of
-from faultbond.structure.problem import Block, prepare
-from faultbond.structure.rational import quotient
+from faultbond.structure.solving.elimination import Reduced, SingularError, eliminate
+from faultbond.structure.solving.polynomial import Polynomial, Space, TooLargeError, by_power, degree, space_of
+from faultbond.structure.solving.problem import Block, prepare
+from faultbond.structure.solving.rational import quotient
 
 DEGREES: dict[tuple[str, ...], int] = {("R",): 1, ("L",): 1, ("J",): 1, ("C",): 1, ("K",): 2}
 DEGREES |= {pair: 1 if pair in {("R", "L"), ("J", "C")} else 2 for pair in combinations("RLJCK", 2)}

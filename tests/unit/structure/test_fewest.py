@@ -6,11 +6,11 @@ import pytest
 from benchmarks.ladders import example, ladder
 
 from faultbond.errors import StructureError
-from faultbond.structure import fewest
-from faultbond.structure.fewest import fewest_components
-from faultbond.structure.questions import parameters
-from faultbond.structure.route import Question
-from faultbond.structure.search import search_route
+from faultbond.structure.routes import fewest
+from faultbond.structure.routes.fewest import fewest_components
+from faultbond.structure.routes.questions import parameters
+from faultbond.structure.routes.route import Question
+from faultbond.structure.routes.search import search_route
 
 
 @pytest.mark.parametrize("sensors", ["ends", "ends+i", "all"])

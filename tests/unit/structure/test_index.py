@@ -4,8 +4,8 @@ import pytest
 from benchmarks import published
 
 from faultbond.errors import StructureError
-from faultbond.structure.index import low_index, structural_index
-from faultbond.structure.overdetermined import minimal_sets
+from faultbond.structure.diagnosability.index import low_index, structural_index
+from faultbond.structure.diagnosability.overdetermined import minimal_sets
 
 
 def test_pendulum_has_index_three() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from benchmarks import published
 
-from faultbond.structure.isolability import Interpretation, checked_equations, isolability
-from faultbond.structure.structural import StructuralModel
+from faultbond.structure.diagnosability.isolability import Interpretation, checked_equations, isolability
+from faultbond.structure.diagnosability.structural import StructuralModel
 
 MIXED, INTEGRAL, DERIVATIVE = Interpretation.MIXED, Interpretation.INTEGRAL, Interpretation.DERIVATIVE
 

@@ -8,8 +8,8 @@ from benchmarks.made_circuits import made_scenario, multiplier
 from faultbond.errors import StructureError
 from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork
 from faultbond.model.text import parse_model
-from faultbond.structure import logic
-from faultbond.structure.logic import explains, logic_network, minimum_diagnoses, predict
+from faultbond.structure.logic import diagnoses as logic
+from faultbond.structure.logic.diagnoses import explains, logic_network, minimum_diagnoses, predict
 
 FULL_ADDER = """
 name: full adder

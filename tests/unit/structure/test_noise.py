@@ -9,14 +9,14 @@ import pytest
 from solved import example, route_to
 
 from faultbond.errors import StructureError
-from faultbond.structure.backward_euler import Plant, Record
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.noise import least_noise, noise_gain, nominal_record
-from faultbond.structure.problem import prepare
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import alternatives, find_route
-from faultbond.structure.solution import Solution, solve_samples
-from faultbond.structure.solving import solve
+from faultbond.structure.routes.matched import alternatives, find_route
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.solving.backward_euler import Plant, Record
+from faultbond.structure.solving.noise import least_noise, noise_gain, nominal_record
+from faultbond.structure.solving.problem import prepare
+from faultbond.structure.solving.solution import Solution, solve_samples
+from faultbond.structure.solving.solve import solve
 from faultbond.types import FloatArray
 
 

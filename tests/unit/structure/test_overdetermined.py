@@ -4,9 +4,9 @@ import pytest
 from benchmarks import published
 
 from faultbond.errors import StructureError
-from faultbond.structure.classes import classes, redundancy
+from faultbond.structure.diagnosability.classes import classes, redundancy
+from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.structure.matching import match
-from faultbond.structure.overdetermined import minimal_sets, minimal_supports, signatures
 
 # x by three sensors; y from x, and measured; z from y only
 X, Y, Z = range(3)

@@ -4,8 +4,8 @@ import pytest
 from benchmarks import published
 
 from faultbond.errors import StructureError
-from faultbond.structure.placement import sensors_to_detect, sensors_to_isolate
-from faultbond.structure.structural import StructuralModel
+from faultbond.structure.diagnosability.placement import sensors_to_detect, sensors_to_isolate
+from faultbond.structure.diagnosability.structural import StructuralModel
 
 # x follows from a, y from x, z from x
 TREE = "x | f1\nx y | f2\nx z | f3"

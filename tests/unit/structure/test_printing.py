@@ -16,11 +16,11 @@ from solved import example, route_to, static
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Number
 from faultbond.model.parser import parse_expression, to_text
-from faultbond.structure.branches import Condition
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.latex import condition_latex, expression_latex, name_latex, to_latex
 from faultbond.structure.numeric import evaluate
-from faultbond.structure.printing import (
+from faultbond.structure.solving.branches import Condition
+from faultbond.structure.solving.latex import condition_latex, expression_latex, name_latex, to_latex
+from faultbond.structure.solving.printing import (
     C_HEADER,
     PYTHON_HEADER,
     identifiers,
@@ -29,9 +29,9 @@ from faultbond.structure.printing import (
     to_one_line,
     to_python,
 )
-from faultbond.structure.readable import Formula, common_parts, formulas
-from faultbond.structure.solution import Line, Solution
-from faultbond.structure.solving import solve
+from faultbond.structure.solving.readable import Formula, common_parts, formulas
+from faultbond.structure.solving.solution import Line, Solution
+from faultbond.structure.solving.solve import solve
 
 CASES = [
     ("dc_motor", ("R", "L")),

@@ -4,10 +4,10 @@ import pytest
 from benchmarks.ladders import components_of, example
 
 from faultbond.errors import StructureError
-from faultbond.structure import questions
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import earlier, find_route
+from faultbond.structure.routes import questions
+from faultbond.structure.routes.matched import earlier, find_route
+from faultbond.structure.routes.route import Question, Route
 
 BLOCKS = """
 name: amplifier with feedback through an integrator

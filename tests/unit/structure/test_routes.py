@@ -8,10 +8,10 @@ from small_networks import ask, network
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.questions import outputs, parameter_sets, parameters, states, states_from_rates
-from faultbond.structure.route import Question, Route, Step
-from faultbond.structure.routes import alternatives, earlier, find_route
-from faultbond.structure.unroll import assemble, causes, frame_limit, unroll
+from faultbond.structure.routes.matched import alternatives, earlier, find_route
+from faultbond.structure.routes.questions import outputs, parameter_sets, parameters, states, states_from_rates
+from faultbond.structure.routes.route import Question, Route, Step
+from faultbond.structure.routes.unroll import assemble, causes, frame_limit, unroll
 
 DERIVATIVE = """
 name: two inertias on one shaft, a capacitor on a source

@@ -8,11 +8,11 @@ from small_networks import ask, network
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.questions import outputs, parameters, states_at_start
-from faultbond.structure.route import Question
-from faultbond.structure.routes import find_route
-from faultbond.structure.search import Ending, search_route
-from faultbond.structure.trace import trace_lines
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.questions import outputs, parameters, states_at_start
+from faultbond.structure.routes.route import Question
+from faultbond.structure.routes.search import Ending, search_route
+from faultbond.structure.routes.trace import trace_lines
 
 
 def passed(search_question: Question, net: ComponentNetwork, **options: bool) -> str | None:

@@ -12,18 +12,18 @@ from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import to_text
 from faultbond.model.text import parse_model
-from faultbond.structure.backward_euler import Plant, plant_of, random_inputs, simulate
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import ComponentNetwork, build_components
 from faultbond.structure.network import build_network
 from faultbond.structure.numeric import Value
-from faultbond.structure.printing import to_one_line
-from faultbond.structure.problem import prepare
-from faultbond.structure.roots import find_roots
-from faultbond.structure.route import Question, Route
-from faultbond.structure.routes import find_route
-from faultbond.structure.solution import Kind, Solution, closed_form, from_record, solve_samples, to_record
-from faultbond.structure.solving import Limits, cache_key, solve, solve_cached
+from faultbond.structure.routes.matched import find_route
+from faultbond.structure.routes.route import Question, Route
+from faultbond.structure.solving.backward_euler import Plant, plant_of, random_inputs, simulate
+from faultbond.structure.solving.printing import to_one_line
+from faultbond.structure.solving.problem import prepare
+from faultbond.structure.solving.roots import find_roots
+from faultbond.structure.solving.solution import Kind, Solution, closed_form, from_record, solve_samples, to_record
+from faultbond.structure.solving.solve import Limits, cache_key, solve, solve_cached
 
 SINGLES = [
     *(("tank", name) for name in ("K1", "K2", "K3", "K4", "K6", "K7", "K8")),

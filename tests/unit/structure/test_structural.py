@@ -7,10 +7,10 @@ import pytest
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model
 from faultbond.structure.causality import assign_causality
-from faultbond.structure.classes import redundancy
-from faultbond.structure.isolability import Interpretation, isolability
+from faultbond.structure.diagnosability.classes import redundancy
+from faultbond.structure.diagnosability.isolability import Interpretation, isolability
+from faultbond.structure.diagnosability.structural import StructuralModel, structural_model
 from faultbond.structure.network import build_network
-from faultbond.structure.structural import StructuralModel, structural_model
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -11,9 +11,9 @@ from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import parse_expression, to_text
 from faultbond.structure.numeric import evaluate
-from faultbond.structure.polynomial import Polynomial, Space, add, divide, multiply, space_of
-from faultbond.structure.rational import quotient, to_expression
-from faultbond.structure.symbols import common_divisor, factors, from_sympy, lowest_terms, real_roots, to_sympy
+from faultbond.structure.solving.polynomial import Polynomial, Space, add, divide, multiply, space_of
+from faultbond.structure.solving.rational import quotient, to_expression
+from faultbond.structure.solving.symbols import common_divisor, factors, from_sympy, lowest_terms, real_roots, to_sympy
 
 SPACE = space_of(["x", "y", "z"])
 VALUES = {"x": 1.7, "y": 0.6, "z": 2.3}

@@ -1,0 +1,1 @@
+"""Static networks: what explains their observations."""

@@ -1,0 +1,1 @@
+"""What the structure of a model says of its faults, on plain integers."""

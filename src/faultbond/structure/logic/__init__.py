@@ -1,0 +1,1 @@
+"""Networks of logic: all smallest diagnoses."""

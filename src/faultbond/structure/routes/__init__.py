@@ -1,0 +1,1 @@
+"""Routes from what is known to what is sought, through time."""

@@ -1,0 +1,1 @@
+"""Solving routes: closed forms, roots, noise."""

@@ -1,0 +1,194 @@
+"""A route as equations to be solved, and the records on which its solution is checked."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf
+from time import monotonic
+
+from faultbond.errors import StructureError
+from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
+from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, Equation, SignalAt, frame_name, in_frame
+from faultbond.structure.isolate import substitute
+from faultbond.structure.numeric import Value
+from faultbond.structure.routes.route import Route, Target
+from faultbond.structure.solving.backward_euler import Plant, misfit, random_inputs, simulate
+from faultbond.structure.solving.linearise import Fixed, fixes
+
+TOLERANCE = 1e-6  # of a residual against what it sums, in floating point
+WARM_UP = 3  # samples that a record has before those that a route uses
+_ATTEMPTS = 4
+CHANGES = (Fraction(6, 5), Fraction(4, 5))  # of the unknown parameters in the further records
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Equations that give their unknowns together. parameters: those unknowns that are no signals."""
+
+    residuals: tuple[Expression, ...]
+    unknown: tuple[str, ...]
+    parameters: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """A route in names: `omega_0` is the newest sample, a parameter has its own name.
+
+    samples: the known signals. signals: what each name of a signal stands for. shared: whether a signal keeps its side
+    of a kink from frame to frame (frames that are separate observations share nothing).
+    """
+
+    name: str
+    blocks: tuple[Block, ...]
+    targets: tuple[str, ...]
+    samples: tuple[str, ...]
+    signals: Mapping[str, SignalAt]
+    frames: int
+    shared: bool
+
+    @property
+    def residuals(self) -> tuple[Expression, ...]:
+        """All equations."""
+        return tuple(residual for block in self.blocks for residual in block.residuals)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """All that is found."""
+        return tuple(name for block in self.blocks for name in block.unknown)
+
+    def plain(self, name: str) -> str:
+        """Give a name without its frame."""
+        return self.signals[name][0] if self.shared and name in self.signals else name
+
+    def is_met(self, values: Mapping[str, Value]) -> bool:
+        """Whether values satisfy all equations."""
+        return misfit(self.residuals, values) < TOLERANCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """Backward-Euler data for a route: `known` goes in, `true` is what must come out (all signals, all unknowns)."""
+
+    known: Mapping[str, Value]
+    true: Mapping[str, Value]
+
+
+def name_of(target: Target) -> str:
+    """Give the name of a parameter, or of a signal in a frame."""
+    return target if isinstance(target, str) else frame_name(target)
+
+
+def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
+    """Give the equations of a route, constants as numbers.
+
+    Raises
+    ------
+    StructureError
+        Where a signal in a frame and a parameter have one name, or an equation is logic.
+    """
+    constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
+    equations = {item.name: item for item in network.equations}
+    for step in route.steps:
+        _refuse_logic(equations[step.equation])
+    residuals = [substitute(in_frame(equations[step.equation], step.frame), dict(constants)) for step in route.steps]
+    signals = {
+        frame_name((signal, step.frame + back)): (signal, step.frame + back)
+        for step in route.steps
+        for signal, back in equations[step.equation].signals
+    }
+    for name in (*network.parameters, SAMPLE_TIME):
+        if name in signals:
+            signal, frame = signals[name]
+            raise StructureError(f"{name} is a parameter, and also {signal} in frame {frame}; rename the parameter")
+    finds = [name_of(step.finds) for step in route.steps]
+    found = set(finds)
+    used = {name for residual in residuals for name in names(residual)}
+    return Problem(
+        name=network.name,
+        blocks=tuple(
+            Block(
+                residuals=tuple(residuals[k] for k in block),
+                unknown=tuple(finds[k] for k in block),
+                parameters=frozenset(finds[k] for k in block if isinstance(route.steps[k].finds, str)),
+            )
+            for block in route.blocks
+        ),
+        targets=tuple(map(name_of, route.question.targets)),
+        samples=tuple(name for name in signals if name not in found and name in used),
+        signals=signals,
+        frames=1 + max((frame for _, frame in signals.values()), default=0),
+        shared=bool(network.states),
+    )
+
+
+def _refuse_logic(equation: Equation) -> None:
+    for part in walk(equation.residual):
+        logical = isinstance(part, Binary) and part.operator in LOGIC
+        if logical or (isinstance(part, Call) and part.function not in FUNCTIONS):
+            raise StructureError(
+                f"the equation of {equation.owner} is logic, which is not solved for numbers; "
+                "diagnoses of logic networks follow from consistency alone"
+            )
+
+
+def trials_of(
+    network: ComponentNetwork, problem: Problem, plant: Plant, deadline: float = inf
+) -> tuple[tuple[Trial, ...], Fixed | None]:
+    """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
+
+    A record that cannot be computed (a root of a negative number, say), or on which the equations do not fix the
+    unknowns, is made anew with other inputs and another start, a few times. With the records comes how well the best
+    one fixes the unknowns; None where time was up before one was found. Without one of the nominal plant there is none.
+
+    Parameters
+    ----------
+    network, problem, plant : what is simulated, and for which route
+    deadline : on the clock of `time.monotonic`; records not made by then are left out
+    """
+    unknown = [name for name in problem.unknown if name not in problem.signals]
+    found: list[Trial] = []
+    best = Fixed.NOT
+    for factor in (Fraction(1), *CHANGES):
+        values = dict(plant.values)
+        values |= {name: _changed(plant, name, factor) for name in unknown}
+        for attempt in range(_ATTEMPTS):
+            if monotonic() > deadline and (found or attempt):
+                return tuple(found), best if found else None
+            record = _record(network, problem, plant, values, attempt)
+            fixed = Fixed.NOT if record is None else fixes(problem.residuals, problem.unknown, record.true)
+            best = best if fixed is Fixed.NOT or best is Fixed.WELL else fixed
+            if record is not None and fixed is Fixed.WELL:
+                found.append(record)
+                break
+        else:
+            if not found:
+                return (), best
+    return tuple(found), best
+
+
+def _changed(plant: Plant, name: str, factor: Fraction) -> Fraction:
+    nominal = plant.values[name]
+    return nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
+
+
+def _record(
+    network: ComponentNetwork, problem: Problem, plant: Plant, values: Mapping[str, Fraction], seed: int
+) -> Trial | None:
+    n = problem.frames + WARM_UP
+    inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
+    start = dict(plant.start)
+    if seed >= _ATTEMPTS // 2:  # a plant without inputs moves only if it does not begin at rest
+        start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
+    try:
+        record = simulate(network, values, inputs, plant.sample_time, start, n)
+    except StructureError:
+        return None
+    true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
+    true |= {name: values[name] for name in network.parameters} | {SAMPLE_TIME: plant.sample_time}
+    return Trial(known=without(true, problem.unknown), true=true)
+
+
+def without(values: Mapping[str, Value], names_: Iterable[str]) -> dict[str, Value]:
+    """Give a mapping without some names."""
+    dropped = set(names_)
+    return {name: value for name, value in values.items() if name not in dropped}
