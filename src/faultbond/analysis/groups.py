@@ -9,7 +9,7 @@ Source: thesis 6.1.2 (faults that explain one another); Bjorck and Golub, Math. 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, groupby, product
+from itertools import accumulate, combinations, groupby, product
 from math import radians, sin
 
 import numpy as np
@@ -23,12 +23,13 @@ Pair = tuple[Set, Set]
 Following = Callable[[IntArray, IntArray], BoolArray]
 
 NEAR_ANGLE = 10.0  # degrees: about a sixth of an effect is left to tell two sets apart
-MOST_COMPARED = 4000  # sets of one size of which each is compared with each; sizes with more are left out
+MOST_COMPARED = 4000  # sets of one size that are compared with each other; larger sizes are left out of near groups
 MOST_CLOSE = 20_000  # pairs of one size whose angle is worked out
 MOST_NEAR = 100  # near groups given, the nearest
 _SAME_SHADOW = 1e-6
 _BLOCK = 2**21  # numbers in one batch
 _VECTORS = 3  # random ones, of which shadows are compared
+_TRIES = 8  # classes with the nearest shadows that a set is compared with
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,15 +73,20 @@ def _classes(reduced: Reduced, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
     """Give the classes of sets of one size that span the same space.
 
     Equal spaces give equal shadows of a vector; those of random ones are compared first, since that needs no
-    comparison of all with all.
+    comparison of all with all. Where shadows are alike of more than `MOST_COMPARED`, as where rounding hides most of a
+    plant, the largest lots of them are taken as different.
     """
     if len(sets) < 2:
         return []
+    if reduced.rank.clear and len(sets[0]) >= reduced.rank.value:
+        return [tuple(sorted(sets))]
     base = bases(reduced, sets)
     vectors = np.random.default_rng(0).standard_normal((base.shape[1], _VECTORS))
     lengths = np.maximum(np.sum(vectors**2, axis=0), 1e-300)
     shadows = np.sum(np.einsum("nik,iv->nkv", base, vectors) ** 2, axis=1) / lengths
-    found = [members for part in _like(shadows) for members in _same_space(reduced, sorted(sets[k] for k in part))]
+    parts = sorted(_like(shadows), key=len)
+    few = [part for part, total in zip(parts, accumulate(map(len, parts)), strict=True) if total <= MOST_COMPARED]
+    found = [members for part in few for members in _same_space(reduced, sets, shadows, part)]
     return sorted(members for members in found if len(members) > 1)
 
 
@@ -96,16 +102,18 @@ def _like(shadows: FloatArray) -> list[list[int]]:
     return [order[bounds[k] : bounds[k + 1]].tolist() for k in np.flatnonzero(np.diff(bounds) > 1)]
 
 
-def _same_space(reduced: Reduced, sets: Sequence[Set]) -> list[tuple[Set, ...]]:
-    """Give the classes of some sets, compared one by one."""
-    found: list[list[Set]] = []
-    for one in sets:
-        home = next((item for item in found if _alike(reduced, item[0], one)), None)
+def _same_space(reduced: Reduced, sets: tuple[Set, ...], shadows: FloatArray, part: list[int]) -> list[tuple[Set, ...]]:
+    """Give the classes of some sets; each is compared with the first of those classes whose shadows are nearest."""
+    found: list[list[int]] = []
+    for one in sorted(part, key=sets.__getitem__):
+        apart = np.max(np.abs(shadows[[item[0] for item in found]] - shadows[one]), axis=1, initial=0.0)
+        nearest = [k for k in np.argsort(apart, kind="stable")[:_TRIES].tolist() if apart[k] <= _SAME_SHADOW]
+        home = next((found[k] for k in nearest if _alike(reduced, sets[found[k][0]], sets[one])), None)
         if home is None:
             found.append([one])
         else:
             home.append(one)
-    return [tuple(item) for item in found]
+    return [tuple(sets[k] for k in item) for item in found]
 
 
 def _alike(reduced: Reduced, one: Set, two: Set) -> bool:
