@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
 from faultbond.dynamics.step import StepModel, reference_inputs
-from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
+from faultbond.model.graph import Input, Parameter, Sensor
 from faultbond.spec import (
     EngineSpec,
     InputSpec,
