@@ -24,7 +24,7 @@ from faultbond.model.graph import BondGraph, Sensor, Unit
 
 NOISE_PART = 0.01  # of the root mean square of the signal along the run
 MOST_TRIED = 300  # combinations of sensors judged
-MOST_WORK = 10**10  # products in all trials together
+MOST_WORK = 5 * 10**9  # products in all trials together
 MOST_SETS = 2500  # sets judged in a trial, sizes whole
 MOST_COMPARED = 100  # sets compared for nearness, sizes whole
 MOST_NUMBERS = 10**7  # of sensitivities held at a time

@@ -230,6 +230,26 @@ def test_of_very_many_pairs_the_nearest_are_kept(monkeypatch: pytest.MonkeyPatch
     assert [item.angle for item in found] == pytest.approx([1.0, 2.0])
 
 
+def test_lots_that_rounding_makes_alike_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sets whose shadows are alike as many are compared as allowed, the smallest lots first."""
+    seen = of_columns([1, 0, 0], [-1, 0, 0], [2, 0, 0], [0, 1, 0], [0, 3, 0], [0, 0, 1])
+    singles = [(k,) for k in range(6)]
+    assert [group.sets for group in groups(seen, singles)] == [((0,), (1,), (2,)), ((3,), (4,))]
+    monkeypatch.setattr(module, "MOST_COMPARED", 4)
+    assert [group.sets for group in groups(seen, singles)] == [((3,), (4,))]
+
+
+def test_followers_leave_room_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What follows from single suspects does not crowd out a pair of its own, however few pairs are looked at."""
+    tilt = np.radians(0.1)
+    seen = of_columns(
+        [1, 0, 0, 0], [np.cos(tilt), np.sin(tilt), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0.02, 1, 1], [0, 0, 1, -1]
+    )
+    monkeypatch.setattr(module, "MOST_CLOSE", 1)
+    sets = [*((k,) for k in range(6)), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3), (4, 5)]
+    assert [pair for pair, _ in near_pairs(seen, sets, [])] == [((0,), (1,)), ((2, 3), (4, 5))]
+
+
 def test_comparisons_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A size with more sets than can be compared has no near groups, and its sets are counted."""
     seen = of_columns([1, 0, 0], [1, 1e-3, 0], [0, 0, 1])
