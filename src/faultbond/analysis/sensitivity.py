@@ -29,6 +29,7 @@ _FAST = 0.1  # a step that leaves no more of the misfit than this is as Newton's
 _FLAT = 1e-10  # a misfit below this part of its terms need not fall any more
 _TINY = 1e-300
 _HUGE = 1e120
+_REACHES = (1.0, 0.1, 10.0)  # of what the rates before a step bring within it
 _GUESSES = (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0)))  # of implicit signals, SI
 
 
@@ -181,7 +182,7 @@ class _Runs:
     def step(self, k: int) -> None:
         """Solve sample k and carry the derivatives to it."""
         before = self.w[:, : self.n_x].copy()
-        self.w, solved = self._solve_first(before) if k == 0 else self._newton(self.w, before, k)
+        self.w, solved = self._solve_first(before) if k == 0 else self._solve(before, k)
         self.good &= solved
         self.w[~self.good] = 0.0
         self.size = np.maximum(self.size, np.abs(self.w))
@@ -227,6 +228,29 @@ class _Runs:
             trial, good = self._newton(np.hstack([start, np.full((len(w), self.n_z), size)]), start, 0)
             w = np.where((good & ~solved)[:, None], trial, w)
             solved = solved | good
+        return w, solved
+
+    def _solve(self, before: FloatArray, k: int) -> tuple[FloatArray, BoolArray]:
+        """Solve from where the last sample ended, else from places unlike each other that the step may reach.
+
+        Where tanks in a row are all empty, a turbulent pipe between equal levels has an endless slope: Newton's method
+        does not get away from there by itself.
+        """
+        w, solved = self._newton(self.w, before, k)
+        if solved[self.good].all():
+            return w, solved
+        moved = -self._call(self.misfit_of, self.w, before, k)[0][:, : self.n_x, 0]
+        unlike = 1.0 + np.arange(self.n_x) / max(1, self.n_x)
+        moved = np.where(np.isfinite(moved), moved, 0.0) * unlike
+        most = np.max(np.abs(moved), axis=1, initial=0.0, keepdims=True) * unlike
+        for part in _REACHES:
+            for way in (moved, np.abs(moved), most):
+                near = np.hstack([before + part * way, self.w[:, self.n_x :]])
+                trial, good = self._newton(near, before, k)
+                w = np.where((good & ~solved)[:, None], trial, w)
+                solved = solved | good
+                if solved[self.good].all():
+                    return w, solved
         return w, solved
 
     def _newton(self, w: FloatArray, before: FloatArray, k: int) -> tuple[FloatArray, BoolArray]:

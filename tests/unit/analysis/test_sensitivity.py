@@ -135,3 +135,26 @@ def test_arrays_are_read_only() -> None:
     for name in ("times", "inputs", "x", "y", "theta", "steps", "by_theta", "by_start"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(found, name)[...] = 0.0
+
+
+@pytest.mark.parametrize("dt", [0.01, 1.0, 100.0])
+def test_empty_tanks_in_a_row_fill(dt: float) -> None:
+    """Between empty tanks a turbulent pipe has an endless slope; the step gets away from there, whatever its length."""
+    pipes = "".join(
+        f"  pipe{k}: {{type: R, law: e = R{k}*f*abs(f), parameters: {{R{k}: 2e11 V/A^2}}}}\n"
+        f"  tank{k}: {{type: C, law: e = A{k}*q, parameters: {{A{k}: 1.3e5 V/A/s}}}}\n"
+        for k in (1, 2, 3)
+    )
+    model = circuit(
+        pipes,
+        "l1: 1, n1: 0, l2: 1, n2: 0, l3: 1, n3: 0",
+        "source -> l1 -> pipe1, l1 -> n1 -> tank1, n1 -> l2 -> pipe2, l2 -> n2 -> tank2, n2 -> l3 -> pipe3, "
+        "l3 -> n3 -> tank3",
+        "p: {reads: n3.e, unit: V, noise: 100 V}",
+    )
+    found = run(model, np.full(30, 5e4), dt, [0.0, 0.0, 0.0])
+    levels = np.column_stack([np.full(30, 5e4), 1.3e5 * found.x])
+    flows = np.sqrt(np.maximum(-np.diff(levels, axis=1), 0.0) / 2e11)
+    rates = flows - np.column_stack([flows[:, 1:], np.zeros(30)])
+    assert np.diff(found.x, axis=0)[3:] == pytest.approx(dt * rates[4:], rel=1e-3, abs=1e-9 * dt)
+    assert (np.diff(found.x, axis=0) >= 0.0).all()
