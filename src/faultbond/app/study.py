@@ -1,14 +1,15 @@
 """The sections of an analysis, each worked out when its turn comes. Loads casadi and sympy."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Console
 
 from faultbond.analysis.capability import View, in_general, on_record
-from faultbond.analysis.operation import reference_levels
 from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.rest import at_rest, reference, reference_levels
 from faultbond.analysis.sensitivity import Recursion, build_recursion
 from faultbond.analysis.sensors import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
@@ -40,7 +41,7 @@ from faultbond.types import TimeGrid
 
 MOST_SETS = 120  # sets whose other solutions are looked for; single suspects where there are more
 MOST_TWINS = 10  # suspects up to which pairs are compared as twins; single suspects where there are more
-REST_SAMPLES = 400  # of the record of inputs at rest
+REST_SAMPLES = (400, 100, 25)  # of the record of inputs at rest, as many as the plant has a solution for
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
 AT_REST, WHEN_RECORDED = "while the inputs stand still", "on the recording"
 MOST_GROUPS = 5  # groups for which a change of an input is looked for
@@ -268,13 +269,16 @@ def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
 
 
 def _at_rest(study: _Study) -> View:
-    """What can be told where all inputs stand still."""
-    levels = reference_levels(study.model)
-    times = np.arange(REST_SAMPLES) * (study.graph.sample_time or 1.0)
-    start = study.model.contents(
-        study.model.reference_state, np.array([item.nominal for item in study.graph.parameters])
-    ).full()[:, 0]
-    runs = recorded_runs(
-        study.model, study.recursion, times.astype(np.float64), np.tile(levels, (REST_SAMPLES, 1)), start
+    """What can be told where all inputs stand still: from where the reference run ended, else from where it rests."""
+    model, levels = study.model, reference_levels(study.model)
+    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+    for count in REST_SAMPLES:
+        times = np.arange(count, dtype=np.float64) * (study.graph.sample_time or 1.0)
+        for stand in stands:
+            with suppress(StructureError):
+                held = np.tile(levels, (count, 1))
+                return on_record(model, recorded_runs(model, study.recursion, times, held, stand.contents))
+    raise StructureError(
+        f"{study.graph.file}: {study.graph.name} has no finite solution while its inputs stand still at their "
+        "references; give a recording of the healthy plant with --data"
     )
-    return on_record(study.model, runs)

@@ -126,6 +126,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
                 "up": item.up,
                 "down": item.down,
                 "certainty": item.certainty,
+                "reason": item.reason or None,
                 "effects": {
                     effect.output: {"size": effect.size, "in_noise": effect.in_noise} for effect in item.effects
                 },

@@ -162,7 +162,7 @@ def _smallest(graph: BondGraph, item: SmallestFault) -> tuple[str, ...]:
     unit = parameter.unit
     effects = ", ".join(f"{effect.output} {effect.in_noise:.2g}" for effect in item.effects)
     if item.value is None:
-        return (item.parameter, NOWHERE, unit_text(unit.text, Notation.FILE), "", "")
+        return (item.parameter, NOWHERE, unit_text(unit.text, Notation.FILE), "", item.reason)
     change = figure(unit.difference_from_si(item.value), digits=3).number(Notation.FILE)
     part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
     return (item.parameter, change, unit_text(unit.text, Notation.FILE), part, effects)

@@ -5,7 +5,7 @@ import pytest
 from plants import example
 
 from faultbond.analysis.alarms import accumulated, windows_of
-from faultbond.analysis.operation import generic_samples, operate
+from faultbond.analysis.operation import usual_run, operate
 from faultbond.runtime.monitor import Sample, init, step
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.filter import build_filter
@@ -18,7 +18,7 @@ def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> No
     """Noise that passes the filter's recursion leaves as the filter expects: sd 1, no memory, and hardly an alarm."""
     model = example(name)
     spec = build_spec(model)
-    run = generic_samples(model, spec, 260)
+    run = usual_run(model, spec, 260)
     operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
     windows = windows_of(spec, operation, [60, 100], 100)
     noise = windows.noise

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plants import example
+from plants import example, stated
 
-from faultbond.analysis.operation import generic_samples, operate, reference_levels
-from faultbond.errors import RecordingError
+from faultbond.analysis.operation import usual_run, operate
+from faultbond.analysis.rest import at_rest, reference_levels
+from faultbond.errors import RecordingError, StructureError
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
@@ -19,7 +20,7 @@ def test_the_linear_recursion_answers_like_the_engine(name: str) -> None:
     model = example(name)
     spec = build_spec(model)
     engine = VirtualMachine(build_filter(spec, model))
-    samples = generic_samples(model, spec, 260)
+    samples = usual_run(model, spec, 260).samples
     wrong = 1e-4 * spec.output_noise * np.random.default_rng(5).standard_normal((len(samples), len(spec.outputs)))
     wrong[:30] = 0.0  # the start is solved from these
     before = operate(model, spec, engine, samples)
@@ -34,15 +35,15 @@ def test_the_linear_recursion_answers_like_the_engine(name: str) -> None:
     assert error == pytest.approx(seen, rel=5e-3, abs=1e-3 * np.abs(seen).min(initial=1e-9))
 
 
-def test_the_generic_run_is_what_the_nominal_plant_does() -> None:
+def test_the_usual_run_is_what_the_nominal_plant_does() -> None:
     """Without noise the healthy filter finds nothing new in the generic run: innovations stay far below the noise."""
     model = example("tank")
     spec = build_spec(model)
-    samples = generic_samples(model, spec, 240)
-    operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), samples)
+    run = usual_run(model, spec, 240)
+    operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
     factors = operation.mean[:, spec.parameter_slice]
     assert np.all(np.abs(factors - 1.0) < 0.01)
-    u = np.array([item.u for item in samples])
+    u = np.array([item.u for item in run.samples])
     assert np.all((u >= 0.5 * reference_levels(model)) & (u <= 1.5 * reference_levels(model)))
     assert np.corrcoef(u.T)[0, 1] < 0.9
 
@@ -53,7 +54,7 @@ def test_a_run_that_never_starts_is_refused() -> None:
     spec = build_spec(model)
     engine = VirtualMachine(build_filter(spec, model))
     with pytest.raises(RecordingError, match="does not get going on these 5 samples"):
-        operate(model, spec, engine, generic_samples(model, spec, 5))
+        operate(model, spec, engine, usual_run(model, spec, 5).samples)
 
 
 def test_a_temperature_moves_in_its_own_unit() -> None:
@@ -61,9 +62,58 @@ def test_a_temperature_moves_in_its_own_unit() -> None:
     model = example("pipe")
     spec = build_spec(model)
     place = [item.name for item in spec.inputs].index("water_in_degC")
-    moved = np.array([item.u[place] for item in generic_samples(model, spec, 40)])
+    moved = np.array([item.u[place] for item in usual_run(model, spec, 40).samples])
     level = reference_levels(model)[place]
     assert np.max(np.abs(moved - level)) <= 0.5 * (level - 273.15)
     assert np.ptp(moved) > 0.1
     noisy = reference_levels(example("dc_motor"))
     assert noisy == pytest.approx([30 * 0.16])
+
+
+def test_the_usual_run_begins_where_the_plant_is_at_rest() -> None:
+    """The motor under a constant voltage: V = R i + K w and K i = C w give current and speed of its start."""
+    model = example("dc_motor")
+    spec = build_spec(model)
+    volts = reference_levels(model)[0]
+    current = volts / (3.0 + 2.0 * 2.0 / 0.4)
+    states = usual_run(model, spec, 3).states
+    assert states[0] == pytest.approx([current, 2.0 / 0.4 * current], rel=1e-5)
+
+
+def test_a_plant_that_only_integrates_has_no_rest() -> None:
+    """A capacitor at a current source fills for ever; its run begins where the reference run ended."""
+    model = stated(
+        "name: fill\nsample_time: 1 s\ninputs: {u: {unit: A}}\ncomponents:\n  source: {type: Sf, law: f = u}\n"
+        "  C: {type: C, parameters: {C: 2 F}}\njunctions: {node: 0}\nbonds: [source -> node -> C]\n"
+        "sensors: {v: {reads: C.e, unit: V, noise: 0.01 V}}\n"
+    )
+    assert at_rest(model, reference_levels(model)) is None
+    assert usual_run(model, build_spec(model), 3).states[0] == pytest.approx(model.reference_state)
+
+
+EXPLOSIVE = (
+    "name: chain reaction\nsample_time: 1 s\ninputs: {u: {unit: W}}\ncomponents:\n"
+    "  heater: {type: Sf, law: f = GAIN*u}\n"
+    "  mass: {type: C, law: e = q/C, parameters: {C: 2}}\n"
+    "  loss: {type: R, law: f = G*e, parameters: {G: 0.1}}\n"
+    "  reaction: {type: Sf, law: f = P*exp(mass.q - 12), parameters: {P: 0.05}}\n"
+    "junctions: {node: 0}\nbonds: [heater -> node -> mass, node -> loss, reaction -> node]\n"
+    "constants: {GAIN: LEVEL}\nsensors: {t: {reads: node.e, noise: 0.01}}\n"
+)
+
+
+def test_inputs_move_less_where_the_plant_would_run_away() -> None:
+    """A mass that ignites when heated by much more than usual is heated by a little more only."""
+    model = stated(EXPLOSIVE.replace("LEVEL", "0.5"))
+    spec = build_spec(model)
+    samples = usual_run(model, spec, 300).samples
+    u = np.array([item.u[0] for item in samples])
+    assert 0.0 < np.ptp(u) < 0.5
+    assert np.isfinite([item.y[0] for item in samples]).all()
+
+
+def test_a_plant_that_always_runs_away_asks_for_a_recording() -> None:
+    """Where the usual heat is enough to ignite there is no generic run; one line says what to give."""
+    model = stated(EXPLOSIVE.replace("LEVEL", "10"))
+    with pytest.raises(StructureError, match=r"chain reaction has no finite solution over 300 samples.*--data"):
+        usual_run(model, build_spec(model), 300)

@@ -7,6 +7,7 @@ import pytest
 from plants import circuit, example, stated
 
 from faultbond.analysis.fitting import fit
+from faultbond.analysis.rest import reference
 from faultbond.analysis.sensitivity import build_recursion, sensitivities
 from faultbond.analysis.stimulus import FAULT, _experiment, _separation, input_advice
 from faultbond.analysis.trajectories import Course, lanes_of
@@ -70,7 +71,7 @@ def test_separation_is_what_a_fit_leaves() -> None:
     recursion = build_recursion(model.plant)
     names = [item.name for item in model.plant.graph.parameters]
     longest, places = 12.0, ((names.index("R"),), (names.index("K"),))
-    experiment = _experiment(model, np.array([5.0]), longest, 0, 4.0)
+    experiment = _experiment(model, np.array([5.0]), longest, 0, 4.0, stand=reference(model))
     (run,) = sensitivities(recursion, [experiment])
     assert run is not None
     expected = {}
