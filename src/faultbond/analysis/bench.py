@@ -7,7 +7,7 @@ from time import thread_time
 import numpy as np
 
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.operation import reference_levels, times
+from faultbond.analysis.rest import reference_levels, times
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import Course, Paths, lanes_of

@@ -4,21 +4,23 @@ The real monitor runs over the samples with its alarms off; transition, slope an
 lanes and the step model. What asks how the detector reacts at an operating point starts from here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
 import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.step import StepModel, reference_inputs
-from faultbond.errors import RecordingError
+from faultbond.analysis.batch import Batch
+from faultbond.analysis.rest import Stand, at_rest, reference, reference_levels, times
+from faultbond.dynamics.step import StepModel
+from faultbond.errors import RecordingError, StructureError
 from faultbond.runtime.monitor import START_PATIENCE, Sample, init, step
 from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import BoolArray, FloatArray
 
-NOISE_PART = 1 / 30  # of an input whose range is not known
-MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the generic run: amplitude in references, period in samples
+MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
+SMALLER = (1.0, 1 / 4, 1 / 16, 0.0)  # parts of these moves, tried in turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,6 +50,14 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UsualRun:
+    """A run of the nominal plant without noise; states (n, n_states) in the coordinates of the step model."""
+
+    samples: tuple[Sample, ...]
+    states: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Trace:
     """What the monitor left behind: time (n,), samples (n, n_sample), lanes (n, n_numbers), spread (n, n_outputs)."""
 
@@ -58,21 +68,34 @@ class _Trace:
     warm: int
 
 
-def operate(model: StepModel, spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> Operation:
+def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | Sequence[Sample]) -> Operation:
     """Run the healthy filter over samples and linearise it.
+
+    Along a usual run the start is not solved for: it is known where it is, and the filter is told no more than its
+    size.
 
     Raises
     ------
     RecordingError
         Where the filter never gets going, or loses the plant.
     """
-    trace = _trace(spec, engine, samples)
+    told = _told(spec, run.states) if isinstance(run, UsualRun) else spec
+    samples = run.samples if isinstance(run, UsualRun) else run
+    try:
+        trace = _trace(told, engine, samples)
+    except np.linalg.LinAlgError:
+        trace = None
+    if trace is None:
+        raise RecordingError(
+            f"{spec.model}: the healthy filter does not get going on these {len(samples)} samples; "
+            "give a longer recording of the healthy plant, with every input"
+        )
     fields = {name: trace.samples[:, place] for name, place in spec.sample_fields.items()}
     mean, implicit = trace.lanes[:, : spec.n_joint], trace.lanes[:, spec.n_joint + spec.n_packed : -1]
     transition, slope = _slopes(model, spec, mean, implicit, fields)
     spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in trace.lanes])
     information = fields["use"] / (spec.output_noise**2 * fields["scale"])
-    return Operation(
+    found = Operation(
         time=trace.time,
         dt=fields["dt"][:, 0],
         u=fields["u"],
@@ -87,9 +110,28 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, samples: Sequenc
         covariance=spreads[0],
         warm=trace.warm,
     )
+    parts = (found.transition, found.slope, found.gain, found.spread, found.covariance)
+    if not all(np.isfinite(part).all() for part in parts):
+        raise RecordingError(
+            f"{spec.model}: the healthy filter has no finite slope along these {len(samples)} samples; "
+            "give a recording of the healthy plant in normal use"
+        )
+    return found
 
 
-def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace:
+def _told(spec: EngineSpec, states: FloatArray) -> EngineSpec:
+    """Give the specification with starts that are known to their own size, where they are not declared."""
+    sizes = np.max(np.abs(states), axis=0, initial=0.0)
+    found = [
+        state
+        if state.start_sd is not None
+        else replace(state, start_mean=float(start), start_sd=float(size) if size > 0.0 else 1.0)
+        for state, start, size in zip(spec.states, states[0], sizes, strict=True)
+    ]
+    return replace(spec, states=tuple(found))
+
+
+def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace | None:
     quiet = replace(
         spec.thresholds, cusum_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
     )  # only as much history as the start may need
@@ -104,10 +146,7 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
         packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
         rows.append((sample.time, packed, state.lane[:, 0], np.sqrt(report.variance)))
     if not rows:
-        raise RecordingError(
-            f"{spec.model}: the healthy filter does not get going on these {len(samples)} samples; "
-            "give a longer recording of the healthy plant, with every input"
-        )
+        return None
     first = state.index - len(rows)
     time, samples_seen, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
     return _Trace(
@@ -123,25 +162,26 @@ def _slopes(
     model: StepModel, spec: EngineSpec, mean: FloatArray, implicit: FloatArray, fields: dict[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Give transition and slope of the readings of each sample."""
-    n, n_x = spec.n_joint, len(spec.states)
-    count = len(mean)
-    transition, slope = np.zeros((count, n, n)), np.zeros((count, len(spec.outputs), n))
+    n, n_x, count = spec.n_joint, len(spec.states), len(mean)
+    transition = np.zeros((count, n, n))
     memories = np.array([error.memory for error in spec.slow_errors])
-    for k in range(count):
-        predicted, z = mean[k].copy(), implicit[k]
-        if k:
-            dt = float(fields["dt"][k, 0])
-            x, by, z = model.predict(mean[k - 1], fields["u_before"][k], implicit[k - 1], dt)
-            decay = np.exp(-dt / memories)
-            transition[k, :n_x] = by.full()
-            transition[k, spec.slow_slice, spec.slow_slice] = np.diag(decay)
-            transition[k, spec.parameter_slice, spec.parameter_slice] = np.eye(len(spec.parameters))
-            predicted = mean[k - 1].copy()
-            predicted[:n_x] = x.full()[:, 0]
-            predicted[spec.slow_slice] *= decay
-            predicted[spec.noise_slice] = 0.0
-        slope[k] = model.measure(predicted, fields["u"][k], z)[1].full()
-    return transition, slope
+    dt = np.ascontiguousarray(fields["dt"][1:])
+    decay = np.exp(-dt / memories)
+    before = mean[:-1].copy(), np.ascontiguousarray(fields["u_before"][1:]), implicit[:-1].copy()
+    x, by, z = Batch(model.predict)(*before, dt)
+    transition[1:, :n_x] = by
+    slow, parameters = (np.arange(n)[place] for place in (spec.slow_slice, spec.parameter_slice))
+    transition[1:, slow, slow] = decay
+    transition[1:, parameters, parameters] = 1.0
+    predicted = mean.copy()
+    predicted[1:] = mean[:-1]
+    predicted[1:, :n_x] = x[:, :, 0]
+    predicted[1:, spec.slow_slice] *= decay
+    predicted[1:, spec.noise_slice] = 0.0
+    solved = implicit.copy()
+    solved[1:] = z[:, :, 0]
+    slope = Batch(model.measure)(predicted, np.ascontiguousarray(fields["u"]), solved)[1]
+    return transition, slope.copy()
 
 
 def advance_function(model: StepModel) -> ca.Function:
@@ -152,47 +192,76 @@ def advance_function(model: StepModel) -> ca.Function:
     x, _, solved = model.predict(v, before, z, dt)
     moved = ca.vertcat(x, v[n_x:])
     y, _, solved = model.measure(moved, u, solved)
-    return ca.Function("advance", [v, z, before, u, dt], [moved, solved, y], {"cse": True})
+    results = [ca.densify(item) for item in (moved, solved, y)]
+    return ca.Function("advance", [v, z, before, u, dt], results, {"cse": True})
 
 
-def healthy_vector(model: StepModel, spec: EngineSpec) -> FloatArray:
-    """Give the joint vector of the nominal plant at its start, or where the reference run ended."""
-    v = np.zeros(spec.n_joint)
-    for k, state in enumerate(spec.states):
-        v[k] = model.reference_state[k] if state.start_sd is None else state.start_mean
-    v[spec.parameter_slice] = [item.healthy for item in spec.parameters]
-    return v
-
-
-def reference_levels(model: StepModel) -> FloatArray:
-    """Give the inputs of the generic run, SI: half range for percent, else one unit or 30 noises, whichever is more."""
-    levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
-    return np.array([level + max(item.noise / NOISE_PART - item.unit.factor, 0.0) for item, level in levels])
-
-
-def times(model: StepModel, levels: FloatArray, factors: FloatArray) -> FloatArray:
-    """Give inputs (n, n_inputs), SI, that are `levels` times `factors` (n, n_inputs) in the units of the model file."""
-    units = [item.unit for item in model.plant.graph.inputs]
-    offset = np.array([item.offset for item in units], dtype=np.float64)
-    return np.asarray((levels - offset) * factors + offset)
-
-
-def generic_samples(model: StepModel, spec: EngineSpec, count: int) -> list[Sample]:
+def usual_run(model: StepModel, spec: EngineSpec, count: int) -> UsualRun:
     """Give a run of the nominal plant without noise, its inputs moving about their references.
 
     An input is its reference times 1 + 1/4 sin(2 pi k/40) + 1/4 sin(2 pi k/300) at sample k; a second input moves a
-    part of a period later, so that no two move together.
+    part of a period later, so that no two move together. The run begins where the plant is at rest with its inputs at
+    their references, or where the reference run ended if it does not come to rest; declared starts hold. Where there is
+    no finite solution the inputs move less.
+
+    Raises
+    ------
+    StructureError
+        Where there is none even with inputs that stand still.
     """
-    dt, n_u = spec.sample_time or 1.0, len(spec.inputs)
+    batch = Batch(advance_function(model))
+    stands = list(_stands(model))
+    for part in SMALLER:
+        u = _inputs(model, spec, count, part)
+        for stand in stands:
+            run = _run(model, spec, batch, stand, u)
+            if run is not None:
+                return run
+    graph = model.plant.graph
+    raise StructureError(
+        f"{graph.file}: {graph.name} has no finite solution over {count} samples with its inputs near "
+        f"{', '.join(item.name for item in graph.inputs) or 'none'} at their references; give a recording of the "
+        "healthy plant with --data"
+    )
+
+
+def _stands(model: StepModel) -> Iterator[Stand]:
+    """Give where a usual run may begin."""
+    still = at_rest(model, reference_levels(model))
+    if still is not None:
+        yield still
+    yield reference(model)
+
+
+def _inputs(model: StepModel, spec: EngineSpec, count: int, part: float) -> FloatArray:
+    n_u = len(spec.inputs)
     k, shift = np.arange(count)[:, None], np.arange(n_u) / (n_u + 0.5)
     moves = sum((size * np.sin(2 * np.pi * (k / period + shift)) for size, period in MOVES), np.zeros((count, n_u)))
-    u = times(model, reference_levels(model), 1.0 + moves)
-    advance = advance_function(model)
-    v, z = healthy_vector(model, spec), np.asarray(model.reference_implicit)
-    y = model.measure(v, u[0], z)[0].full()[:, 0] if count else np.zeros(0)
-    samples = []
-    for row in range(count):
+    return np.ascontiguousarray(times(model, reference_levels(model), 1.0 + part * moves))
+
+
+def _run(model: StepModel, spec: EngineSpec, batch: Batch, stand: Stand, u: FloatArray) -> UsualRun | None:
+    """Give the run from one start, or None."""
+    dt, n_x = np.full((1, 1), spec.sample_time or 1.0), len(spec.states)
+    v = _healthy(model, spec, stand)[None]
+    y, _, z = (item.full().T.copy() for item in model.measure(v[0], u[0], stand.implicit)) if len(u) else (v, v, v)
+    samples, states = [], np.zeros((len(u), n_x))
+    for row, held in enumerate(u):
         if row:
-            v, z, y = (item.full().reshape(-1) for item in advance(v, z, u[row - 1], u[row], dt))
-        samples.append(Sample(time=row * dt, dt=dt if row else 0.0, u=u[row], y=y))
-    return samples
+            v, z, y = (item[:, :, 0] for item in batch(v, z, u[row - 1 : row], u[row : row + 1], dt))
+        if not (np.isfinite(v).all() and np.isfinite(y).all()):
+            return None
+        time = row * float(dt[0, 0])
+        samples.append(Sample(time=time, dt=float(dt[0, 0]) if row else 0.0, u=held, y=y[0].copy()))
+        states[row] = v[0, :n_x]
+    return UsualRun(samples=tuple(samples), states=states)
+
+
+def _healthy(model: StepModel, spec: EngineSpec, stand: Stand) -> FloatArray:
+    """Give the joint vector of the nominal plant at its declared start, or standing there."""
+    v = np.zeros(spec.n_joint)
+    v[spec.parameter_slice] = [item.healthy for item in spec.parameters]
+    x = model.coordinates(stand.contents, v[spec.parameter_slice] * model.scales).full()[:, 0]
+    known = [state.start_sd is not None for state in spec.states]
+    v[: len(x)] = np.where(known, [state.start_mean for state in spec.states], x)
+    return v

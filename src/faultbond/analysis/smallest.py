@@ -3,9 +3,12 @@
 Derived from the detector itself. The healthy filter is linear about a run of the healthy plant (`operation`), so its
 innovations are those of noise plus those of the fault: the first come from many realisations of sensor noise, input
 noise and healthy parameters off by their accuracy, put through the filter's own recursion; the second from the
-nonlinear plant with the parameter changed, put through the same recursion. Both together pass the detector's two
-statistics. For each realisation the size is found at which the alarm just comes in time; the answer is the size that is
-enough for the part of them that is asked for. Slow errors are zero in the plant: their declared size is a bound.
+nonlinear plant with the parameter changed, put through the same recursion (`faulty`). Both together pass the detector's
+two statistics. For each realisation the size is found at which the alarm just comes in time; the answer is the size
+that is enough for the part of them that is asked for. Slow errors are zero in the plant: their size is a bound.
+
+The range of a fault ends where its declared range ends, and where the plant has no finite solution any more: what a
+real plant would do there the model does not tell.
 
 Source: none in the thesis, which states no size; the statistics are those of `runtime.monitor` (Page 1954).
 """
@@ -14,28 +17,37 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log
 
-import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from faultbond.analysis.alarms import Windows, accumulated, alarming, alarms, ratios_of, windows_of
-from faultbond.analysis.operation import Operation, advance_function, generic_samples, operate
+from faultbond.analysis.alarms import REALISATIONS, Windows, windows_of
+from faultbond.analysis.bench import Clock
+from faultbond.analysis.faulty import Case, Faults, Shift
+from faultbond.analysis.operation import Operation, UsualRun, operate, usual_run
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, RecordingError
 from faultbond.runtime.monitor import Sample
 from faultbond.spec import Engine, EngineSpec
-from faultbond.types import BoolArray, FloatArray
+from faultbond.types import BoolArray, FloatArray, IntArray
+
+Single = NDArray[np.float32]  # as good for noise, and faster
 
 WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
 ONSETS = 4
+SECONDS = 6.0  # of processor time, for all parameters together
+NO_TIME = "no time left"
+NO_RANGE = "its range leaves no room for a change"
+NO_EFFECT = "no sensor shows it"
+NO_SOLUTION = "not found before the plant has no finite solution any more"
+TOO_LARGE = "not found however large, within its range"
 _LINEAR = 0.05  # first size tried, in accuracies
 _LEAST = 1e-3  # and at least so much, in factors
-_ROUNDS = 16
-_NEAR = log(1.3)  # a size so near is looked at with all realisations
-_EVERY = 6  # of the realisations are enough before
+_ROUNDS = 20
 _CLOSE = 0.03  # relative change of the size below which it is found
-_CHUNK = 4  # parameters looked for together
-_ABSURD = 1e9  # noises; an output that is not a number is so far off
+_NUMBERS = 2 * 10**7  # of all effects that are looked at together
+_SEEN = 1e-6  # noises; an effect below is rounding
+_BACK = 0.25  # part of a size without a solution that is tried next, where no smaller one is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +66,7 @@ class SmallestFault:
     value : size of the change, SI: of the two directions the one that needs more; None if neither is ever found
     up, down : size by direction; None: not found however large, within the parameter's range
     effects : of `value`, by output, without noise and while nothing reacts to it
+    reason : why there is no `value`; empty if there is one
     """
 
     parameter: str
@@ -63,6 +76,7 @@ class SmallestFault:
     within: float
     certainty: float
     effects: tuple[Effect, ...]
+    reason: str = ""
 
     @property
     def direction(self) -> str | None:
@@ -70,16 +84,26 @@ class SmallestFault:
         return None if self.value is None else "up" if self.value == self.up else "down"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Shift:
-    """What faults of some size (cases c) do: innovations (c, o, w, n_outputs), slow errors (c, o, w, n_slow).
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """How the factor is bisected by which effects must grow: its logarithm within +-reach, in steps.
 
-    outputs: (c, o, w, n_outputs), SI.
+    every: of the realisations one in so many counts; 0: none, it is done without noise. close: a logarithm below which
+    the next trial, or the end, has come.
     """
 
-    noise: FloatArray
-    slow: FloatArray
-    outputs: FloatArray
+    reach: float
+    steps: int
+    every: int
+    close: float
+
+
+_TRIALS = (
+    _Trial(log(1e6), 11, 0, log(1.5)),
+    _Trial(log(10.0), 8, 6, log(1.2)),
+    _Trial(log(1.6), 6, 1, _CLOSE),
+)
+_PATIENCE = 8  # rounds of one trial; the next begins from wherever it is
 
 
 def smallest_faults(
@@ -92,17 +116,19 @@ def smallest_faults(
     within: float | None = None,
     onsets: Sequence[float] | None = None,
     certainty: float = CERTAINTY,
+    seconds: float | None = SECONDS,
 ) -> Iterator[SmallestFault]:
-    """Give the smallest fault of each parameter, a few parameters at a time, as they are found.
+    """Give the smallest fault of each parameter, some parameters at a time, as they are found.
 
     Parameters
     ----------
     model, spec, engine : the plant
-    samples : a run of the healthy plant, on the grid; default the generic run of `operation.generic_samples`
+    samples : a run of the healthy plant, on the grid; default that of `operation.usual_run`
     parameters : names; default all suspects
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
     certainty : part of the realisations, over all onsets, that is to be found
+    seconds : processor time after which no further parameter is begun; None: no limit
 
     Raises
     ------
@@ -110,18 +136,21 @@ def smallest_faults(
         Where a parameter is unknown.
     RecordingError
         Where the run is too short, or noise alone raises the alarm in it.
+    StructureError
+        Where there is no usual run.
     """
+    clock = Clock(seconds=seconds)
     chosen = _chosen(spec, parameters)
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
-    if samples is None:
-        warm = spec.thresholds.warm_up_samples
-        samples = generic_samples(model, spec, warm + 20 + 2 * length)
-    operation = operate(model, spec, engine, samples)
+    run: Sequence[Sample] | UsualRun
+    run = samples if samples is not None else usual_run(model, spec, spec.thresholds.warm_up_samples + 20 + 2 * length)
+    operation = operate(model, spec, engine, run)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
-    search = _Search(model, spec, operation, windows, certainty)
-    for first in range(0, len(chosen), _CHUNK):
-        yield from _report(spec, search, chosen[first : first + _CHUNK], length * grid, certainty)
+    search = _Search(spec, operation, windows, Faults(model, spec, operation, windows.rows), certainty)
+    together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
+    for first in range(0, len(chosen), together):
+        yield from _report(search, chosen[first : first + together], length * grid, clock)
 
 
 def _chosen(spec: EngineSpec, parameters: Sequence[str] | None) -> list[int]:
@@ -155,187 +184,181 @@ def _onset_rows(spec: EngineSpec, operation: Operation, length: int, onsets: Seq
     return rows
 
 
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """How the factor of a size is bisected: its logarithm within +-reach, in steps; with all realisations or some."""
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Progress:
+    """How far the search has come, by case: sizes in factors, and the bounds between which the answer lies.
 
-    reach: float
-    steps: int
-    all: bool
+    limits: ends of the ranges. trial: number of the current one; rounds: done of it. found, broken: whether the size is
+    the answer; whether the plant has had no solution. largest: (cases, n_outputs), effects of the last size, SI.
+    """
 
+    size: FloatArray
+    limits: FloatArray
+    low: FloatArray
+    high: FloatArray
+    trial: IntArray
+    rounds: IntArray
+    found: BoolArray
+    broken: BoolArray
+    largest: FloatArray
 
-_COARSE, _FINE = _Trial(log(1e6), 10, False), _Trial(log(4.0), 7, True)
+    @property
+    def live(self) -> IntArray:
+        """The cases that are not at their end."""
+        return np.flatnonzero((self.trial < len(_TRIALS)) & (self.limits > 0.0))
 
 
 class _Search:
     """Everything that does not depend on the fault, and the search for its size."""
 
     def __init__(
-        self, model: StepModel, spec: EngineSpec, operation: Operation, windows: Windows, certainty: float
+        self, spec: EngineSpec, operation: Operation, windows: Windows, faults: Faults, certainty: float
     ) -> None:
-        self.model = model
-        self.spec = spec
-        self.operation = operation
-        self.windows = windows
-        self.certainty = certainty
-        self.advance = advance_function(model)
+        self.spec, self.faults, self.certainty, self.quiet = spec, faults, certainty, windows.quiet
+        self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
+        self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
+        self.cusum = windows.cusum.transpose(0, 1, 3, 2).astype(np.float32)
+        self.counted = operation.counted[windows.rows].transpose(1, 0, 2)
+        if not windows.quiet.any():
+            raise RecordingError(
+                f"{spec.model}: in this run noise alone raises the alarm before any fault; "
+                "check the noise and the slow errors that the model declares"
+            )
 
-    def sizes(self, cases: list[tuple[int, int]]) -> tuple[FloatArray, FloatArray]:
-        """Give the sizes, in factors, inf where nothing is found, and the largest effects (c, n_outputs), SI.
-
-        Newton's method on the size, as if all effects grew in proportion, between bounds that are known.
-
-        Parameters
-        ----------
-        cases : (parameter, sign of the change)
-        """
+    def run(self, cases: list[Case], clock: Clock) -> _Progress:
+        """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
+        n = len(cases)
         limits = np.array([self._limit(k, sign) for k, sign in cases])
-        size = np.minimum([max(_LINEAR * self.spec.parameters[k].accuracy, _LEAST) for k, _ in cases], limits)
-        low, high = np.zeros(len(cases)), np.full(len(cases), np.inf)
-        effects = np.zeros((len(cases), len(self.spec.outputs)))
-        live, trial = np.flatnonzero(limits > 0), _COARSE
-        for number in range(_ROUNDS):
-            if not len(live):
+        first = np.array([max(_LINEAR * self.spec.parameters[k].accuracy, _LEAST) for k, _ in cases])
+        progress = _Progress(
+            size=np.minimum(first, limits),
+            limits=limits,
+            low=np.zeros(n),
+            high=np.full(n, np.inf),
+            trial=np.zeros(n, dtype=np.intp),
+            rounds=np.zeros(n, dtype=np.intp),
+            found=np.zeros(n, dtype=bool),
+            broken=np.zeros(n, dtype=bool),
+            largest=np.zeros((n, len(self.spec.outputs))),
+        )
+        for _ in range(_ROUNDS):
+            live = progress.live
+            if not len(live) or clock.over():
                 break
-            now = size[live]
-            shift = self.shift([cases[c] for c in live], now)
-            factor = self._enough(shift, trial)
-            effects[live] = np.max(np.abs(shift.outputs), axis=(1, 2))
-            low[live] = np.where(factor > 1, now, low[live])
-            high[live] = np.where(factor <= 1, now, high[live])
-            stuck = (factor > 1) & (now >= limits[live])
-            close = np.abs(np.log(factor)) < (_CLOSE if trial.all else _NEAR)
-            size[live] = np.where(close, now, self._next(now * factor, low[live], high[live], limits[live]))
-            if trial.all:
-                live = live[~stuck & ~close]
-            elif bool(np.all(stuck | close)) or number >= _ROUNDS // 2:
-                trial, low, high = _FINE, np.zeros_like(low), np.full_like(high, np.inf)
-        size = np.where(np.isin(np.arange(len(cases)), live), high, size)  # enough is known, the smallest is not
-        return np.where((size >= limits) & ~np.isfinite(high), np.inf, size), effects
-
-    def _next(self, wanted: FloatArray, low: FloatArray, high: FloatArray, limits: FloatArray) -> FloatArray:
-        """Give the next size to try: the wanted one, or one between the bounds."""
-        wanted = np.minimum(wanted, limits)
-        outside = ((wanted <= low) | (wanted >= high)) & np.isfinite(high)
-        return np.where(outside, np.sqrt(np.maximum(low, _LEAST * high) * np.where(outside, high, 1.0)), wanted)
+            self._round(progress, cases, live)
+        return progress
 
     def _limit(self, k: int, sign: int) -> float:
         item = self.spec.parameters[k]
         return max(item.upper - item.healthy if sign > 0 else item.healthy - item.lower, 0.0)
 
-    def shift(self, cases: list[tuple[int, int]], size: FloatArray) -> _Shift:
-        """Give what faults of these sizes do to outputs, innovations and slow errors."""
-        outputs = self._outputs(cases, size)
-        spec, operation, rows = self.spec, self.operation, self.windows.rows
-        error = np.zeros((len(rows), len(cases), spec.n_joint))
-        innovations, slow = np.zeros_like(outputs), np.zeros((*outputs.shape[:3], len(alarming(spec))))
-        most = spec.thresholds.learning_bound or np.inf
-        for w in range(rows.shape[1]):
-            k = rows[:, w]
-            if w:
-                error = error @ operation.transition[k].transpose(0, 2, 1)
-                error[..., spec.noise_slice] = 0.0
-            spread = operation.spread[k][:, None, :]
-            deviation = outputs[:, :, w].transpose(1, 0, 2) - error @ operation.slope[k].transpose(0, 2, 1)
-            learned = np.clip(deviation, -most * spread, most * spread)
-            error = error + learned @ operation.gain[k].transpose(0, 2, 1)
-            innovations[:, :, w] = (deviation / spread).transpose(1, 0, 2)
-            slow[:, :, w] = ratios_of(spec, error).transpose(1, 0, 2)
-        return _Shift(noise=innovations, slow=slow, outputs=outputs)
+    def _round(self, progress: _Progress, cases: list[Case], live: IntArray) -> None:
+        """Try the sizes of some cases, and choose the next."""
+        now = progress.size[live]
+        shift = self.faults.shift([cases[c] for c in live], now)
+        factor = np.full(len(live), np.inf)
+        for number in np.unique(progress.trial[live]):
+            mine = np.flatnonzero((progress.trial[live] == number) & shift.whole)
+            factor[mine] = self._enough(shift, mine, _TRIALS[number])
+        progress.largest[live[shift.whole]] = shift.largest[shift.whole]
+        broken = live[~shift.whole]
+        progress.broken[broken] = True
+        least = np.where(progress.low[broken] > 0.0, progress.low[broken], _BACK**2 * now[~shift.whole])
+        progress.size[broken] = progress.limits[broken] = np.sqrt(least * now[~shift.whole])
+        self._judge(progress, live[shift.whole], factor[shift.whole], now[shift.whole])
+        progress.rounds[live] += 1
 
-    def _outputs(self, cases: list[tuple[int, int]], size: FloatArray) -> FloatArray:
-        """Give faulty minus healthy outputs of the plant from each onset on, (c, o, w, n_outputs), SI."""
-        operation, rows, n_cases = self.operation, self.windows.rows, len(cases)
-        healthy = operation.mean[rows[:, 0]].copy()
-        healthy[:, self.spec.noise_slice] = 0.0
-        v = np.stack(
-            [healthy, *(self._changed(healthy, k, sign * d) for (k, sign), d in zip(cases, size, strict=True))]
-        )
-        v = v.reshape(-1, self.spec.n_joint).T
-        z = np.tile(operation.implicit[rows[:, 0]], (n_cases + 1, 1)).T
-        read, go_on = self.model.measure.map(v.shape[1]), self.advance.map(v.shape[1])
-        seen = np.zeros((rows.shape[1], n_cases + 1, len(rows), len(self.spec.outputs)))
-        for w in range(rows.shape[1]):
-            k = rows[:, w]
-            u = np.tile(operation.u[k], (n_cases + 1, 1)).T
-            if w:
-                before = np.tile(operation.u_before[k], (n_cases + 1, 1)).T
-                v, z, y = (_full(item) for item in go_on(v, z, before, u, np.tile(operation.dt[k], n_cases + 1)[None]))
-            else:
-                y = _full(read(v, u, z)[0])
-            seen[w] = y.T.reshape(seen.shape[1:])
-        wrong = self.spec.output_noise * _ABSURD
-        moved = np.moveaxis(seen[:, 1:] - seen[:, :1], 0, 2)
-        return np.clip(np.where(np.isfinite(moved), moved, wrong), -wrong, wrong)
+    def _judge(self, progress: _Progress, live: IntArray, factor: FloatArray, now: FloatArray) -> None:
+        """Take what was found of sizes, and choose the next, or end."""
+        close = np.abs(np.log(factor)) < np.array([_TRIALS[number].close for number in progress.trial[live]])
+        stuck = (factor > 1.0) & (now >= progress.limits[live])
+        progress.low[live] = np.where(factor > 1.0, np.maximum(now, progress.low[live]), progress.low[live])
+        progress.high[live] = np.where(factor <= 1.0, np.minimum(now, progress.high[live]), progress.high[live])
+        wanted = np.minimum(now * factor, progress.limits[live])
+        low, high = progress.low[live], progress.high[live]
+        outside = ((wanted <= low) | (wanted >= high)) & np.isfinite(high)
+        between = np.sqrt(np.maximum(low, _LEAST * high) * np.where(outside, high, 1.0))
+        progress.size[live] = np.where(close | stuck, now, np.where(outside, between, wanted))
+        last = progress.trial[live] == len(_TRIALS) - 1
+        progress.found[live] = last & close
+        over = close | stuck | ((progress.rounds[live] >= _PATIENCE - 1) & ~last)
+        done = live[over]
+        progress.trial[done] += 1
+        progress.rounds[done], progress.low[done], progress.high[done] = -1, 0.0, np.inf
 
-    def _changed(self, healthy: FloatArray, parameter: int, change: float) -> FloatArray:
-        """Give joint vectors after a step of a parameter; stores keep their contents."""
-        n_x, place = len(self.spec.states), self.spec.parameter_slice
-        scales = self.model.scales
-        changed = healthy.copy()
-        item = self.spec.parameters[parameter]
-        moved = changed[:, place.start + parameter] + change
-        changed[:, place.start + parameter] = np.clip(moved, item.lower, item.upper)
-        for row, (old, new) in enumerate(zip(healthy, changed, strict=True)):
-            content = self.model.contents(old[:n_x], old[place] * scales)
-            changed[row, :n_x] = _full(self.model.coordinates(content, new[place] * scales)).reshape(-1)
-        return changed
-
-    def _enough(self, shift: _Shift, trial: _Trial) -> FloatArray:
+    def _enough(self, shift: Shift, cases: IntArray, trial: _Trial) -> FloatArray:
         """Give by how much each fault must grow, all else in proportion, to be found as often as asked.
 
-        Bisection for each realisation, in logarithms, within exp(-reach)..exp(reach); inf beyond.
+        Bisection for each realisation, in logarithms, within exp(-reach)..exp(reach); of the widest trial inf beyond.
         """
-        quiet = self.windows.quiet[:, :: 1 if trial.all else _EVERY]
-        low = np.full((shift.noise.shape[0], *quiet.shape), -trial.reach)
+        some = slice(None, None, trial.every or 1) if trial.every else slice(0, 1)
+        quiet = self.quiet[:, some] if trial.every else np.ones((len(self.quiet), 1), dtype=bool)
+        if not quiet.any():
+            some, quiet = slice(None), self.quiet
+        innovations = shift.innovations[:, cases].astype(np.float32)
+        slow = shift.slow[:, cases].astype(np.float32)
+        low = np.full((len(cases), *quiet.shape), -trial.reach)
         high = -low
         for _ in range(trial.steps):
             middle = (low + high) / 2
-            found = self._found(shift, np.exp(middle))
+            found = self._found(innovations, slow, np.exp(middle), some, noisy=trial.every > 0)
             low, high = np.where(found, low, middle), np.where(found, middle, high)
-        needed = np.where(high >= trial.reach, np.inf, np.exp((low + high) / 2))
+        beyond = np.inf if trial is _TRIALS[0] else np.exp(trial.reach)
+        needed = np.where(high >= trial.reach, beyond, np.exp((low + high) / 2))
         counted = np.flatnonzero(quiet)
-        if not len(counted):
-            raise RecordingError(
-                f"{self.spec.model}: in this run noise alone raises the alarm before any fault; "
-                "check the noise and the slow errors that the model declares"
-            )
         ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
         return np.asarray(ordered[:, min(int(self.certainty * len(counted)), len(counted) - 1)])
 
-    def _found(self, shift: _Shift, factor: FloatArray) -> BoolArray:
-        """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation."""
-        spec, windows = self.spec, self.windows
-        every = windows.quiet.shape[1] // factor.shape[2]
-        cusum = np.repeat(windows.cusum[:, None, :, ::every], len(factor), axis=1)
-        peak, slowest = cusum.copy(), np.zeros((*factor.shape, shift.slow.shape[-1]))
-        larger = factor[..., None]
-        for w in range(windows.rows.shape[1]):
-            counted = self.operation.counted[windows.rows[:, w]][:, None, :]
-            score = windows.noise[:, w, ::every] + larger * shift.noise[:, :, w, None, :]
-            cusum = accumulated(spec, cusum, score, counted)
-            np.maximum(peak, cusum, out=peak)
+    def _found(self, innovations: Single, slow: Single, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
+        """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation.
+
+        innovations: (w, c, o, n_outputs); slow: (w, c, o, n_slow).
+        """
+        settings, larger = self.spec.thresholds, factor.astype(np.float32)[:, :, None, :]
+        shape = (*larger.shape[:2], innovations.shape[-1], larger.shape[3])
+        up, down = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        if noisy:
+            up += self.cusum[0, :, :, some]
+            down += self.cusum[1, :, :, some]
+        peak, slowest = np.maximum(up, down), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
+        score = np.empty(shape, np.float32)
+        for w in range(len(innovations)):
+            np.multiply(larger, innovations[w, ..., None], out=score)
+            if noisy:
+                score += self.noise[w, :, :, some]
+            np.clip(score, -settings.cusum_clip, settings.cusum_clip, out=score)
+            _accumulate(up, score, settings.cusum_drift, self.counted[w])
+            _accumulate(down, np.negative(score, out=score), settings.cusum_drift, self.counted[w])
+            np.maximum(peak, up, out=peak)
+            np.maximum(peak, down, out=peak)
             if slowest.size:
-                ratios = windows.slow[:, w, ::every] + larger * shift.slow[:, :, w, None, :]
+                ratios = larger * slow[w, ..., None]
+                if noisy:
+                    ratios += self.slow[w, :, :, some]
                 np.maximum(slowest, np.abs(ratios), out=slowest)
-        return alarms(spec, peak, slowest)
+        crossed = np.any(peak > settings.cusum_limit, axis=2)
+        return np.asarray(crossed | np.any(slowest > settings.slow_error_limit, axis=2))
 
 
-def _full(value: ca.DM) -> FloatArray:
-    return np.asarray(value.full(), dtype=np.float64)
+def _accumulate(cusum: Single, score: Single, drift: float, counted: BoolArray) -> None:
+    """Take one sample into one side of a CUSUM (c, o, n_outputs, m); `counted` (o, n_outputs)."""
+    moved = score - np.float32(drift)
+    if not counted.all():
+        moved *= counted[None, :, :, None]
+    cusum += moved
+    np.maximum(cusum, 0.0, out=cusum)
 
 
-def _report(
-    spec: EngineSpec, search: _Search, chosen: list[int], within: float, certainty: float
-) -> Iterator[SmallestFault]:
-    cases = [(k, sign) for k in chosen for sign in (1, -1)]
-    sizes, effects = search.sizes(cases)
+def _report(search: _Search, chosen: list[int], within: float, clock: Clock) -> Iterator[SmallestFault]:
+    spec = search.spec
+    progress = search.run([(k, sign) for k in chosen for sign in (1, -1)], clock)
+    sizes = np.where(progress.found, progress.size, np.inf)
     for number, k in enumerate(chosen):
-        item, both = spec.parameters[k], sizes[2 * number : 2 * number + 2]
-        up, down = (float(size * abs(item.scale)) if np.isfinite(size) else None for size in both)
+        item, both = spec.parameters[k], slice(2 * number, 2 * number + 2)
+        up, down = (float(size * abs(item.scale)) if np.isfinite(size) else None for size in sizes[both])
         if item.scale < 0:
             up, down = down, up
-        finite = [2 * number + j for j in (0, 1) if np.isfinite(both[j])]
+        finite = [case for case in (2 * number, 2 * number + 1) if progress.found[case]]
         worst = max(finite, key=lambda case: sizes[case], default=None)
         yield SmallestFault(
             parameter=item.name,
@@ -343,9 +366,21 @@ def _report(
             up=up,
             down=down,
             within=within,
-            certainty=certainty,
-            effects=() if worst is None else _effects(spec, effects[worst]),
+            certainty=search.certainty,
+            effects=() if worst is None else _effects(spec, progress.largest[worst]),
+            reason=_reason(spec, progress, both) if worst is None else "",
         )
+
+
+def _reason(spec: EngineSpec, progress: _Progress, both: slice) -> str:
+    """Say why neither direction is found."""
+    if not (progress.limits[both] > 0.0).any():
+        return NO_RANGE
+    if len(np.intersect1d(progress.live, np.arange(both.start, both.stop))):
+        return NO_TIME
+    if progress.broken[both].any():
+        return NO_SOLUTION
+    return TOO_LARGE if (progress.largest[both] > _SEEN * spec.output_noise).any() else NO_EFFECT
 
 
 def _effects(spec: EngineSpec, largest: FloatArray) -> tuple[Effect, ...]:

@@ -9,24 +9,25 @@ and slow errors are left out: it tells which input to move, and only roughly how
 Source: none in the thesis; expected separation as in Box and Hill, Technometrics 9 (1967) 57, for linear models.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from faultbond.analysis.operation import reference_levels
 from faultbond.analysis.ranks import reduce, set_ranks, told_rank
+from faultbond.analysis.rest import Stand, at_rest, reference, reference_levels
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities
 from faultbond.analysis.testable import generic_run
 from faultbond.dynamics.step import StepModel
-from faultbond.errors import ModelError
+from faultbond.errors import ModelError, StructureError
 from faultbond.types import FloatArray
 
 PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
 FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range
 HOLD_SAMPLES = 600  # longest hold, where none is given
 PARTS = (1 / 8, 1 / 4, 1 / 2, 1.0)  # of the longest hold
+SHORTER = (1.0, 1 / 4, 1 / 16)  # parts of the longest hold, tried in turn
 FAULT = 0.25  # of the declared change: the fault that is to be told apart
 ENOUGH = 3.0  # standard deviations
 _STEPS = 48  # of the longest hold; each stands for many samples
@@ -74,15 +75,15 @@ def input_advice(
     ----------
     model : the plant
     sets : two or more sets of parameter names
-    inputs : levels of the operating point, SI; default those of `operation.reference_levels`
-    longest : s, the longest hold; default 600 samples
+    inputs : levels of the operating point, SI; default those of `rest.reference_levels`
+    longest : s, the longest hold; default 600 samples, fewer where the plant has no finite solution for so long
 
     Raises
     ------
     ModelError
         Where a name is unknown, or there are fewer than two sets.
     StructureError
-        Where the plant has no finite solution.
+        Where the plant has no finite solution even for a while with its inputs at these levels.
     """
     places = [_places(model, names) for names in sets]
     if len(places) < 2:
@@ -92,7 +93,7 @@ def input_advice(
     if refusal:
         return Stimulus(sets=named, choices=(), words=refusal)
     levels = reference_levels(model) if inputs is None else np.asarray(inputs, dtype=np.float64)
-    choices = _choices(model, places, levels, longest or HOLD_SAMPLES * _grid(model))
+    choices = _choices(model, places, levels, longest)
     return Stimulus(sets=named, choices=choices, words=_summary(named, choices))
 
 
@@ -122,16 +123,12 @@ def _refusal(model: StepModel, places: Sequence[tuple[int, ...]], named: Sequenc
 
 
 def _choices(
-    model: StepModel, places: Sequence[tuple[int, ...]], levels: FloatArray, longest: float
+    model: StepModel, places: Sequence[tuple[int, ...]], levels: FloatArray, asked: float | None
 ) -> tuple[InputAdvice, ...]:
-    recursion = build_recursion(model.plant)
     trials = _trials(model, levels)
-    runs = sensitivities(recursion, [_experiment(model, levels, longest, *trial) for trial in ((0, 0.0), *trials)])
-    still = runs[0]
-    if still is None:
-        return ()
+    longest, still, runs = _runs(model, levels, asked, trials)
     found = []
-    for (number, change), run in zip(trials, runs[1:], strict=True):
+    for (number, change), run in zip(trials, runs, strict=True):
         if run is None:
             continue
         after = [_separation(model, places, run, longest, part) for part in PARTS]
@@ -140,6 +137,34 @@ def _choices(
         if value > max(_BETTER * before, _SEEN):
             found.append(_advice(model, number, levels[number], change, part * longest, (before, value)))
     return tuple(sorted(found, key=lambda item: -item.after))
+
+
+def _runs(
+    model: StepModel, levels: FloatArray, asked: float | None, trials: Sequence[tuple[int, float]]
+) -> tuple[float, Sensitivity, tuple[Sensitivity | None, ...]]:
+    """Give the longest hold, the run at rest, and those of the trials; None where the plant cannot do a trial."""
+    recursion = build_recursion(model.plant)
+    for longest, stand in _points(model, levels, asked):
+        experiments = [_experiment(model, levels, longest, *trial, stand=stand) for trial in ((0, 0.0), *trials)]
+        still, *runs = sensitivities(recursion, experiments)
+        if still is not None:
+            return longest, still, tuple(runs)
+    graph = model.plant.graph
+    held = ", ".join(
+        f"{item.name} = {item.unit.from_si(level):.3g} {item.unit.text}"
+        for item, level in zip(graph.inputs, levels, strict=True)
+    )
+    raise StructureError(
+        f"{graph.file}: {graph.name} has no finite solution while its inputs stand still at {held}; check that its "
+        "stores neither empty nor overflow there, or declare a start"
+    )
+
+
+def _points(model: StepModel, levels: FloatArray, asked: float | None) -> Iterator[tuple[float, Stand]]:
+    """Give holds with where to begin them: where the reference run ended, else at rest, else for a shorter while."""
+    longest = HOLD_SAMPLES * _grid(model) if asked is None else asked
+    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+    yield from ((part * longest, stand) for part in SHORTER for stand in stands)
 
 
 def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
@@ -155,7 +180,9 @@ def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
     return trials
 
 
-def _experiment(model: StepModel, levels: FloatArray, longest: float, number: int, change: float) -> Experiment:
+def _experiment(
+    model: StepModel, levels: FloatArray, longest: float, number: int, change: float, *, stand: Stand
+) -> Experiment:
     """Give a run at the operating point and, half way, the change of one input."""
     graph = model.plant.graph
     nominal = np.array([item.nominal for item in graph.parameters])
@@ -165,11 +192,11 @@ def _experiment(model: StepModel, levels: FloatArray, longest: float, number: in
     dt = np.full(count, longest / _STEPS)
     dt[0] = 0.0
     return Experiment(
-        start=model.contents(model.reference_state, nominal).full()[:, 0],
+        start=stand.contents,
         inputs=inputs,
         dt=dt,
         theta=nominal,
-        implicit=model.reference_implicit,
+        implicit=stand.implicit,
     )
 
 

@@ -9,11 +9,10 @@ Source: Bock 1987 (simulation and sensitivities along one linearised trajectory)
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from faultbond.analysis.batch import Batch
 from faultbond.analysis.sensitivity import Experiment, Recursion
 from faultbond.types import BoolArray, FloatArray, IntArray
 
@@ -27,7 +26,6 @@ _FLAT = 1e-10  # a misfit below this part of its terms need not fall any more
 _TINY = 1e-300
 _HUGE = 1e120
 _GUESSES = (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0)))  # of implicit signals, SI
-_BLOCKS = (64, 8, 1)  # evaluations in one call
 MOST_NUMBERS = 3 * 10**6  # in the slopes of one batch of lanes
 
 
@@ -62,31 +60,6 @@ class Paths:
     good: BoolArray
 
 
-class _Batch:
-    """A CasADi function evaluated for many arguments, without copies."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self.function = function  # the buffer's methods take one argument less than CasADi's types say
-        self.blocks: list[tuple[int, Any, Any]] = [
-            (n, *(function.map(n) if n > 1 else function).buffer()) for n in _BLOCKS
-        ]
-
-    def __call__(self, *arguments: FloatArray) -> list[FloatArray]:
-        """Give results (n, rows, columns) for arguments (n, size), each contiguous."""
-        count, done = len(arguments[0]), 0
-        shapes = [self.function.size_out(k)[::-1] for k in range(self.function.n_out())]
-        results = [np.empty((count, *shape)) for shape in shapes]
-        for n, buffer, evaluate in self.blocks:
-            while count - done >= n:
-                for k, argument in enumerate(arguments):
-                    buffer.set_arg(k, argument[done : done + n].data)
-                for k, result in enumerate(results):
-                    buffer.set_res(k, result[done : done + n].data)
-                evaluate()
-                done += n
-        return [result.transpose(0, 2, 1) for result in results]
-
-
 class Course:
     """A run with the plant's equations along it."""
 
@@ -96,7 +69,7 @@ class Course:
         self.inputs = np.ascontiguousarray(run.inputs)
         self.n_x, self.n_z, self.n_p = plant.x.numel(), plant.z.numel(), plant.theta.numel()
         self.n_w, self.n_y, self.n_samples = self.n_x + self.n_z, plant.readings.numel(), len(run.dt)
-        self.misfit_of, self.slopes_of = _Batch(recursion.misfit), _Batch(recursion.slopes)
+        self.misfit_of, self.slopes_of = Batch(recursion.misfit), Batch(recursion.slopes)
         parameters = plant.graph.parameters
         self.linear = np.array([item.nominal == 0.0 for item in parameters], dtype=bool)
         self.scale = np.array([item.scale for item in parameters])
@@ -187,7 +160,7 @@ class Course:
         sane = [(np.abs(part) < _HUGE).reshape(n, -1).all(axis=1) for part in (w, y, w_by, y_by)]
         return Paths(w=w, y=y[..., 0], w_by=w_by, y_by=y_by, good=good & np.all(sane, axis=0))
 
-    def _call(self, function: _Batch, lanes: Lanes, w: FloatArray) -> list[FloatArray]:
+    def _call(self, function: Batch, lanes: Lanes, w: FloatArray) -> list[FloatArray]:
         """Evaluate a function at all samples; each result has shape (lanes, samples, rows, columns)."""
         n, m = len(w), self.n_samples
         x = np.ascontiguousarray(w[:, :, : self.n_x])

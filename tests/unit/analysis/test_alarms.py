@@ -5,7 +5,7 @@ import pytest
 from plants import example
 
 from faultbond.analysis.alarms import accumulated, windows_of
-from faultbond.analysis.operation import usual_run, operate
+from faultbond.analysis.operation import operate, usual_run
 from faultbond.runtime.monitor import Sample, init, step
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.filter import build_filter

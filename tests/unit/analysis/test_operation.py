@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plants import example, stated
 
-from faultbond.analysis.operation import usual_run, operate
+from faultbond.analysis.operation import operate, usual_run
 from faultbond.analysis.rest import at_rest, reference_levels
 from faultbond.errors import RecordingError, StructureError
 from faultbond.synthesis.filter import build_filter

@@ -1,0 +1,44 @@
+"""Many evaluations of one CasADi function, between arrays and without CasADi's matrices."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from faultbond.types import FloatArray
+
+_BLOCKS = (64, 8, 1)  # evaluations in one call
+
+
+class Batch:
+    """A CasADi function evaluated for many arguments, without copies."""
+
+    def __init__(self, function: ca.Function) -> None:
+        function = _dense(function)
+        self.function = function  # the buffer's methods take one argument less than CasADi's types say
+        self.blocks: list[tuple[int, Any, Any]] = [
+            (n, *(function.map(n) if n > 1 else function).buffer()) for n in _BLOCKS
+        ]
+
+    def __call__(self, *arguments: FloatArray) -> list[FloatArray]:
+        """Give results (n, rows, columns) for arguments (n, size), each contiguous."""
+        count, done = len(arguments[0]), 0
+        shapes = [self.function.size_out(k)[::-1] for k in range(self.function.n_out())]
+        results = [np.empty((count, *shape)) for shape in shapes]
+        for n, buffer, evaluate in self.blocks:
+            while count - done >= n:
+                for k, argument in enumerate(arguments):
+                    buffer.set_arg(k, argument[done : done + n].data)
+                for k, result in enumerate(results):
+                    buffer.set_res(k, result[done : done + n].data)
+                evaluate()
+                done += n
+        return [result.transpose(0, 2, 1) for result in results]
+
+
+def _dense(function: ca.Function) -> ca.Function:
+    """Give a function whose results have all their entries."""
+    if all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
+        return function
+    arguments = function.sx_in()
+    return ca.Function(function.name(), arguments, [ca.densify(item) for item in function.call(arguments)])

@@ -1,0 +1,96 @@
+"""What a fault does to the healthy filter: the nonlinear plant with a parameter changed, through its recursion.
+
+Stores keep their contents when the parameter changes; nothing reacts to the fault meanwhile.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.analysis.alarms import alarming, ratios_of
+from faultbond.analysis.batch import Batch
+from faultbond.analysis.operation import Operation, advance_function
+from faultbond.dynamics.step import StepModel
+from faultbond.spec import EngineSpec
+from faultbond.types import BoolArray, FloatArray, IntArray
+
+Case = tuple[int, int]  # parameter, sign of the change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shift:
+    """What faults of some size (cases c) do after each onset o, over samples w.
+
+    innovations: (w, c, o, n_outputs), in their sd. slow: (w, c, o, n_slow), in declared sd. largest: (c, n_outputs), of
+    the outputs, SI. whole: (c,), whether the plant has a finite solution all along; else the numbers mean nothing.
+    """
+
+    innovations: FloatArray
+    slow: FloatArray
+    largest: FloatArray
+    whole: BoolArray
+
+
+class Faults:
+    """Faults that begin at some rows (o, w) of an operation."""
+
+    def __init__(self, model: StepModel, spec: EngineSpec, operation: Operation, rows: IntArray) -> None:
+        self.model, self.spec, self.operation, self.rows = model, spec, operation, rows
+        self.advance, self.measure = Batch(advance_function(model)), Batch(model.measure)
+        self.healthy = operation.mean[rows[:, 0]].copy()
+        self.healthy[:, spec.noise_slice] = 0.0
+        self.outputs = self._outputs(self.healthy)
+
+    def shift(self, cases: Sequence[Case], sizes: FloatArray) -> Shift:
+        """Give what faults of these sizes, in factors, do to outputs, innovations and slow errors."""
+        spec, operation, rows = self.spec, self.operation, self.rows
+        starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])
+        seen = self._outputs(starts).reshape(rows.shape[1], len(cases), len(rows), -1)
+        moved = seen - self.outputs[:, None]
+        whole = np.asarray(np.isfinite(moved).all(axis=(0, 2, 3)))
+        moved = np.where(whole[:, None, None], moved, 0.0)
+        error = np.zeros((len(rows), len(cases), spec.n_joint))
+        innovations, slow = np.zeros_like(moved), np.zeros((*moved.shape[:3], len(alarming(spec))))
+        most = spec.thresholds.learning_bound or np.inf
+        for w in range(rows.shape[1]):
+            k = rows[:, w]
+            if w:
+                error = error @ operation.transition[k].transpose(0, 2, 1)
+                error[..., spec.noise_slice] = 0.0
+            spread = operation.spread[k][:, None, :]
+            deviation = moved[w].transpose(1, 0, 2) - error @ operation.slope[k].transpose(0, 2, 1)
+            learned = np.clip(deviation, -most * spread, most * spread)
+            error = error + learned @ operation.gain[k].transpose(0, 2, 1)
+            innovations[w] = (deviation / spread).transpose(1, 0, 2)
+            if slow.shape[-1]:
+                slow[w] = ratios_of(spec, error).transpose(1, 0, 2)
+        largest = np.max(np.abs(moved), axis=(0, 2))
+        return Shift(innovations=innovations, slow=slow, largest=largest, whole=whole)
+
+    def _outputs(self, starts: FloatArray) -> FloatArray:
+        """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn."""
+        operation, rows = self.operation, self.rows
+        times = len(starts) // len(rows)
+        v, z = np.ascontiguousarray(starts), np.tile(operation.implicit[rows[:, 0]], (times, 1))
+        seen = np.zeros((rows.shape[1], len(starts), len(self.spec.outputs)))
+        for w in range(rows.shape[1]):
+            k = np.tile(rows[:, w], times)
+            if w:
+                arguments = (v, z, operation.u_before[k], operation.u[k], operation.dt[k, None])
+                v, z, y = (np.ascontiguousarray(item[:, :, 0]) for item in self.advance(*arguments))
+            else:
+                y = self.measure(v, operation.u[k], z)[0][:, :, 0]
+            seen[w] = y
+        return seen
+
+    def _changed(self, parameter: int, change: float) -> FloatArray:
+        """Give joint vectors after a step of a parameter; stores keep their contents."""
+        n_x, place, scales = len(self.spec.states), self.spec.parameter_slice, self.model.scales
+        changed, item = self.healthy.copy(), self.spec.parameters[parameter]
+        moved = changed[:, place.start + parameter] + change
+        changed[:, place.start + parameter] = np.clip(moved, item.lower, item.upper)
+        for row, (old, new) in enumerate(zip(self.healthy, changed, strict=True)):
+            content = self.model.contents(old[:n_x], old[place] * scales)
+            changed[row, :n_x] = self.model.coordinates(content, new[place] * scales).full().reshape(-1)
+        return changed
