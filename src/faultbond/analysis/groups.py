@@ -9,7 +9,7 @@ Source: thesis 6.1.2 (faults that explain one another); Bjorck and Golub, Math. 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, combinations, groupby, product
+from itertools import accumulate, groupby, product
 from math import radians, sin
 
 import numpy as np
@@ -146,14 +146,31 @@ def near_pairs(
     reduced: Reduced, sets: Sequence[Set], alike: Sequence[tuple[Set, ...]], threshold: float = NEAR_ANGLE
 ) -> list[tuple[Pair, float]]:
     """Give the pairs of `near_groups` and their angles, at most `MOST_CLOSE` a size, in no order, without reasons."""
+    home = {chosen: k for k, members in enumerate(alike) for chosen in members}
     double = {chosen for members in alike for chosen in members[1:]}
-    known = {frozenset(pair) for members in alike for pair in combinations(members, 2)}
+    near: set[frozenset[Set]] = set()
+    singles = _alike_singles(len(reduced.parameters), alike)
     found: list[tuple[Pair, float]] = []
-    for _, same_size in groupby((chosen for chosen in sets if chosen not in double), key=len):
-        for pair, angle in _close_pairs(reduced, tuple(same_size), threshold, known):
-            known.add(frozenset(pair))
-            if not _follows(pair, known):
+    for size, same_size in groupby((chosen for chosen in sets if chosen not in double), key=len):
+        pairs = _close_pairs(reduced, tuple(same_size), threshold, singles)
+        for pair, angle in pairs:
+            near.add(frozenset(pair))
+            left, right = _rests(pair)
+            known = frozenset((left, right)) in near or (left in home and home[left] == home.get(right))
+            if len(left) == size or not known:
                 found.append((pair, angle))
+        for (left, right), _ in pairs if size == 1 else ():
+            singles[left + right] = singles[right + left] = True
+    return found
+
+
+def _alike_singles(n_parameters: int, alike: Sequence[tuple[Set, ...]]) -> BoolArray:
+    """Tell of each two parameters whether they look exactly alike."""
+    found = np.zeros((n_parameters, n_parameters), dtype=bool)
+    for members in alike:
+        if len(members[0]) == 1:
+            places = [chosen[0] for chosen in members]
+            found[np.ix_(places, places)] = True
     return found
 
 
@@ -163,24 +180,23 @@ def not_compared(sets: Sequence[Set]) -> int:
     return sum(count for count in counts if count > MOST_COMPARED)
 
 
-def _follows(pair: Pair, known: set[frozenset[Set]]) -> bool:
-    """Whether the pair without what both hold is known."""
-    shared = set(pair[0]) & set(pair[1])
-    left, right = (tuple(k for k in chosen if k not in shared) for chosen in pair)
-    return bool(shared) and frozenset((left, right)) in known
+def _rests(pair: Pair) -> Pair:
+    """Give two sets without what both hold."""
+    one, two = pair
+    return tuple(k for k in one if k not in two), tuple(k for k in two if k not in one)
 
 
 def _close_pairs(
-    reduced: Reduced, sets: tuple[Set, ...], threshold: float, known: set[frozenset[Set]]
+    reduced: Reduced, sets: tuple[Set, ...], threshold: float, singles: BoolArray
 ) -> list[tuple[Pair, float]]:
     """Give the pairs of sets with their largest principal angle where that is below the threshold.
 
-    Of pairs of two that follow from known ones some may be left out.
+    Pairs of two are left out that follow from a near pair of single suspects, told by `singles`.
     """
     if len(sets) < 2 or len(sets) > MOST_COMPARED:
         return []
     base = bases(reduced, sets)
-    one, two = _candidates(base, sin(radians(threshold)), _following(sets, len(reduced.parameters), known))
+    one, two = _candidates(base, sin(radians(threshold)), _following(sets, singles))
     step = max(1, _BLOCK // max(1, base[0].size))
     parts = [slice(first, first + step) for first in range(0, len(one), step)]
     angles = [angle for part in parts for angle in largest_angles(base[one[part]], base[two[part]]).tolist()]
@@ -207,22 +223,17 @@ def _candidates(base: FloatArray, sine: float, following: Following) -> tuple[In
     return one, two
 
 
-def _following(sets: tuple[Set, ...], n_parameters: int, known: set[frozenset[Set]]) -> Following:
-    """Give a function that tells of pairs of two suspects each whether they follow from a known pair of single ones."""
+def _following(sets: tuple[Set, ...], singles: BoolArray) -> Following:
+    """Give a function that tells of pairs of two suspects each whether they follow from a near pair of single ones."""
     if len(sets[0]) != 2:
         return lambda one, _two: np.zeros(len(one), dtype=bool)
-    near = np.zeros((n_parameters, n_parameters), dtype=bool)
-    for pair in known:
-        if all(len(chosen) == 1 for chosen in pair):
-            (left,), (right,) = pair
-            near[left, right] = near[right, left] = True
     members = np.array(sets)
 
     def following(one: IntArray, two: IntArray) -> BoolArray:
         found = np.zeros(len(one), dtype=bool)
         for k, m in product((0, 1), repeat=2):
             shared = members[one, k] == members[two, m]
-            found |= shared & near[members[one, 1 - k], members[two, 1 - m]]
+            found |= shared & singles[members[one, 1 - k], members[two, 1 - m]]
         return found
 
     return following
