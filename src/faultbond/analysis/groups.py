@@ -9,7 +9,7 @@ Source: thesis 6.1.2 (faults that explain one another); Bjorck and Golub, Math. 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, groupby, product
+from itertools import accumulate, compress, groupby, product
 from math import radians, sin
 
 import numpy as np
@@ -29,7 +29,7 @@ MOST_NEAR = 100  # near groups given, the nearest
 _SAME_SHADOW = 1e-6
 _BLOCK = 2**21  # numbers in one batch
 _VECTORS = 3  # random ones, of which shadows are compared
-_TRIES = 8  # classes with the nearest shadows that a set is compared with
+_ROUNDS = 8  # of comparisons of a lot of sets with one of them, at least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ def _classes(reduced: Reduced, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
     shadows = np.sum(np.einsum("nik,iv->nkv", base, vectors) ** 2, axis=1) / lengths
     parts = sorted(_like(shadows), key=len)
     few = [part for part, total in zip(parts, accumulate(map(len, parts)), strict=True) if total <= MOST_COMPARED]
-    found = [members for part in few for members in _same_space(reduced, sets, shadows, part)]
+    found = [members for part in few for members in _same_space(reduced, sorted(sets[k] for k in part))]
     return sorted(members for members in found if len(members) > 1)
 
 
@@ -102,24 +102,31 @@ def _like(shadows: FloatArray) -> list[list[int]]:
     return [order[bounds[k] : bounds[k + 1]].tolist() for k in np.flatnonzero(np.diff(bounds) > 1)]
 
 
-def _same_space(reduced: Reduced, sets: tuple[Set, ...], shadows: FloatArray, part: list[int]) -> list[tuple[Set, ...]]:
-    """Give the classes of some sets; each is compared with the first of those classes whose shadows are nearest."""
-    found: list[list[int]] = []
-    for one in sorted(part, key=sets.__getitem__):
-        apart = np.max(np.abs(shadows[[item[0] for item in found]] - shadows[one]), axis=1, initial=0.0)
-        nearest = [k for k in np.argsort(apart, kind="stable")[:_TRIES].tolist() if apart[k] <= _SAME_SHADOW]
-        home = next((found[k] for k in nearest if _alike(reduced, sets[found[k][0]], sets[one])), None)
-        if home is None:
-            found.append([one])
-        else:
-            home.append(one)
-    return [tuple(sets[k] for k in item) for item in found]
+def _same_space(reduced: Reduced, sets: list[Set]) -> list[tuple[Set, ...]]:
+    """Give the classes of some sets: all are compared with the first, what is left with the first of that.
+
+    A large lot in which hardly any two are alike, as rounding makes them, is left after some rounds.
+    """
+    found: list[tuple[Set, ...]] = []
+    for _ in range(max(_ROUNDS, MOST_COMPARED // len(sets))):
+        if not sets:
+            break
+        alike = [True, *_alike(reduced, sets[0], sets[1:])]
+        found.append(tuple(compress(sets, alike)))
+        sets = [item for item, same in zip(sets, alike, strict=True) if not same]
+    return found
 
 
-def _alike(reduced: Reduced, one: Set, two: Set) -> bool:
-    """Whether the union of two identifiable sets spans no more than each of them."""
-    union = reduced.matrix[:, sorted({*one, *two})]
-    return int(np.sum(np.linalg.svd(union, compute_uv=False) > reduced.rank.low)) <= len(one)
+def _alike(reduced: Reduced, one: Set, others: list[Set]) -> list[bool]:
+    """Whether the union of one identifiable set and each other spans no more than each of them."""
+    if not others:
+        return []
+    places = np.array(others)
+    columns = reduced.matrix[:, places] * ~np.isin(places, one)  # what both hold counts once
+    head = np.broadcast_to(reduced.matrix[:, None, list(one)], columns.shape)
+    unions = np.concatenate([head, columns], axis=2).transpose(1, 0, 2)
+    values = np.linalg.svd(unions, compute_uv=False)
+    return [int(rank) <= len(one) for rank in np.sum(values > reduced.rank.low, axis=1)]
 
 
 def near_groups(
