@@ -451,6 +451,69 @@ sensors: {y: {reads: y, noise: 0.1}}
     assert [item[0] for item in estimates(diagnoses[1])["A",]] == pytest.approx([2.0], abs=0.05)
 
 
+ROOT = """
+sample_time: none
+inputs: {u: {}}
+blocks:
+  a: {law: x = (u - A)**0.5, parameters: {A: 1}}
+  b: {law: y = B*x - C, parameters: {B: 2, C: 0.5}}
+sensors: {y: {reads: y, noise: 0.01}}
+"""
+
+
+def test_values_without_a_real_reading_explain_nothing() -> None:
+    """With A beyond u the root is not real; that is no fit of the readings, however few are left."""
+    rows = [(3.0, 0.2 * sqrt(2.0) - 0.5 + error) for error in (0.01, -0.01, 0.005, -0.005)]
+    _, diagnoses = report(ROOT, rows)
+    assert singles(diagnoses[-1]) == pytest.approx({"A": 2.98, "B": 0.2, "C": 3.05}, abs=0.01)
+
+
+@pytest.mark.parametrize("noise", [", noise: 0.01", ""])
+def test_a_healthy_network_without_a_real_reading(noise: str) -> None:
+    """Where the nominal root is not real the reading contradicts, and a smaller A that explains it is found."""
+    detection, diagnoses = report(ROOT.replace(", noise: 0.01", noise), [(0.5, 0.5), (0.5, 0.5)])
+    assert detection is not None
+    ((a,),) = estimates(diagnoses[-1])["A",]
+    assert a == pytest.approx(0.25, abs=1e-6)
+
+
+def test_infinite_readings_agree_with_nothing() -> None:
+    """A quotient by an input of 0 is no number, and so agrees with no reading; unless there is none."""
+    text = PRODUCT.replace("A*x", "A/x")
+    assert report(text, [(0, nan), (1, 6)]) == (None, [])
+    for noise in ("", ", noise: 0.1"):
+        detection, _ = report(text.replace("reads: y", f"reads: y{noise}"), [(0, 6), (1, 6)])
+        assert detection is not None
+        assert detection.sample == 0
+
+
+def test_infinite_slopes_are_no_error() -> None:
+    """A root at 0 is infinitely steep in its noisy input, so that its reading says nothing; later rows do."""
+    text = ROOT.replace("(u - A)**0.5", "A*u**0.5").replace("u: {}", "u: {noise: 0.02}").replace(", noise: 0.01", "")
+    detection, _ = report(text, [(0, 3), (4, 3.5), (4, 9)])
+    assert detection is not None
+    assert detection.sample == 2
+
+
+def test_readings_with_the_noise_of_one_input_alone() -> None:
+    """Exact sensors behind one noisy input contradict each other long before they contradict the input."""
+    text = SUM.replace("x: {}", "x: {noise: 5}").replace("s: {reads: s}", "s: {reads: s}, t: {reads: s + p}")
+    assert report(text, [(1.1, 1, 2, 5, 7)]) == (None, [])
+    detection, diagnoses = report(text, [(1.1, 1, 2, 5.001, 7.001)])
+    assert detection is not None
+    assert singles(diagnoses[-1]) == pytest.approx({"B": 3.001})
+
+
+def test_readings_whose_input_is_missing_do_not_count() -> None:
+    """They neither explain nor make the test of the others milder."""
+    text = SUM.replace("reads: p", "reads: p, noise: 0.01").replace("reads: s", "reads: s, noise: 0.01")
+    far = [(1, 1, 2.40, nan), (1, 1, 2.45, nan), (1, 1, 2.35, nan)]
+    lacking = [(nan, 1, k, k) for k in range(40)]
+    for rows in (far, [far[0], *lacking, *far[1:]]):
+        _, diagnoses = report(text, rows)
+        assert diagnoses[-1].candidates == ()
+
+
 def test_blocks_with_noise() -> None:
     """With noise 0.01, C and E explain what they explain without it, and nothing else does."""
     detection, (diagnosis,) = report(GAUGES, [(2, 3, 2, 4, 11.01, 179.99), (2, 3, 2, 4, 11.01, 170)])

@@ -19,6 +19,8 @@ from faultbond.types import BoolArray, FloatArray
 DETECTED = 1e-6  # chance that an observation of the healthy network is taken for a fault
 REJECTED = 1e-3  # chance that the true hypothesis is rejected after an observation
 EXACT = 1e-9  # relative standard deviation of a reading without noise, beside others with noise
+_FARTHEST = 1e15  # largest misfit, and slope, in standard deviations
+_LARGEST_SHARE = 1e12  # largest noise from an input, in standard deviations of the sensor
 _SINGULAR = 1e-9
 
 
@@ -51,10 +53,17 @@ def data_of(network: StaticNetwork, rows: Sequence[Observation]) -> Data:
     return Data(u=np.array(inputs).reshape(-1, len(rows)), y=np.array(readings).reshape(-1, len(rows)))
 
 
-def whitened(read: Reader, x: FloatArray, data: Data) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Give misfits in their standard deviations (n, m), slopes by the free values (n, m, p), what is there (n, m).
+def readable(read: Reader, data: Data) -> BoolArray:
+    """Tell which readings say something, (m, n): those measured whose inputs are there."""
+    lacking = (read.needs[:, :, None] & ~np.isfinite(data.u)[None, :, :]).any(axis=1)
+    return np.asarray(np.isfinite(data.y) & ~lacking)
+
+
+def whitened(read: Reader, x: FloatArray, data: Data) -> tuple[FloatArray, FloatArray]:
+    """Give misfits in their standard deviations (n, m) and slopes by the free values (n, m, p); 0 where unreadable.
 
     The weights are those of the free values given (effective variance); slopes leave out the slopes of the weights.
+    Where free values give no real number, the misfit is that of a reading as far off as can be.
 
     Parameters
     ----------
@@ -63,13 +72,29 @@ def whitened(read: Reader, x: FloatArray, data: Data) -> tuple[FloatArray, Float
     data : the observations
     """
     y, by_x, by_u = read(x, data.u)
-    seen = np.isfinite(data.y) & np.isfinite(y)
-    gap = np.where(seen, data.y - np.where(seen, y, 0.0), 0.0).T
-    cover = np.where(seen.T[:, :, None], np.nan_to_num(by_u) * read.input_noise, 0.0)
+    there, real = readable(read, data).T, np.isfinite(y).T
     own = np.maximum(read.output_noise[:, None], EXACT * _sizes(data.y)).T
-    root = np.linalg.cholesky(cover @ cover.transpose(0, 2, 1) + own[:, :, None] ** 2 * np.eye(len(data.y)))
-    slopes = np.where(seen.T[:, :, None], -np.nan_to_num(by_x), 0.0)
-    return np.linalg.solve(root, gap[:, :, None])[:, :, 0], np.linalg.solve(root, slopes), seen.T
+    off = np.where(real, data.y.T - np.where(real, y.T, 0.0), np.inf)
+    gap = np.where(there, np.clip(off, -_FARTHEST * own, _FARTHEST * own), 0.0)
+    slopes, cover = (np.where((there & real)[:, :, None], item, 0.0) for item in (-by_x, by_u))
+    slopes = np.clip(np.nan_to_num(slopes), -_FARTHEST * own[:, :, None], _FARTHEST * own[:, :, None])
+    largest = _LARGEST_SHARE * own[:, :, None] / np.where(read.input_noise > 0.0, read.input_noise, 1.0)
+    cover = np.clip(np.nan_to_num(cover), -largest, largest) * read.input_noise
+    root = _root(cover, own)
+    return np.asarray(np.linalg.solve(root, gap[:, :, None])[:, :, 0]), np.asarray(np.linalg.solve(root, slopes))
+
+
+def _root(cover: FloatArray, own: FloatArray) -> FloatArray:
+    """Give a lower root of the covariance `cover cover' + own^2` (n, m, m) without its squares, which lose a small own.
+
+    Parameters
+    ----------
+    cover : what the noise of each input does to the readings, (n, m, n_inputs)
+    own : noise of the sensors, (n, m)
+    """
+    spread = np.concatenate([cover, own[:, :, None] * np.eye(own.shape[1])], axis=2)
+    upper = np.array(np.linalg.qr(spread.transpose(0, 2, 1), mode="r"), dtype=np.float64)
+    return upper.transpose(0, 2, 1)
 
 
 def _sizes(y: FloatArray) -> FloatArray:
@@ -128,8 +153,8 @@ def contradicting(read: Reader, sensors: Sequence[str], data: Data) -> tuple[str
     sensors : their names
     data : one observation
     """
-    gaps, _, there = whitened(read, np.zeros(0), data)
-    if float(np.sum(gaps**2)) <= limit(DETECTED, int(there.sum())):
+    gaps, _ = whitened(read, np.zeros(0), data)
+    if float(np.sum(gaps**2)) <= limit(DETECTED, int(readable(read, data).sum())):
         return ()
     alone = [
         Data(u=data.u, y=np.where(np.arange(len(sensors))[:, None] == k, data.y, np.nan)) for k in range(len(sensors))

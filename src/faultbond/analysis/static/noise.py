@@ -11,10 +11,11 @@ from math import inf
 
 import numpy as np
 
-from faultbond.analysis.static.fit import REJECTED, Data, Fit, data_of, fit, limit
+from faultbond.analysis.static.fit import REJECTED, Data, Fit, data_of, fit, limit, readable
 from faultbond.analysis.static.hypothesis import Hypothesis, advance
 from faultbond.analysis.static.network import READING, Observation, StaticNetwork, healthy_of
 from faultbond.analysis.static.reader import Reader, reader
+from faultbond.analysis.static.search import starts
 from faultbond.analysis.static.solve import Point, value_of
 from faultbond.types import FloatArray
 
@@ -80,14 +81,14 @@ def _reader(network: StaticNetwork, suspects: tuple[str, ...]) -> Reader:
 
 
 def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> Trial:
-    readings = int(np.isfinite(data.y).sum())
+    readings = int(readable(held.read, data).sum())
     if held.least > limit(REJECTED, readings):
         return replace(held, allowed=0.0)
     items = [network.graph.parameter(name) for name in held.suspects]
     bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
     scale = np.array([item.scale for item in items])
     found: list[Fit] = []
-    for start in _starts(network, held, rows):
+    for start in _starts(network, held, rows, data):
         solution = fit(held.read, start, scale, bounds, data)
         if not any(_same(solution, other, scale) for other in found):
             found.append(solution)
@@ -95,14 +96,23 @@ def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observati
     return replace(held, found=tuple(found), allowed=limit(REJECTED, max(readings - rank, 1)))
 
 
-def _starts(network: StaticNetwork, held: Trial, rows: Sequence[Observation]) -> list[FloatArray]:
-    """Give what to start from: the fits so far; at first, also the nominal values and the roots of single readings."""
+def _starts(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> list[FloatArray]:
+    """Give what to start from: the fits so far; at first, also the nominal values and the roots of single readings.
+
+    Where the nominal values give no real number, multiples of them are tried too.
+    """
     if held.found and len(rows) > ROOTS_FROM:
         return [item.values for item in held.found]
     roots = _first_roots(network, held.suspects, rows) if len(rows) <= ROOTS_FROM else ()
     nominal = np.array([float(network.values[name]) for name in held.suspects])
     exact = [np.array([float(value_of(point[name])) for name in held.suspects]) for point in roots]
-    return [nominal, *(item.values for item in held.found), *exact]
+    further = [] if _is_real(held.read, nominal, data) else [nominal * item for item in starts(len(held.suspects))]
+    return [nominal, *(item.values for item in held.found), *exact, *further]
+
+
+def _is_real(read: Reader, x: FloatArray, data: Data) -> bool:
+    """Whether values give a real number wherever there is a reading; a fit goes nowhere from where they do not."""
+    return bool(np.isfinite(read(x, data.u)[0][readable(read, data)]).all())
 
 
 def _first_roots(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> tuple[Point, ...]:
@@ -121,13 +131,14 @@ def _first_roots(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequen
 
 
 def _same(one: Fit, other: Fit, scale: FloatArray) -> bool:
+    """Whether a fit is no other than one found before, which is no worse."""
     near = np.where(np.isfinite(one.sd), 0.1 * one.sd, inf) + 1e-6 * np.abs(scale)
-    return bool(np.all(np.abs(one.values - other.values) <= near))
+    return other.misfit < one.misfit + 1.0 and bool(np.all(np.abs(one.values - other.values) <= near))
 
 
 def _of_blocks(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> Trial:
     """Fit the free signals of the observations that are new; each observation has its own."""
-    if held.least > limit(REJECTED, int(np.isfinite(data.y).sum())):
+    if held.least > limit(REJECTED, int(readable(held.read, data).sum())):
         return replace(held, allowed=0.0)
     misfit, freedom = held.least, held.freedom
     for k in range(held.count, len(rows)):
@@ -137,7 +148,7 @@ def _of_blocks(network: StaticNetwork, held: Trial, rows: Sequence[Observation],
         one = Data(u=data.u[:, k : k + 1], y=data.y[:, k : k + 1])
         found = fit(held.read, start, scale, (np.full(len(start), -inf), np.full(len(start), inf)), one)
         misfit += found.misfit
-        freedom += int(np.isfinite(one.y).sum()) - found.rank
+        freedom += int(readable(held.read, one).sum()) - found.rank
     none = np.zeros(0)
     total = Fit(values=none, sd=none, misfit=misfit, rank=0)
     allowed = limit(REJECTED, max(freedom, 1))

@@ -11,14 +11,18 @@ from faultbond.dynamics.evaluate import evaluate
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.structure.numeric import Value
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reader:
-    """Readings as a function: of the free values at the places `chosen`, others at their `nominal`, and of inputs."""
+    """Readings as a function: of the free values at the places `chosen`, others at their `nominal`, and of inputs.
+
+    needs: which inputs each reading depends on, (m, n_inputs).
+    """
 
     function: ca.Function  # (free, u) -> y, dy/dfree, dy/du
+    needs: BoolArray
     free: tuple[str, ...]
     nominal: FloatArray
     chosen: tuple[int, ...]
@@ -68,8 +72,10 @@ def reader(
     _follow(laws, known, graph.file)
     y = ca.vertcat(*(evaluate(item.reads, known) for item in graph.sensors))
     x, u = _column(symbols[name] for name in free), _column(symbols[item.name] for item in graph.inputs)
+    by_u = ca.jacobian(y, u)
     return Reader(
-        function=ca.Function("readings", [x, u], [y, ca.jacobian(y, x), ca.jacobian(y, u)]),
+        function=ca.Function("readings", [x, u], [y, ca.jacobian(y, x), by_u]),
+        needs=np.array(ca.DM(by_u.sparsity(), 1.0).full()) > 0.0,
         free=tuple(free),
         nominal=np.array(list(free.values()), dtype=np.float64),
         chosen=tuple(range(len(free))),

@@ -116,8 +116,11 @@ class ExactProver:
             return False
         data = static_fit.data_of(self.network, [seen])
         y, _, _ = self.network.reader(self.network.reader.nominal, data.u)
+        there = np.isfinite(data.y)
+        if not np.isfinite(y[there]).all():
+            return False
         near = np.abs(y - data.y) <= _SURELY * np.maximum(np.abs(y), np.abs(data.y))
-        return bool(np.all(near | np.isnan(data.y)))
+        return bool(near[there].all())
 
     def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
         """Give all explanations of least size; what was rejected stays so, and sizes only grow."""
