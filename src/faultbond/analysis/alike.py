@@ -23,6 +23,8 @@ def why_alike(reduced: Reduced, sets: tuple[Set, ...], smaller: Mapping[frozense
     sets : the group
     smaller : reasons of the groups found before, by their sets
     """
+    if not reduced.matrix[:, [k for chosen in sets for k in chosen]].any():
+        return "none of them shows"
     if len(sets[0]) == 1:
         return _why_singles(reduced, [chosen[0] for chosen in sets])
     shared = set(sets[0]).intersection(*sets)

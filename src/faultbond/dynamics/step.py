@@ -256,7 +256,7 @@ def _reference(
         if len(best[2]) == count:
             break
         near = start.copy()
-        near[: len(nudge)] += nudge
+        near[: len(nudge)] = np.where(np.isfinite(start[: len(nudge)]), start[: len(nudge)], 0.0) + nudge
         best = max(best, run(near), key=lambda item: len(item[2]))
     return best[0], best[1], _usual_rate(best[2])
 

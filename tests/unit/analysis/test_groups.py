@@ -123,6 +123,17 @@ def test_sets_that_explain_anything_are_one_group() -> None:
     assert (found.sets, found.reason) == (((0, 1), (0, 2), (1, 2)), "each of them explains anything")
 
 
+def test_what_does_not_show_is_one_group() -> None:
+    """Where no sensor sees anything of the parameters, they look alike for that reason."""
+    model = circuit(
+        "  R: {type: R, parameters: {R: 10 ohm}}\n  C: {type: C, parameters: {C: 10 mF}}",
+        "line: 1",
+        "source -> line -> R, line -> C",
+        "v: {reads: source.e, unit: V, noise: 1 mV}",
+    )
+    assert generic(model) == [([("R",), ("C",)], "none of them shows")]
+
+
 def test_the_angle_between_sets() -> None:
     """The angle is the largest principal one: two planes of space meet in a line, but differ."""
     one = np.array([[[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]])

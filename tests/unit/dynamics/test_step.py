@@ -324,6 +324,16 @@ def test_empty_tanks_in_a_row_fill() -> None:
     assert model.substeps < MAX_SUBSTEPS
 
 
+def test_a_start_without_a_finite_effort_is_left() -> None:
+    """A gas spring that is empty at the start has an endless pressure; the reference run begins at a finite one."""
+    model = stated(
+        "  R: {type: R, parameters: {R: 10 ohm}}\n  C: {type: C, law: e = A/q, parameters: {A: 1 V*A*s}}",
+        "line: 1",
+        "source -> line -> R, line -> C",
+    )
+    assert np.isfinite(model.reference_state).all()
+
+
 @pytest.mark.parametrize("name", ["tank", "rlc", "pipe", "dc_motor_current"])
 def test_reference_follows_the_step(name: str) -> None:
     """Where one step a sample is enough, the reference run ends where a hundred of them by `predict` do."""
