@@ -94,6 +94,26 @@ def test_a_recording_is_judged_beside(tmp_path: Path, capsys: pytest.CaptureFixt
     assert advice["choices"][0]["input"] == "u_out"
 
 
+def test_a_recording_begins_at_the_declared_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A full tank, as declared, that drains shows how fast it does, K**2/A, though its sensor comes late."""
+    model = tmp_path / "tank.yaml"
+    model.write_text(
+        "name: draining tank\nsample_time: 1 s\ninputs: {u: {unit: percent}}\ncomponents:\n"
+        "  tank: {type: C, law: e = q/A, parameters: {A: 2 m^2}, start: {q: 4 m^3, sd: 0.01 m^3}}\n"
+        "  valve: {type: R, law: f = K*u*sqrt(e), parameters: {K: 0.001 m^2.5/s/percent}}\n"
+        "junctions: {node: 0}\nbonds: [node -> tank, node -> valve]\n"
+        "sensors: {flow: {reads: valve.f, unit: m^3/s, noise: 0.0001 m^3/s}}\n"
+    )
+    depths = [2.0]
+    for _ in range(99):
+        depths.append(max(depths[-1] - 0.025 * depths[-1] ** 0.5, 0.0))
+    rows = [f"{k},50,{0.05 * depth**0.5 if k >= 20 else ''}" for k, depth in enumerate(depths)]
+    recording = tmp_path / "rows.csv"
+    recording.write_text("\n".join(["time,u,flow", *rows]) + "\n")
+    assert main(["analyse", str(model), "--data", str(recording), "--closed", "0", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["on_data"]["rank"] == 1
+
+
 def test_the_search_of_the_thesis(capsys: pytest.CaptureFixture[str]) -> None:
     """`--trace` prints the lists U, K and C step by step, and the record tells the order of the components."""
     assert main(["analyse", str(MOTOR), "--trace", "R,L"]) == 0

@@ -143,10 +143,13 @@ def _general(study: _Study, view: View) -> Section:
 
 def _recorded(study: _Study) -> View:
     model = study.model
-    start = np.array([study.start.get(store.name, 0.0) for store in model.plant.network.states])
+    declared = {item.name: item.start.mean for item in study.graph.components if item.start is not None}
+    stores = model.plant.network.states
+    start = np.array([study.start.get(item.name, declared.get(item.component or "", 0.0)) for item in stores])
     times = np.array([point.time for point in study.points])
     inputs = np.array([point.u for point in study.points]).reshape(len(times), len(study.graph.inputs))
-    return on_record(model, recorded_runs(model, study.recursion, times, inputs, start))
+    readings = np.array([point.y for point in study.points]).reshape(len(times), len(study.graph.sensors))
+    return on_record(model, recorded_runs(model, study.recursion, times, inputs, start, readings))
 
 
 def _on_data(study: _Study, view: View) -> Section:
@@ -208,9 +211,11 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tupl
 
 def _routes(study: _Study, wishes: Wishes) -> Section:
     found = answers(study.graph, study.network, wishes)
+    asked_for = [item for item in found if wishes.closed and _size(item.question) <= wishes.closed]
+    late = sum(item.route is not None and item.solution is None for item in asked_for)
     return Section(
-        record=analysed.routes_record(study.network, found),
-        show=lambda console: print_routes(console, study.network, found),
+        record=analysed.routes_record(study.network, found, late),
+        show=lambda console: print_routes(console, study.network, found, late),
     )
 
 

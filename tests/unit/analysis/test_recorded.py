@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from plants import example
 
+from faultbond.analysis.capability import on_record
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.recorded import MOST_SAMPLES, recorded_runs
 from faultbond.analysis.sensitivity import Sensitivity, build_recursion
@@ -71,3 +72,61 @@ def test_what_a_recording_shows_depends_on_its_inputs() -> None:
     moving = np.where((times[:, None] // np.array([300.0, 200.0])) % 2 == 0, 30.0, 70.0)
     ranks = [reduce(runs(model, times, inputs, np.array([0.04]))).rank for inputs in (still, moving)]
     assert [(item.value, item.clear) for item in ranks] == [(4, True), (6, True)]
+
+
+def steady(n: int) -> tuple[StepModel, FloatArray, FloatArray, FloatArray]:
+    """The motor at rest under 10 V: the model, times, inputs and readings with noise."""
+    model = example("dc_motor")
+    speed = 10.0 * 2.0 / (3.0 * 0.4 + 2.0**2)
+    readings = speed + 0.06 * np.random.default_rng(0).standard_normal((n, 1))
+    return model, 0.02 * np.arange(n), np.full((n, 1), 10.0), readings
+
+
+@pytest.mark.parametrize("n", [400, 3000])
+def test_the_start_is_fitted_to_the_readings(n: int) -> None:
+    """Of a motor at rest, guessed half as fast, the start comes out as the rest that it is, and pairs do not show."""
+    model, times, inputs, readings = steady(n)
+    recursion = build_recursion(model.plant)
+    rest = np.array([2.5 * 10.0 * 0.4 / 5.2, 1.5 * 20.0 / 5.2])
+    guessed = recorded_runs(model, recursion, times, inputs, 0.5 * rest)
+    fitted = recorded_runs(model, recursion, times, inputs, 0.5 * rest, readings)
+    assert fitted[0].x[0] == pytest.approx(rest, rel=0.1)
+    assert fitted[0].y[:, 0] == pytest.approx(20.0 / 5.2, abs=0.06)
+    pairs = [
+        sum(item.testable for item in on_record(model, found).judgement.verdicts if len(item.parameters) == 2)
+        for found in (guessed, fitted)
+    ]
+    assert pairs == [10, 0]
+
+
+def test_a_start_that_fits_is_left_though_parameters_are_off() -> None:
+    """What healthy parameters within their accuracy explain does not move the start."""
+    model = example("dc_motor")
+    recursion = build_recursion(model.plant)
+    times, inputs = 0.02 * np.arange(500), np.sign(np.sin(0.05 * np.arange(500)))[:, None] * 10.0
+    start = np.array([1.0, 4.0])
+    (nominal,) = recorded_runs(model, recursion, times, inputs, start)
+    readings = nominal.y + 0.01 * nominal.by_theta[:, :, 0] - 0.02 * nominal.by_theta[:, :, 2]
+    (found,) = recorded_runs(model, recursion, times, inputs, start, readings)
+    assert found.x[0] == pytest.approx(start, abs=0.03)
+
+
+def test_absent_readings_show_nothing() -> None:
+    """A sensor without values in the recording tells nothing; with values in some rows these rows count."""
+    model, times, inputs, readings = steady(400)
+    recursion = build_recursion(model.plant)
+    blind = np.full_like(readings, np.nan)
+    assert reduce(recorded_runs(model, recursion, times, inputs, np.zeros(2), blind)).rank.value == 0
+    readings[::2] = np.nan
+    (found,) = recorded_runs(model, recursion, times, inputs, np.zeros(2), readings)
+    assert not found.by_theta[::2].any()
+    assert not found.by_start[::2].any()
+    assert found.by_theta[1::2].any()
+
+
+def test_readings_of_a_block_are_those_that_are_there() -> None:
+    """In a long recording with one reading in ten, each block of ten still has one."""
+    model, times, inputs, readings = steady(3000)
+    readings[np.arange(3000) % 10 != 7] = np.nan
+    whole, _ = recorded_runs(model, build_recursion(model.plant), times, inputs, np.zeros(2), readings)
+    assert whole.by_theta[1:].any(axis=(1, 2)).all()
