@@ -42,6 +42,7 @@ LATE_IMPORTS = (
     ("io", "pyarrow"),
     ("synthesis", "casadi"),
     ("app", "faultbond.analysis"),  # loads casadi and sympy
+    ("app", "faultbond.app.answering"),  # loads sympy
     ("app", "faultbond.app.study"),  # loads casadi and sympy
     ("app", "faultbond.synthesis"),  # loads casadi
     ("app", "faultbond.simulate"),  # loads casadi and scipy

@@ -22,13 +22,15 @@ class Wishes:
 
     data: recording, or None. within: s, for the smallest faults; None takes 300 samples. separate: sets of parameters
     that an input shall tell apart; none: those that look alike with inputs at rest. closed: largest set of parameters
-    solved in closed form. preference: which of several routes, a value of `structure.routes.functions.Preference`.
+    solved in closed form. patience: s, for all closed forms together. preference: which of several routes, a value of
+    `structure.routes.functions.Preference`.
     """
 
     data: str | None = None
     within: float | None = None
     separate: tuple[tuple[str, ...], ...] = ()
     closed: int = 1
+    patience: float = 4.0
     preference: str = "fewest frames"
 
 
@@ -67,7 +69,7 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
 def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     """Print the closed forms of a plant as functions of Python or C, or as LaTeX."""
     graph, network = _plant(model)
-    from faultbond.app.study import answers  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.app.answering import answers  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
 
     text = code(answers(graph, network, wishes), network.parameters, Form(form))

@@ -1,5 +1,6 @@
 """`run` on networks without time: every row is an observation, diagnosed with all since the first contradiction."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
@@ -7,12 +8,15 @@ from importlib.metadata import version
 from math import nan
 from pathlib import Path
 
+import numpy as np
+
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import read_circuit, read_scenario
 from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
 from faultbond.io.out import Out
-from faultbond.io.recording import columns_of, read_rows
+from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
 from faultbond.model.graph import BondGraph
+from faultbond.model.logic import LogicNetwork, TimedObservation
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.types import Method
@@ -30,6 +34,15 @@ class _Network:
     graph: BondGraph | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ending:
+    """What there was of rows: their counts, how many had a reading, and the time of the last."""
+
+    counts: Counts
+    watched: int
+    time: float
+
+
 def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> bool:
     """Diagnose the observations of a logic circuit, and tell whether they contradict it."""
     _refuse_report(report, str(circuit))
@@ -37,8 +50,15 @@ def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | 
 
     network, rows = read_circuit(circuit), read_scenario(scenario).observations
     about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
-    counts, last = Counts(samples=len(rows)), rows[-1].time
-    return _pass(about, watch_logic(network, rows), lambda: (counts, last), method, out)
+    return _pass(about, watch_logic(network, rows), lambda: _ending_of(network, rows), method, out)
+
+
+def _ending_of(network: LogicNetwork, rows: tuple[TimedObservation, ...]) -> _Ending:
+    """Give what there is of observations; ports without a value are missing."""
+    ports = {*network.inputs, *network.outputs}
+    missing = sum(not ports <= row.values.keys() for row in rows)
+    watched = sum(not row.values.keys() <= {*network.inputs} for row in rows)
+    return _Ending(counts=Counts(samples=len(rows), missing=missing), watched=watched, time=rows[-1].time)
 
 
 def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
@@ -46,17 +66,18 @@ def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path
     _refuse_report(report, graph.file)
     from faultbond.analysis.static.watch import watch  # noqa: PLC0415 - loads sympy and clingo
 
-    grid, last = Grid(None), [nan]
+    grid, last, watched = Grid(None, live=recording == STANDARD_INPUT), nan, 0
 
     def points() -> Iterator[GridPoint]:
+        nonlocal last, watched
         for point in on_grid(read_rows(recording, columns_of(graph)), grid):
-            last[0] = point.time
+            last, watched = point.time, watched + bool(np.isfinite(point.y).any())
             yield point
 
-    def ending() -> tuple[Counts, float]:
+    def ending() -> _Ending:
         if not grid.counts.samples:
             raise RecordingError(f"{recording}: no row can be read. Check its columns.")
-        return grid.counts, last[0]
+        return _Ending(counts=grid.counts, watched=watched, time=last)
 
     about = _Network(
         name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
@@ -64,9 +85,7 @@ def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path
     return _pass(about, watch(graph, points()), ending, method, out)
 
 
-def _pass(
-    about: _Network, events: Iterable[Event], ending: Callable[[], tuple[Counts, float]], method: Method, out: Out
-) -> bool:
+def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending], method: Method, out: Out) -> bool:
     """Write the records as they come, and the last diagnosis for people."""
     out.record(
         run_record(
@@ -86,33 +105,42 @@ def _pass(
         else:
             diagnosis = event
             out.record(diagnosis_record(event))
-    counts, last = ending()
+    end = ending()
     out.record(
         end_record(
-            time=last,
-            samples=counts.samples,
-            watched=counts.samples - counts.missing,
+            time=end.time,
+            samples=end.counts.samples,
+            watched=end.watched,
             detections=int(detection is not None),
-            missing=counts.missing,
-            late=counts.late,
-            duplicate=counts.duplicate,
+            missing=end.counts.missing,
+            late=end.counts.late,
+            duplicate=end.counts.duplicate,
         )
     )
-    if out.text is not None:
-        from rich.console import Console  # noqa: PLC0415 - slow to load
-
-        from faultbond.report.observed import Observed, print_observed  # noqa: PLC0415 - loads rich
-
-        seen = Observed(
-            name=about.name,
-            sensors=about.sensors,
-            rows=counts.samples,
-            detection=detection,
-            diagnosis=diagnosis,
-            graph=about.graph,
-        )
-        print_observed(Console(file=out.text), seen)
+    if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it
+        sys.stderr.write("faultbond: no verdict: no row has a value of a sensor.\n")
+    _tell(about, end, detection, diagnosis, out)
     return detection is not None
+
+
+def _tell(about: _Network, end: _Ending, detection: Detection | None, diagnosis: Diagnosis | None, out: Out) -> None:
+    """Print what was found, where somebody reads it."""
+    if out.text is None:
+        return
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond.report.observed import Observed, print_observed  # noqa: PLC0415 - loads rich
+
+    seen = Observed(
+        name=about.name,
+        sensors=about.sensors,
+        rows=end.counts.samples,
+        watched=end.watched,
+        detection=detection,
+        diagnosis=diagnosis,
+        graph=about.graph,
+    )
+    print_observed(Console(file=out.text), seen)
 
 
 def _refuse_report(report: Path | None, model: str) -> None:

@@ -17,6 +17,7 @@ from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.stimulus import Stimulus, input_advice
 from faultbond.analysis.twins import compare
 from faultbond.app.analysing import Wishes
+from faultbond.app.answering import answers, is_wanted
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulating import solved_start
 from faultbond.dynamics.step import StepModel
@@ -31,11 +32,8 @@ from faultbond.structure.diagnosability.isolability import Interpretation, isola
 from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.structure.diagnosability.placement import sensors_to_isolate
 from faultbond.structure.diagnosability.structural import StructuralModel, structural_model
-from faultbond.structure.routes.functions import Function, Preference, answer, asked, trial_record
 from faultbond.structure.routes.questions import parameters
 from faultbond.structure.routes.search import Search, search_route
-from faultbond.structure.solving.backward_euler import plant_of
-from faultbond.synthesis.compile import cache_folder
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 
@@ -194,24 +192,9 @@ def _structural_sensors(model: StructuralModel) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(model.variable_name(k) for k in chosen) for chosen in found if chosen)
 
 
-def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:
-    """Answer every function of thesis 4.2; closed forms for sets of up to `wishes.closed` suspects."""
-    plant = plant_of(graph)
-    largest = max(graph.max_faults, wishes.closed)
-    record = trial_record(network, plant, largest)
-    folder = cache_folder() / "closed_forms"
-    found = []
-    for question in asked(network, largest):
-        size = sum(isinstance(target, str) for target in question.targets)
-        preference = Preference(wishes.preference)
-        cache = folder if size <= wishes.closed and wishes.closed else None
-        found.append(answer(network, question, plant, record, preference=preference, cache=cache))
-    return tuple(found)
-
-
 def _routes(study: _Study, wishes: Wishes) -> Section:
     found = answers(study.graph, study.network, wishes)
-    asked_for = [item for item in found if wishes.closed and _size(item.question) <= wishes.closed]
+    asked_for = [item for item in found if is_wanted(item.question, wishes)]
     late = sum(item.route is not None and item.solution is None for item in asked_for)
     return Section(
         record=analysed.routes_record(study.network, found, late),

@@ -22,6 +22,7 @@ def add_analyse(verbs: Subparsers) -> None:
             within=arguments.within,
             separate=tuple(arguments.separate),
             closed=arguments.closed,
+            patience=arguments.patience,
             preference=arguments.preference,
         )
         if arguments.code is not None:
@@ -52,6 +53,13 @@ def add_analyse(verbs: Subparsers) -> None:
         type=_size,
         default=1,
         help="solve sets of up to N parameters in closed form (default: %(default)s; 0 none)",
+    )
+    parser.add_argument(
+        "--patience",
+        metavar="TIME",
+        type=time,
+        default=4.0,
+        help="time for all closed forms together; one may take a quarter of it (default: 4 s)",
     )
     routes = parser.add_mutually_exclusive_group()
     for option, value in (("--fewest", "fewest components"), ("--least-noise", "least noise")):

@@ -181,9 +181,9 @@ def inputs_record(found: Sequence[Stimulus]) -> Record:
     }
 
 
-def routes_record(network: ComponentNetwork, found: Sequence[Function]) -> Record:
-    """Give the route of each function, and its closed form where it was asked for and there is one."""
-    return {"routes": [_route(network, item) for item in found]}
+def routes_record(network: ComponentNetwork, found: Sequence[Function], late: int) -> Record:
+    """Give the route of each function, and its closed form where it was asked for, in time, and there is one."""
+    return {"routes": [_route(network, item) for item in found], "closed_forms_left_out": late}
 
 
 def _route(network: ComponentNetwork, item: Function) -> Record:

@@ -29,8 +29,8 @@ class Form(Enum):
     C = "c"
 
 
-def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function]) -> None:
-    """Print a line for each function, then the closed forms."""
+def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
+    """Print a line for each function, then the closed forms; `late` of them there was no time for."""
     title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
     table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in found])
     for item in found:
@@ -38,21 +38,23 @@ def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Fu
             console.print(Text(f" {item.question.title}", style="bold"))
             for line in _closed(item.solution):
                 console.print(Padding(Text(line), (0, 0, 0, 3)))
+    if late:
+        text = f"{late} closed form{'s'[: late != 1]} left out, the time was over; `--patience` gives more"
+        console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
 
 
 def _row(network: ComponentNetwork, item: Function) -> tuple[str, ...]:
     if item.route is None:
         return (item.question.title, "no route", "", "", "")
-    noise = "" if item.gain is None else _noise(item)
     count = str(len(equations_passed(network, item.route)))
-    return (item.question.title, count, str(item.route.observations), noise, _solved(item.solution))
+    return (item.question.title, count, str(item.route.observations), _noise(item), _solved(item.solution))
 
 
 def _noise(item: Function) -> str:
-    """The noise of each target; of a parameter in per cent of its value."""
-    gains = item.gain.deviations if item.gain is not None else {}
-    parameters = {target for target in item.question.targets if isinstance(target, str)}
-    return ", ".join(_gain(value, name in parameters) for name, value in gains.items())
+    """The noise of each target; of a parameter that is not 0 in per cent of its value."""
+    if item.gain is None:
+        return ""
+    return ", ".join(_gain(value, name in item.gain.relative) for name, value in item.gain.deviations.items())
 
 
 def _gain(value: float, relative: bool) -> str:

@@ -16,7 +16,7 @@ from faultbond.structure.routes.route import Question, Route
 from faultbond.structure.solving.backward_euler import Plant, Record
 from faultbond.structure.solving.noise import NoiseGain, noise_gain, nominal_record
 from faultbond.structure.solving.solution import Solution
-from faultbond.structure.solving.solve import solve_cached
+from faultbond.structure.solving.solve import Limits, solve_cached
 
 MOST_ALTERNATIVES = 12  # routes among which the least noisy is looked for
 SPARE_FRAMES = 8
@@ -65,14 +65,16 @@ def _unknown_part(question: Question) -> Question:
 def choose_route(
     network: ComponentNetwork, question: Question, preference: Preference, plant: Plant, record: Record | None
 ) -> Route:
-    """Give the route that is preferred.
+    """Give the route that is preferred; of a causal question the one along causality, whatever is preferred.
 
     Raises
     ------
     StructureError
         Where there is none; names what stays undetermined.
     """
-    if preference is Preference.COMPONENTS and not question.causal:
+    if question.causal:
+        return find_route(network, question)
+    if preference is Preference.COMPONENTS:
         return fewest_components(network, question)
     if preference is Preference.NOISE and record is not None:
         routes = list(alternatives(network, question, MOST_ALTERNATIVES))
@@ -93,6 +95,7 @@ def answer(
     *,
     preference: Preference = Preference.FRAMES,
     cache: Path | None = None,
+    limits: Limits | None = None,
 ) -> Function:
     """Answer one question; with a `cache` folder for solutions, also in closed form where there is one.
 
@@ -106,7 +109,7 @@ def answer(
         question=question,
         route=route,
         gain=_gain(network, route, plant, record),
-        solution=solve_cached(network, route, plant, cache) if cache is not None else None,
+        solution=solve_cached(network, route, plant, cache, limits) if cache is not None else None,
     )
 
 

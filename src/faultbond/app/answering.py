@@ -1,0 +1,50 @@
+"""The functions of a plant that `analyse` answers, within a time: routes always, closed forms as long as it lasts."""
+
+from time import monotonic
+
+from faultbond.app.analysing import Wishes
+from faultbond.model.graph import BondGraph
+from faultbond.structure.components import ComponentNetwork
+from faultbond.structure.routes.functions import Function, Preference, answer, asked, trial_record
+from faultbond.structure.routes.route import Question
+from faultbond.structure.solving.backward_euler import plant_of
+from faultbond.structure.solving.solve import Limits
+from faultbond.synthesis.compile import cache_folder
+
+PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take
+
+
+def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:
+    """Answer every function of thesis 4.2; closed forms for sets of up to `wishes.closed` suspects.
+
+    Closed forms of parameters are looked for first; when `wishes.patience` is over the others are left out.
+    """
+    plant = plant_of(graph)
+    largest = max(graph.max_faults, wishes.closed)
+    record = trial_record(network, plant, largest)
+    preference, folder = Preference(wishes.preference), cache_folder() / "closed_forms"
+    limits = Limits(seconds=wishes.patience / PARTS_OF_PATIENCE)
+    end = monotonic() + wishes.patience
+    questions = asked(network, largest)
+    found: dict[int, Function] = {}
+    for k in sorted(range(len(questions)), key=lambda k: _turn(questions[k])):
+        wanted = is_wanted(questions[k], wishes) and monotonic() < end
+        cache = folder if wanted else None
+        found[k] = answer(network, questions[k], plant, record, preference=preference, cache=cache, limits=limits)
+    return tuple(found[k] for k in range(len(questions)))
+
+
+def is_wanted(question: Question, wishes: Wishes) -> bool:
+    """Whether a closed form was asked for."""
+    return wishes.closed > 0 and _size(question) <= wishes.closed
+
+
+def _size(question: Question) -> int:
+    """Number of parameters asked for."""
+    return sum(isinstance(target, str) for target in question.targets)
+
+
+def _turn(question: Question) -> tuple[bool, int]:
+    """Order in which closed forms are looked for: small sets of parameters, then signals."""
+    size = _size(question)
+    return not size, size
