@@ -1,6 +1,8 @@
 """`run` on networks without time: records and text, from the thesis' figures and a circuit of two gates."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +80,32 @@ def test_rows_without_a_reading_are_counted(tmp_path: Path, capsys: pytest.Captu
     assert records[-1]["missing"] == 1
 
 
+def test_what_was_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows with a reading are watched, also where another value is missing; without any there is no verdict."""
+    (tmp_path / "some.csv").write_text("in1,in2,in3,in4,out1,out2\n2,3,2,4,11,\n2,3,2,4,,180\n2,3,2,4,,\n")
+    _, records = run("fig_6_13", tmp_path / "some.csv", capsys)
+    assert (records[-1]["samples"], records[-1]["missing"], records[-1]["watched"]) == (3, 3, 2)
+    (tmp_path / "none.csv").write_text("Vi,Vo\n4,\n3,\n")
+    assert main(["run", str(THESIS / "fig_6_1.yaml"), str(tmp_path / "none.csv")]) == 0
+    shown = capsys.readouterr()
+    assert "No verdict: no row has a value of a sensor." in shown.out
+    assert "Nothing contradicts" not in shown.out
+    assert "no verdict" in shown.err
+
+
+def test_a_live_row_is_judged_at_once() -> None:
+    """Rows on standard input are not held back for sorting: each has its record before the next one comes."""
+    command = [sys.executable, "-m", "faultbond", "run", str(THESIS / "fig_6_1.yaml"), "-"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write("Vi,Vo\n4,34\n")
+        process.stdin.flush()
+        records = [json.loads(process.stdout.readline())["record"] for _ in range(3)]
+        process.stdin.close()
+    assert records == ["run", "detection", "diagnosis"]
+
+
 def test_values_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     """The table shows each parameter with its value, and the last line counts what explains the rows."""
     assert main(["run", str(THESIS / "fig_3_4.yaml"), str(THESIS / "fig_3_4.csv")]) == 1
@@ -112,3 +140,13 @@ def test_a_circuit_and_its_scenario(tmp_path: Path, capsys: pytest.CaptureFixtur
     }  # fmt: skip
     assert [entry["components"] for entry in records[2]["candidates"]] == [["first"], ["second"]]
     assert records[-1]["time"] == 6.0
+    assert (records[-1]["watched"], records[-1]["missing"]) == (2, 0)
+
+
+def test_a_scenario_with_missing_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An observation that lacks a port is counted as missing, and watched if it has an output."""
+    (tmp_path / "pair.xml").write_text(_circuit())
+    (tmp_path / "s.scn").write_text("sensors @0 { i1 = true };\nsensors @1000 { o1 = false };\n")
+    assert main(["run", str(tmp_path / "pair.xml"), str(tmp_path / "s.scn"), "--json", "-"]) == 0
+    end = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (end["samples"], end["missing"], end["watched"]) == (2, 2, 1)

@@ -19,11 +19,15 @@ LISTED = 20  # candidates shown; the records hold all
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observed:
-    """A network, how many observations of it there were, and what they say; `graph` where it has parameters."""
+    """A network, what its observations say, and how many there were; `graph` where it has parameters.
+
+    watched: observations with a reading.
+    """
 
     name: str
     sensors: tuple[str, ...]
     rows: int
+    watched: int
     detection: Detection | None
     diagnosis: Diagnosis | None
     graph: BondGraph | None = None
@@ -37,6 +41,9 @@ def print_observed(console: Console, seen: Observed) -> None:
     for label, text in (("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)):
         console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
     console.print()
+    if not seen.watched:
+        console.print(Text("No verdict: no row has a value of a sensor.", style="bold yellow"))
+        return
     if seen.detection is None or seen.diagnosis is None:
         console.print(Text(f"Nothing contradicts the healthy network in {observations}.", style="bold green"))
         return
