@@ -37,7 +37,7 @@ CHUNK = 1024  # rows of the answer scored at once
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Answer to one scenario, None where none came in time; `score` None where the file tells no truth."""
+    """Answer to one scenario, None where there is none, for a `problem`; `score` None where the file tells no truth."""
 
     circuit: str
     scenario: str
@@ -46,6 +46,7 @@ class Result:
     score: float | None
     disputed: bool
     seconds: float
+    problem: str = ""
 
     @property
     def is_equal(self) -> bool:
@@ -95,13 +96,16 @@ def _incidence(diagnoses: Sequence[Diagnosis], columns: dict[str, int]) -> Float
 
 
 def measure(circuit: Path, scenario: Path, time_limit: float) -> Result:
-    """Read both files, diagnose, and then score the answer; no answer in time is scored 0."""
+    """Read both files, diagnose, and then score the answer; no answer is scored 0."""
     begin = time.perf_counter()
     network, made = read_circuit(circuit), read_scenario(scenario)
     rows = [item.values for item in made.observations]
     answer: tuple[Diagnosis, ...] | None = None
-    with suppress(StructureError):
+    problem = ""
+    try:
         answer = minimum_diagnoses(network, rows, time_limit=time_limit)
+    except StructureError as error:
+        problem = str(error)
     seconds = time.perf_counter() - begin
     return Result(
         circuit=circuit.stem,
@@ -111,6 +115,7 @@ def measure(circuit: Path, scenario: Path, time_limit: float) -> Result:
         score=score_of(answer, made, len(network.suspects)),
         disputed=answer is not None and is_disputed(answer, network, made),
         seconds=seconds,
+        problem=problem,
     )
 
 
@@ -124,12 +129,17 @@ def score_of(answer: Sequence[Diagnosis] | None, scenario: Scenario, n_suspects:
 
 
 def is_disputed(answer: Sequence[Diagnosis], network: LogicNetwork, scenario: Scenario) -> bool:
-    """Whether answers that are not in the truth, and have no more gates, explain what was observed."""
+    """Whether answers that are not in the truth, and have no more gates, explain what was observed.
+
+    Not where there are too many ways to try.
+    """
     truth = set(scenario.diagnoses or ())
     size = min(map(len, truth), default=-1)
     rows = [item.values for item in scenario.observations]
     others = [item for item in answer if item not in truth and len(item) <= size]
-    return bool(others) and all(explains(network, item, rows) for item in others)
+    with suppress(StructureError):
+        return bool(others) and all(explains(network, item, rows) for item in others)
+    return False
 
 
 def circuits_in(folder: Path) -> Iterator[tuple[Path, list[Path]]]:
@@ -148,7 +158,7 @@ def run_scenarios(circuit: Path, scenarios: Sequence[Path], time_limit: float) -
             print(f"left out: {problem}", file=sys.stderr)
             continue
         if result.diagnoses is None:
-            print(f"{scenario}: no answer within {time_limit:g} s", file=sys.stderr)
+            print(f"{scenario}: no answer: {result.problem}", file=sys.stderr)
         yield result
 
 
@@ -184,6 +194,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the diagnoses of every scenario")
     parser.add_argument("--time-limit", type=float, default=60.0, help="seconds for a scenario (default 60)")
     arguments = parser.parse_args()
+    if not arguments.folder.is_dir():
+        parser.error(f"{arguments.folder} is no folder")
     everything: list[Result] = []
     print(f"{'circuit':<12}{'scenarios':>9}{'score':>8}{'equal':>8}{'disputed':>10}{'undisputed':>12}{'worst':>10}")
     for circuit, scenarios in circuits_in(arguments.folder):

@@ -108,6 +108,27 @@ def test_no_answer_in_time_is_scored_0(
     """It is neither left out nor hidden."""
     monkeypatch.setattr(sys, "argv", ["circuits", str(folder), "--time-limit", "0", "--json", str(folder / "out.json")])
     main()
-    assert "0.scn: no answer within 0 s" in capsys.readouterr().err
+    assert "0.scn: no answer: the search for the smallest diagnoses did not end in time" in capsys.readouterr().err
     first, *_ = json.loads((folder / "out.json").read_text(encoding="utf-8"))
     assert (first["diagnoses"], first["score"]) == (None, 0.0)
+
+
+def test_a_circuit_that_cannot_be_diagnosed_says_why(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scenario that observes what is not there is not taken for one that needs more time."""
+    (folder / "c" / "0.scn").write_text("sensors @0 { nowhere = true };", encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["circuits", str(folder)])
+    main()
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "0.scn: no answer: " in line)
+    assert "nothing sets signal nowhere" in line
+
+
+def test_a_folder_that_is_not_there(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is the user's mistake, in one line."""
+    monkeypatch.setattr(sys, "argv", ["circuits", str(folder / "away")])
+    with pytest.raises(SystemExit):
+        main()
+    assert "away is no folder" in capsys.readouterr().err
