@@ -1,11 +1,12 @@
 """What the analysis of a plant found, as text for people."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from rich.console import Console
 
 from faultbond.analysis.capability import View
+from faultbond.analysis.groups import Group
 from faultbond.analysis.sensors import Advice, SensorAdvice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
@@ -19,7 +20,9 @@ from faultbond.report.verdict import join
 from faultbond.structure.diagnosability.isolability import Isolability
 
 LISTED = 12  # groups, near groups and the like that are listed
+LISTED_SENSORS = 4
 NOWHERE = "not found"
+NO_EFFECT = 1e-3  # noise standard deviations below which an effect is none
 
 
 def print_view(console: Console, graph: BondGraph, view: View, heading: str, note: str) -> None:
@@ -27,17 +30,42 @@ def print_view(console: Console, graph: BondGraph, view: View, heading: str, not
     title(console, heading, note)
     rows = _verdict_rows(view)
     table(console, ("suspects in a set", "sets", "testable", "explain anything", "values not fixed"), rows)
+    lines(console, _shown(view, len(graph.parameters)) + _alike(graph, view))
+
+
+def _shown(view: View, n_parameters: int) -> list[tuple[str, str]]:
     rank = view.judgement.rank
-    plural = "" if rank.value == 1 else "s"
-    shown = f"{rank.value} combination{plural} of the {len(graph.parameters)} parameters"
-    lines(console, [("shows", shown if rank.clear else f"{shown}; rounding decides, so this is a guess")])
-    told = [(_sets(graph, group.sets), group.reason) for group in view.groups]
+    all_of = f"the {n_parameters} parameters" if n_parameters > 1 else "the one parameter"
+    shown = f"{counted(rank.value, 'combination')} of {all_of}"
+    return [("shows", shown if rank.clear else f"{shown}; rounding decides, so this is a guess")]
+
+
+def _alike(graph: BondGraph, view: View) -> list[tuple[str, str]]:
+    """Say what cannot be told apart, without what follows from smaller sets, and what nearly so."""
+    known = {frozenset(group.sets) for group in view.groups}
+    first = [group for group in view.groups if not _follows(group, known)]
+    told = [(_sets(graph, group.sets), group.reason) for group in first]
     near = [(_sets(graph, group.sets), group.reason) for group in view.near_groups]
-    _print_groups(console, "cannot be told apart", told)
-    _print_groups(console, "hard to tell apart", near)
-    if not told and not near:
-        testable = sum(item.testable for item in view.judgement.verdicts)
-        lines(console, [("groups", "all testable sets can be told apart" if testable else "no set is testable")])
+    same = f"{counted(len(view.groups) - len(first), 'larger group')} of which this follows; --json writes them"
+    found = _group_lines("cannot be told apart", told)
+    found += [("", same)] if len(first) < len(view.groups) else []
+    found += _group_lines("hard to tell apart", near)
+    if found:
+        return found
+    testable = sum(item.testable for item in view.judgement.verdicts)
+    return [("groups", "all testable sets can be told apart" if testable else "no set is testable")]
+
+
+def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> bool:
+    """Whether the sets look alike because they do without what all of them hold."""
+    shared = set(group.sets[0]).intersection(*group.sets)
+    rest = frozenset(tuple(k for k in chosen if k not in shared) for chosen in group.sets)
+    return bool(shared) and rest in known
+
+
+def counted(number: int, noun: str) -> str:
+    """Give a number with its noun: `1 set`, `2 sets`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _verdict_rows(view: View) -> list[tuple[str, ...]]:
@@ -50,15 +78,24 @@ def _verdict_rows(view: View) -> list[tuple[str, ...]]:
     return [tuple(str(number) for number in row) for row in counts]
 
 
-def _print_groups(console: Console, label: str, found: Sequence[tuple[str, str]]) -> None:
-    more = [("", f"... and {len(found) - LISTED} more; --json writes all")] if len(found) > LISTED else []
-    items = [f"{sets}: {reason}" for sets, reason in found[:LISTED]]
-    lines(console, [*((label if k == 0 else "", text) for k, text in enumerate(items)), *more])
+def _group_lines(label: str, found: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    items = _listed([f"{sets}: {reason}" for sets, reason in found])
+    return [(label if k == 0 else "", text) for k, text in enumerate(items)]
+
+
+def _listed(items: Sequence[str]) -> list[str]:
+    """Give what is listed, and a line that counts the rest."""
+    more = [f"... and {len(items) - LISTED} more; --json writes all"] if len(items) > LISTED else []
+    return [*items[:LISTED], *more]
 
 
 def _sets(graph: BondGraph, sets: Iterable[Sequence[int]]) -> str:
     """Name sets: `{K4} and {K6}`."""
-    named = ["{" + ", ".join(graph.parameters[k].name for k in chosen) + "}" for chosen in sets]
+    return _some(["{" + ", ".join(graph.parameters[k].name for k in chosen) + "}" for chosen in sets])
+
+
+def _some(named: Sequence[str]) -> str:
+    """Name what is listed, and count the rest."""
     return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
 
 
@@ -74,22 +111,25 @@ def print_structure(
     mixed = found["mixed"]
     hidden = [name for name, seen in zip(suspects, mixed.detectable, strict=True) if not seen]
     together = ["{" + ", ".join(names) + "}" for names in structural_groups(suspects, mixed) if len(names) > 1]
-    items = [
-        ("detectable", f"all but {', '.join(hidden)}" if hidden else "all faults"),
-        ("not isolable", join(together) if together else "none: each fault can be told from every other"),
-    ]
+    seen = f"all but {', '.join(hidden)}" if len(hidden) < len(suspects) else "none"
+    faults = "detectable fault" if hidden else "fault"
+    items = [("detectable", seen if hidden else "all faults")]
+    if len(suspects) - len(hidden) > 1:
+        alone = f"none: each {faults} can be told from every other"
+        items.append(("not isolable", join(together) if together else alone))
     pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
     if pairs["mixed"]:
         words = (("integral", "integrating only"), ("derivative", "differentiating only"))
         kept = [f"{pairs[name]} of {pairs['mixed']} isolable pairs by {text}" for name, text in words]
         items.append(("one way", "; ".join(kept)))
     if tests is not None:
-        smallest = join(["{" + ", ".join(names) + "}" for names in tests.faults[:LISTED]])
-        sets = "1 minimal set" if tests.n_sets == 1 else f"{tests.n_sets} minimal sets"
+        smallest = _some(["{" + ", ".join(names) + "}" for names in tests.faults])
+        sets = counted(tests.n_sets, "minimal set")
         text = f"{sets} of equations can be checked; the smallest sets of faults that a check sees: {smallest}"
         items.append(("tests", text))
     if sensors:
-        named = [" with ".join(names) for names in sensors[:4]]
+        named = [" with ".join(names) for names in sensors[:LISTED_SENSORS]]
+        named += [f"{len(sensors) - LISTED_SENSORS} others"] if len(sensors) > LISTED_SENSORS else []
         items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))
     lines(console, items)
 
@@ -122,9 +162,11 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
     if rows:
         table(console, ("suspects", "these values", "look exactly like"), rows[:LISTED])
     alone = len(looked) - len(several)
-    what = f"{alone} of {len(looked)} sets: a record leaves one set of values"
+    what = f"{alone} of {counted(len(looked), 'set')}: a record leaves one set of values"
     skipped = Counter(item.skipped for item in solutions if item.skipped)
-    rest = [("not looked at", f"{count} sets: {reason}") for reason, count in skipped.items()]
+    rest = [("not looked at", f"{counted(count, 'set')}: {reason}") for reason, count in skipped.items()]
+    if len(rows) > LISTED:
+        rest = [("more", f"{counted(len(rows) - LISTED, 'line')} as above; --json writes all"), *rest]
     words = _twins(twins)
     lines(console, [("unique", what), *rest, *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
 
@@ -133,9 +175,10 @@ def _twins(twins: Comparison) -> list[str]:
     """Say what imitates what; of pairs that meet in odd proportions only how many there are."""
     plain = [item.words for item in twins.found if item.always or item.first_powers is not None]
     odd = len(twins.found) - len(plain)
-    meet = f"{odd} other pairs of sets look alike for faults in certain proportions; --json writes them"
-    left = f"{twins.left_out} pairs of sets were not compared"
-    return [*plain[:LISTED], *([meet] if odd else []), *([left] if twins.left_out else [])]
+    look, were = "looks" if odd == 1 else "look", "was" if twins.left_out == 1 else "were"
+    meet = f"{counted(odd, 'other pair')} of sets {look} alike for faults in certain proportions; --json writes them"
+    left = f"{counted(twins.left_out, 'pair')} of sets {were} not compared"
+    return [*_listed(plain), *([meet] if odd else []), *([left] if twins.left_out else [])]
 
 
 def _values(graph: BondGraph, names: Sequence[str], values: Sequence[float]) -> str:
@@ -160,12 +203,16 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
 def _smallest(graph: BondGraph, item: SmallestFault) -> tuple[str, ...]:
     parameter = graph.parameter(item.parameter)
     unit = parameter.unit
-    effects = ", ".join(f"{effect.output} {effect.in_noise:.2g}" for effect in item.effects)
+    effects = ", ".join(f"{effect.output} {_size(effect.in_noise)}" for effect in item.effects)
     if item.value is None:
         return (item.parameter, NOWHERE, unit_text(unit.text, Notation.FILE), "", item.reason)
     change = figure(unit.difference_from_si(item.value), digits=3).number(Notation.FILE)
     part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
     return (item.parameter, change, unit_text(unit.text, Notation.FILE), part, effects)
+
+
+def _size(in_noise: float) -> str:
+    return f"{in_noise:.2g}" if in_noise >= NO_EFFECT else "0"
 
 
 def print_sensor_advice(console: Console, advice: Advice) -> None:

@@ -1,0 +1,180 @@
+"""The text of an analysis: what is counted, what is listed, what is left out and said to be."""
+
+from collections.abc import Callable
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from faultbond.analysis.capability import View
+from faultbond.analysis.groups import Group, NearGroup
+from faultbond.analysis.ranks import Rank
+from faultbond.analysis.smallest import Effect, SmallestFault
+from faultbond.analysis.solutions import OtherSolutions
+from faultbond.analysis.testable import Judgement, Verdict
+from faultbond.analysis.twins import Comparison, Twins
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import parse_model
+from faultbond.report import analysed
+from faultbond.report.analysis import print_smallest, print_solutions, print_structure, print_view
+from faultbond.structure.diagnosability.isolability import Isolability
+
+
+def printed(show: Callable[[Console], None]) -> str:
+    """What is printed, each run of spaces as one."""
+    console = Console(file=StringIO(), width=160)
+    show(console)
+    assert isinstance(console.file, StringIO)
+    return "\n".join(" ".join(line.split()) for line in console.file.getvalue().splitlines())
+
+
+def plant(n: int) -> BondGraph:
+    """A network with parameters a0, a1, ..., the first nominally 0."""
+    blocks = "\n".join(f"  b{k}: {{law: x{k} = a{k}*u, parameters: {{a{k}: {2 * k + 1}}}}}" for k in range(n))
+    total = "+".join(f"x{k}" for k in range(n))
+    return parse_model(
+        f"name: net\nsample_time: none\ninputs: {{u: {{}}}}\nblocks:\n{blocks}\nsensors: {{y: {{reads: {total}}}}}\n"
+    )
+
+
+def view(n: int, groups: tuple[Group, ...] = (), near: tuple[NearGroup, ...] = (), clear: bool = True) -> View:
+    """A view in which all single suspects are testable."""
+    rank = Rank(value=n, least=n, kept=1.0, dropped=0.0, clear=clear, low=0.0, high=0.0)
+    verdicts = tuple(Verdict(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n))
+    return View(judgement=Judgement(rank=rank, verdicts=verdicts), groups=groups, near_groups=near)
+
+
+def test_numbers_agree_with_their_nouns() -> None:
+    """One combination of the one parameter, two combinations of the two parameters."""
+    one, two = (printed(lambda console, n=n: print_view(console, plant(n), view(n), "Title", "")) for n in (1, 2))  # type: ignore[misc]
+    assert "shows 1 combination of the one parameter\n" in one + "\n"
+    assert "shows 2 combinations of the 2 parameters\n" in two
+    assert "groups all testable sets can be told apart" in two
+
+
+def test_a_rank_that_rounding_decides_is_a_guess() -> None:
+    """Where the singular values have no gap, the reader is told."""
+    text = printed(lambda console: print_view(console, plant(2), view(2, clear=False), "Title", ""))
+    assert "2 combinations of the 2 parameters; rounding decides, so this is a guess" in text
+
+
+def test_groups_that_follow_are_counted_only() -> None:
+    """{a0} and {a1} look alike; that {a0, a2} and {a1, a2} do follows, {a0, a2} and {a1, a3} does not."""
+    sets = (((0,), (1,)), ((0, 2), (1, 2)), ((0, 2), (1, 3)))
+    alike = tuple(Group(sets=item, reason="only a0 + a1 acts") for item in sets)
+    near = NearGroup(sets=((2,), (3,)), angle=2.0, reason="nearly")
+    text = printed(lambda console: print_view(console, plant(4), view(4, alike, (near,)), "Title", ""))
+    assert "cannot be told apart {a0} and {a1}: only a0 + a1 acts" in text
+    assert "{a0, a2} and {a1, a3}" in text
+    assert "{a0, a2} and {a1, a2}" not in text
+    assert "1 larger group of which this follows; --json writes them" in text
+    assert "hard to tell apart {a2} and {a3}: nearly" in text
+
+
+def test_what_is_not_listed_is_counted() -> None:
+    """Of fourteen near groups twelve are listed; of fourteen sets in one group twelve are named."""
+    near = tuple(NearGroup(sets=((k,), (k + 1,)), angle=1.0, reason=f"reason {k}") for k in range(14))
+    text = printed(lambda console: print_view(console, plant(15), view(15, (), near), "Title", ""))
+    assert "reason 11" in text
+    assert "reason 12" not in text
+    assert "... and 2 more; --json writes all" in text
+    group = Group(sets=tuple((k,) for k in range(14)), reason="all one")
+    text = printed(lambda console: print_view(console, plant(15), view(15, (group,)), "Title", ""))
+    assert "{a11} and 2 more: all one" in text
+
+
+def found(detectable: list[bool], isolable: list[list[bool]]) -> dict[str, Isolability]:
+    """The same structure in all three readings."""
+    item = Isolability(detectable=np.array(detectable), isolable=np.array(isolable))
+    return dict.fromkeys(("mixed", "integral", "derivative"), item)
+
+
+@pytest.mark.parametrize(
+    ("detectable", "isolable", "expected"),
+    [
+        ([False, False], [[0, 0], [0, 0]], ["detectable none"]),
+        ([True, False], [[0, 1], [0, 0]], ["detectable all but b"]),
+        ([True, True], [[0, 0], [0, 0]], ["detectable all faults", "not isolable {a, b}"]),
+        ([True, True], [[0, 1], [1, 0]], ["not isolable none: each fault can be told from every other"]),
+    ],
+)
+def test_structure_in_words(detectable: list[bool], isolable: list[list[bool]], expected: list[str]) -> None:
+    """What is detectable, and what is isolable only where there are two faults that are detectable."""
+    facts = found(detectable, isolable)
+    text = printed(lambda console: print_structure(console, ("a", "b"), facts, None, ()))
+    assert all(words in text for words in expected)
+    assert ("not isolable" in text) == (sum(detectable) > 1)
+
+
+def test_structural_tests_and_sensors_beyond_the_list_are_counted() -> None:
+    """Thirteen smallest sets of faults name twelve and one more; six places of sensors name four and two others."""
+    tests = analysed.Tests(n_sets=1, faults=tuple((f"f{k}",) for k in range(13)))
+    sensors = [(f"s{k}", "t") if k else ("s0",) for k in range(6)]
+    facts = found([True, True], [[False, True], [True, False]])
+    text = printed(lambda console: print_structure(console, ("a", "b"), facts, tests, sensors))
+    assert "1 minimal set of equations can be checked" in text
+    assert "{f11} and 1 more" in text
+    assert "a sensor of s0, or of s1 with t, or of s2 with t, or of s3 with t, or of 2 others" in text
+
+
+def test_other_values_and_twins() -> None:
+    """A set with other values is listed, one with a continuum too; those alone are counted."""
+    solutions = [
+        OtherSolutions(parameters=("a0",), true=(1.0,)),
+        OtherSolutions(parameters=("a1",), true=(3.0,), others=((6.0,), (9.0,))),
+        OtherSolutions(parameters=("a0", "a1"), true=(1.0, 3.0), continuum=True),
+        OtherSolutions(parameters=("a2",), true=(5.0,), skipped="no time"),
+    ]
+    odd = Twins(first=("a0",), second=("a1",), always=False, matches=())
+    pair = Twins(first=("a0",), second=("a2",), always=True, matches=())
+    comparison = Comparison(found=(pair, odd), compared=2, left_out=1)
+    text = printed(lambda console: print_solutions(console, plant(3), solutions, comparison))
+    assert "{a1} a1 = 3 a1 = 6" in text
+    assert "{a1} a1 = 3 a1 = 9" in text
+    assert "{a0, a1} a0 = 1, a1 = 3 infinitely many" in text
+    assert "unique 1 of 3 sets: a record leaves one set of values" in text
+    assert "not looked at 1 set: no time" in text
+    assert "twins whatever {a0} does, {a2} can do as well" in text
+    assert "1 other pair of sets looks alike for faults in certain proportions" in text
+    assert "1 pair of sets was not compared" in text
+
+
+def test_many_other_values_are_cut_and_counted() -> None:
+    """Of fifteen lines twelve are printed and three counted."""
+    values = tuple((float(k),) for k in range(10, 25))
+    many = [OtherSolutions(parameters=("a0",), true=(1.0,), others=values)]
+    empty = Comparison(found=(), compared=0, left_out=0)
+    text = printed(lambda console: print_solutions(console, plant(1), many, empty))
+    assert "a0 = 21" in text
+    assert "a0 = 22" not in text
+    assert "more 3 lines as above; --json writes all" in text
+
+
+def test_effects_that_rounding_leaves_are_none() -> None:
+    """An effect of 1e-15 noises is printed as 0; a fault that is never found says why."""
+
+    def fault(name: str, value: float | None, reason: str = "") -> SmallestFault:
+        effects = (Effect(output="y", size=1.0, in_noise=2.5), Effect(output="z", size=0.0, in_noise=1.4e-15))
+        return SmallestFault(
+            parameter=name,
+            value=value,
+            up=value,
+            down=value,
+            within=60.0,
+            certainty=0.95,
+            effects=effects,
+            reason=reason,
+        )
+
+    text = printed(
+        lambda console: print_smallest(console, plant(2), [fault("a0", 0.5), fault("a1", None, "too small")])
+    )
+    assert "within 60 s, in 95 of 100 cases" in text
+    assert "a0 0.5 50 % y 2.5, z 0" in text
+    assert "a1 not found too small" in text
+
+
+def test_nothing_is_said_of_smallest_faults_without_any() -> None:
+    """A plant of which no fault was tried gets no heading."""
+    assert printed(lambda console: print_smallest(console, plant(1), [])) == ""
