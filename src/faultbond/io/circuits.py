@@ -20,6 +20,7 @@ MILLISECONDS = 1e-3
 WIRING = ("port", "probe", "wire")
 FUNCTIONS = {item.value: item for item in GateFunction} | {"inverter": GateFunction.NOT, "buf": GateFunction.BUFFER}
 TYPE = re.compile(r"([a-z]+)([0-9]{0,4})")
+PIN = re.compile(r"o|i([1-9][0-9]{0,3})")
 
 STATEMENT = re.compile(r"(\w+)\s*(?:@\s*([0-9.]+)\s*)?(.*)", re.DOTALL)
 ASSIGNMENT = re.compile(r"([\w.]+)\s*=\s*(\w+)")
@@ -202,8 +203,8 @@ def _gates(
     pins: dict[str, dict[int, str]] = defaultdict(dict)  # 0 is the output
     for name, net in nets.items():
         gate, _, pin = name.rpartition(".")
-        if pin == "o" or (pin[:1] == "i" and pin[1:].isdecimal()):
-            pins[gate][int(pin[1:] or 0)] = names[net]
+        if match := PIN.fullmatch(pin):
+            pins[gate][int(match[1] or 0)] = names[net]
     gates = []
     for name, kind in kinds.items():
         if kind in WIRING:

@@ -86,6 +86,12 @@ def test_two_ports_on_one_signal_are_both_seen(tmp_path: Path) -> None:
     assert network.gates[-1] == Gate(name="t", function=GateFunction.BUFFER, output="t", inputs=("s",), trusted=True)
 
 
+def test_pins_are_counted_from_one(tmp_path: Path) -> None:
+    """A wire `g.i0` is no pin, and in particular not the output."""
+    text = circuit("a port; s port; g inverter; g.o wire; g.i1 wire; g.i0 wire", "g.o s; g.i1 a; g.i0 a")
+    assert read(tmp_path, text).gates == (Gate(name="g", function=GateFunction.NOT, output="s", inputs=("a",)),)
+
+
 @pytest.mark.parametrize("network", [random_circuit(8, 40, 5, seed=1, xor=0.2), multiplier(4)])
 def test_what_is_written_is_read(tmp_path: Path, network: LogicNetwork) -> None:
     """A made circuit comes back as it was, with inputs of gates in order."""
