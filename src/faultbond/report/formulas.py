@@ -1,9 +1,11 @@
 """Routes and closed forms, as text for people and as code."""
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from enum import Enum
+from itertools import count
 
 from rich.console import Console
 from rich.padding import Padding
@@ -46,8 +48,8 @@ def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Fu
 def _row(network: ComponentNetwork, item: Function) -> tuple[str, ...]:
     if item.route is None:
         return (item.question.title, "no route", "", "", "")
-    count = str(len(equations_passed(network, item.route)))
-    return (item.question.title, count, str(item.route.observations), _noise(item), _solved(item.solution))
+    passed = str(len(equations_passed(network, item.route)))
+    return (item.question.title, passed, str(item.route.observations), _noise(item), _solved(item.solution))
 
 
 def _noise(item: Function) -> str:
@@ -103,10 +105,23 @@ def code(found: Sequence[Function], parameters: Sequence[str], form: Form) -> st
 
 
 def _named(solved: Sequence[tuple[str, Solution]], parameters: Sequence[str]) -> Iterator[Formula]:
-    """Give the formulas; of a target that was given before, the title of the question makes the difference."""
+    """Give the formulas, no two of one name: a target given before is told apart by the title of the question."""
     taken: set[str] = set()
     for question, solution in solved:
         before = frozenset(taken)
         for formula in formulas(solution, parameters):
-            yield replace(formula, origin=question) if formula.target in before else formula
-            taken.add(formula.target)
+            origin = next(item for item in _origins(question) if _word(formula.target, item) not in before)
+            taken.add(_word(formula.target, origin))
+            yield replace(formula, origin=origin)
+
+
+def _origins(question: str) -> Iterator[str]:
+    """Give words on where a formula comes from, the shortest first."""
+    yield ""
+    yield question
+    yield from (f"{question} {number}" for number in count(2))
+
+
+def _word(target: str, origin: str) -> str:
+    """Give what is left of a target and its origin in the name of a function."""
+    return re.sub(r"[\W_]+", "_", f"{target} of {origin}").strip("_")

@@ -30,13 +30,15 @@ class NoiseGain:
 
     Parameters
     ----------
-    deviations : by target; of a parameter relative to its value, of a signal in SI; median over instants, inf where
-        the equations are singular at most of them
+    deviations : by target; of a parameter relative to its value, of a signal, and of a parameter that is 0, in SI;
+        median over instants, inf where the equations are singular at most of them
+    relative : the targets whose deviation is relative to their value
     main : by target, the sample that brings the largest part of it, as `omega_0`; empty where nothing is noisy
     """
 
     deviations: Mapping[str, float]
     main: Mapping[str, str]
+    relative: frozenset[str]
 
     @property
     def worst(self) -> float:
@@ -87,7 +89,8 @@ def noise_gain(
         deviations[target] = float(median(np.sqrt(squares.sum(axis=1))))
         typical = np.median(squares, axis=0) if problem.samples else np.zeros(0)
         main[target] = problem.samples[int(typical.argmax())] if typical.any() else ""
-    return NoiseGain(deviations=deviations, main=main)
+    relative = frozenset(name for name in problem.targets if name not in problem.signals and plant.values[name])
+    return NoiseGain(deviations=deviations, main=main, relative=relative)
 
 
 def least_noise(
