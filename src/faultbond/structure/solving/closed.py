@@ -43,13 +43,14 @@ class Search:
     """What solving one problem in names goes by.
 
     prefer: whether an expression is positive at the nominal plant. deadline: on the clock of `time.monotonic`.
-    left_out: number of candidates and cases beyond the limit, at least.
+    zeros: parameters that are 0 there. left_out: number of candidates and cases beyond the limit, at least.
     """
 
     problem: Problem
     prefer: Callable[[Expression], bool]
     deadline: float
     max_terms: int
+    zeros: frozenset[str] = frozenset()
     taken: set[str] = field(default_factory=set)
     left_out: int = 0
 
@@ -153,7 +154,8 @@ def _solve_system(search: Search, system: System, parameters: frozenset[str], ca
         raise NoClosedFormError("an exponent is not known") from None
     signals = [name for name in system.unknown if name not in parameters]
     unknown = [name for name in system.unknown if name in parameters]
-    reduced = eliminate(polynomials, signals, unknown, space, search.deadline)
+    zeros = search.zeros.intersection(space.names)
+    reduced = eliminate(polynomials, signals, unknown, space, search.deadline, zeros)
     found = []
     for further in _last_unknown(search, reduced, space, parameters, candidate):
         lines = [

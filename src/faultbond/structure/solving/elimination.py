@@ -9,7 +9,7 @@ Source: thesis 4.4 step 4 (this is the work of REDUCE).
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from time import monotonic
 
@@ -75,6 +75,7 @@ class _Work:
     space: Space
     signals: frozenset[str]
     deadline: float
+    zeros: int
     rows: list[_Row] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
     pivots: list[Pivot] = field(default_factory=list)
@@ -87,6 +88,7 @@ def eliminate(
     parameters: Sequence[str],
     space: Space,
     deadline: float = float("inf"),
+    zeros: Collection[str] = (),
 ) -> Reduced:
     """Eliminate as many unknowns as can be, signals before parameters.
 
@@ -96,6 +98,7 @@ def eliminate(
     signals, parameters : what is unknown
     space : of the polynomials; its limit on terms counts
     deadline : on the clock of `time.monotonic`
+    zeros : known names that may be 0, so that what holds in spite of it is not divided by them if it can be helped
 
     Raises
     ------
@@ -104,7 +107,8 @@ def eliminate(
     TooLargeError
         Where a polynomial outgrows the limit of the space, or time is up.
     """
-    work = _Work(space=space, signals=frozenset(signals), deadline=deadline, unknown=[*signals, *parameters])
+    work = _Work(space=space, signals=frozenset(signals), deadline=deadline, zeros=space.mask(zeros))
+    work.unknown = [*signals, *parameters]
     work.rows = [_row(work, polynomial) for polynomial in polynomials]
     while len(work.unknown) > 1 or (work.rows and work.rows[0].linear):
         if monotonic() > deadline:
@@ -150,7 +154,7 @@ def _choose(work: _Work) -> tuple[int, str] | None:
     options = []
     for position, row in enumerate(work.rows):
         for name, dirt in row.linear.items():
-            tier = 2 * (name not in work.signals) + bool(dirt)
+            tier = 4 * _vanishes(work, row.polynomial, name) + 2 * (name not in work.signals) + bool(dirt)
             others = len(row.unknown - work.signals - {name})
             fill = (len(row.unknown) - 1) * (count[name] - 1)
             options.append(((tier, dirt, others, fill, len(row.polynomial), position), name))
@@ -158,6 +162,13 @@ def _choose(work: _Work) -> tuple[int, str] | None:
         return None
     cost, name = min(options)
     return cost[-1], name
+
+
+def _vanishes(work: _Work, polynomial: Polynomial, name: str) -> bool:
+    """Whether the coefficient of a name is 0 where the names that may be 0 are."""
+    return bool(work.zeros) and all(
+        monomial & work.zeros for monomial in polynomial if monomial >> work.space.shifts[name] & 0xFFF
+    )
 
 
 def _substitute(work: _Work, position: int, name: str) -> None:

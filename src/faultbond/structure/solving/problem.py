@@ -6,6 +6,8 @@ from fractions import Fraction
 from math import inf
 from time import monotonic
 
+import numpy as np
+
 from faultbond.errors import StructureError
 from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
 from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, Equation, SignalAt, frame_name, in_frame
@@ -13,11 +15,12 @@ from faultbond.structure.isolate import substitute
 from faultbond.structure.numeric import Value
 from faultbond.structure.routes.route import Route, Target
 from faultbond.structure.solving.backward_euler import Plant, misfit, random_inputs, simulate
-from faultbond.structure.solving.linearise import Fixed, fixes
+from faultbond.structure.solving.linearise import Fixed, fixes, slope_matrix
 
 TOLERANCE = 1e-6  # of a residual against what it sums, in floating point
 WARM_UP = 3  # samples that a record has before those that a route uses
-_ATTEMPTS = 4
+_ATTEMPTS = 6
+_SMALL = 4  # number of a record from which on its inputs are small
 CHANGES = (Fraction(6, 5), Fraction(4, 5))  # of the unknown parameters in the further records
 
 
@@ -67,10 +70,14 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """Backward-Euler data for a route: `known` goes in, `true` is what must come out (all signals, all unknowns)."""
+    """Backward-Euler data for a route: `known` goes in, `true` is what must come out (all signals, all unknowns).
+
+    scales: of each target the size of what it is a sum of; a target that is 0 comes out as rounding of that size.
+    """
 
     known: Mapping[str, Value]
     true: Mapping[str, Value]
+    scales: Mapping[str, float]
 
 
 def name_of(target: Target) -> str:
@@ -84,8 +91,9 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
     Raises
     ------
     StructureError
-        Where a signal in a frame and a parameter have one name, or an equation is logic.
+        Where a signal in a frame and a parameter have one name, an equation is logic, or a target is known anyway.
     """
+    _refuse_known(route)
     constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
     equations = {item.name: item for item in network.equations}
     for step in route.steps:
@@ -121,6 +129,17 @@ def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
     )
 
 
+def _refuse_known(route: Route) -> None:
+    """Refuse a target that no step finds, since it is measured or given."""
+    found = {step.finds for step in route.steps}
+    known = [name_of(target) for target in route.question.targets if target not in found]
+    if known:
+        raise StructureError(
+            f"{', '.join(known)} {'are' if len(known) > 1 else 'is'} known without a route; "
+            "ask for what is not measured"
+        )
+
+
 def _refuse_logic(equation: Equation) -> None:
     for part in walk(equation.residual):
         logical = isinstance(part, Binary) and part.operator in LOGIC
@@ -136,9 +155,11 @@ def trials_of(
 ) -> tuple[tuple[Trial, ...], Fixed | None]:
     """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
 
-    A record that cannot be computed (a root of a negative number, say), or on which the equations do not fix the
-    unknowns, is made anew with other inputs and another start, a few times. With the records comes how well the best
-    one fixes the unknowns; None where time was up before one was found. Without one of the nominal plant there is none.
+    They differ in their inputs and their start, so that they lie on several sides of a kink. A record that cannot be
+    computed (a root of a negative number, say), or on which the equations do not fix the unknowns, is made anew, a few
+    times, in the end with small inputs, which reach inside a limit or a dead zone. With the records comes how well the
+    best one fixes the unknowns; None where time was up before one was found. Without one of the nominal plant there is
+    none.
 
     Parameters
     ----------
@@ -148,13 +169,13 @@ def trials_of(
     unknown = [name for name in problem.unknown if name not in problem.signals]
     found: list[Trial] = []
     best = Fixed.NOT
-    for factor in (Fraction(1), *CHANGES):
+    for number, factor in enumerate((Fraction(1), *CHANGES)):
         values = dict(plant.values)
         values |= {name: _changed(plant, name, factor) for name in unknown}
         for attempt in range(_ATTEMPTS):
             if monotonic() > deadline and (found or attempt):
                 return tuple(found), best if found else None
-            record = _record(network, problem, plant, values, attempt)
+            record = _record(network, problem, plant, values, number + attempt)
             fixed = Fixed.NOT if record is None else fixes(problem.residuals, problem.unknown, record.true)
             best = best if fixed is Fixed.NOT or best is Fixed.WELL else fixed
             if record is not None and fixed is Fixed.WELL:
@@ -176,8 +197,13 @@ def _record(
 ) -> Trial | None:
     n = problem.frames + WARM_UP
     inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
+    if seed >= _SMALL:
+        inputs = {
+            name: given if name in plant.one_sided else tuple(value / 10 for value in given)
+            for name, given in inputs.items()
+        }
     start = dict(plant.start)
-    if seed >= _ATTEMPTS // 2:  # a plant without inputs moves only if it does not begin at rest
+    if seed % 4 >= 2:  # a plant without inputs moves only if it does not begin at rest
         start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
     try:
         record = simulate(network, values, inputs, plant.sample_time, start, n)
@@ -185,7 +211,23 @@ def _record(
         return None
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
     true |= {name: values[name] for name in network.parameters} | {SAMPLE_TIME: plant.sample_time}
-    return Trial(known=without(true, problem.unknown), true=true)
+    known = without(true, problem.unknown)
+    return Trial(known=known, true=true, scales=_scales(problem, known, true))
+
+
+def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Value]) -> dict[str, float]:
+    """Give for each target that is 0 the sum of the sizes of what each known value brings to it, to first order."""
+    zero = [name for name in problem.targets if not true[name]]
+    if not zero:
+        return {}
+    used = [name for name in known if any(name in names(residual) for residual in problem.residuals)]
+    by_unknown = slope_matrix(problem.residuals, problem.unknown, true)
+    by_known = slope_matrix(problem.residuals, used, true) * np.array([abs(float(known[name])) for name in used])
+    try:
+        parts = np.abs(np.linalg.solve(by_unknown, by_known)).sum(axis=1)
+    except np.linalg.LinAlgError:
+        return {}
+    return {name: float(parts[problem.unknown.index(name)]) for name in zero}
 
 
 def without(values: Mapping[str, Value], names_: Iterable[str]) -> dict[str, Value]:

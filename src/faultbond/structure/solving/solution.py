@@ -16,7 +16,7 @@ from faultbond.structure.isolate import substitute
 from faultbond.structure.numeric import Value, evaluate, is_nan
 from faultbond.structure.solving.branches import Condition
 
-VERSION = 1  # of the method; a cached solution of another version is not used
+VERSION = 2  # of the method; a cached solution of another version is not used
 COMPACT_SIZE = 2000
 
 

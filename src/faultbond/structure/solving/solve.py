@@ -45,6 +45,7 @@ from faultbond.structure.solving.systems import NoClosedFormError
 from faultbond.structure.solving.tidy import fold
 
 _TINY = 1e-300
+_ROUNDING = 1e-12  # of a target that is 0, against what it is a sum of
 BEYOND = "no closed form within the limit"
 MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in place of a name
 
@@ -109,9 +110,24 @@ def cache_key(network: ComponentNetwork, route: Route, plant: Plant, limits: Lim
     equations = [(item.name, to_text(item.residual), item.signals) for item in network.equations]
     question = route.question
     asked = (question.targets, question.unknown, sorted(question.known), sorted(question.hidden))
-    numbers = [sorted((name, str(value)) for name, value in group.items()) for group in (plant.values, plant.start)]
-    ranges = sorted((name, str(lower), str(upper)) for name, (lower, upper) in plant.inputs.items())
-    parts = (VERSION, equations, asked, route.steps, route.blocks, numbers, ranges, str(plant.sample_time), limits)
+    groups = (plant.values, plant.changes, plant.start)
+    numbers = [sorted((name, str(value)) for name, value in group.items()) for group in groups]
+    ranges = sorted(
+        (name, str(lower), str(upper), name in plant.one_sided) for name, (lower, upper) in plant.inputs.items()
+    )
+    names_ = (network.parameters, network.inputs)  # any other number is a constant, which enters a closed form as such
+    parts = (
+        VERSION,
+        names_,
+        equations,
+        asked,
+        route.steps,
+        route.blocks,
+        numbers,
+        ranges,
+        str(plant.sample_time),
+        limits,
+    )
     return sha256(repr(parts).encode()).hexdigest()
 
 
@@ -124,6 +140,7 @@ def _closed_forms(
         prefer=_positive_at(records[0].true),
         deadline=deadline,
         max_terms=max_terms,
+        zeros=frozenset(name for name, value in records[0].known.items() if not value and name not in problem.signals),
     )
     try:
         candidates = find_candidates(search)
@@ -195,12 +212,14 @@ def _is_reached(root: Root, record: Trial) -> bool:
 
 def _is_true(root: Root, problem: Problem, record: Trial) -> bool:
     """Whether a root gives the values that a record was made with."""
-    return _agree(evaluate_root(root, record.known), record.true, problem.targets)
+    return _agree(evaluate_root(root, record.known), record.true, problem.targets, record)
 
 
-def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str]) -> bool:
+def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str], record: Trial) -> bool:
     return all(
-        abs(float(found[name]) - float(other[name])) <= TOLERANCE * abs(float(other[name])) + _TINY for name in names_
+        abs(float(found[name]) - float(other[name]))
+        <= TOLERANCE * abs(float(other[name])) + _ROUNDING * record.scales.get(name, 0.0) + _TINY
+        for name in names_
     )
 
 
@@ -251,7 +270,7 @@ def _spelled(condition: Expression, values: Mapping[str, Expression | Quotient],
             continue
         value = quotient_expression(value) if isinstance(value, Quotient) else value
         if sum(1 for _ in walk(value)) <= MAX_CONDITION:
-            condition = substitute(condition, {name: value})
+            condition = fold(substitute(condition, {name: value}))
     return condition
 
 
@@ -279,7 +298,7 @@ def _not_closed(problem: Problem, record: Trial, roots: Sequence[Root], count: C
     if count is None or not roots:
         return ()
     given = [evaluate_root(root, record.known) for root in roots]
-    missing = sum(not any(_agree(found, root, problem.targets) for found in given) for root in count.roots)
+    missing = sum(not any(_agree(found, root, problem.targets, record) for found in given) for root in count.roots)
     if not missing:
         return ()
     return (f"{missing} of {len(count.roots)} real roots at the nominal plant have no closed form here",)
@@ -290,7 +309,8 @@ def _kind(roots: Sequence[Root], count: Count | None) -> Kind:
         return Kind.NUMERIC
     if count.degree > 2:
         return Kind.POLYNOMIAL
-    return Kind.QUADRATIC if count.degree == 2 or len(roots) > 1 else Kind.LINEAR
+    several = len({root.conditions for root in roots}) < len(roots)  # on one side of every kink
+    return Kind.QUADRATIC if count.degree == 2 or several else Kind.LINEAR
 
 
 def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:
