@@ -1,5 +1,6 @@
 """The functions of a plant that `analyse` answers, within a time: routes always, closed forms as long as it lasts."""
 
+from collections.abc import Sequence
 from time import monotonic
 
 from faultbond.app.analysing import Wishes
@@ -37,6 +38,12 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tupl
 def is_wanted(question: Question, wishes: Wishes) -> bool:
     """Whether a closed form was asked for."""
     return wishes.closed > 0 and _size(question) <= wishes.closed
+
+
+def left_out(found: Sequence[Function], wishes: Wishes) -> int:
+    """Give the number of closed forms that were asked for and that there was no time for."""
+    asked_for = (item for item in found if is_wanted(item.question, wishes))
+    return sum(item.route is not None and item.solution is None for item in asked_for)
 
 
 def _size(question: Question) -> int:

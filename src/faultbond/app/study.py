@@ -17,7 +17,7 @@ from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.stimulus import Stimulus, input_advice
 from faultbond.analysis.twins import compare
 from faultbond.app.analysing import Wishes
-from faultbond.app.answering import answers, is_wanted
+from faultbond.app.answering import answers, left_out
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulating import solved_start
 from faultbond.dynamics.step import StepModel
@@ -194,8 +194,7 @@ def _structural_sensors(model: StructuralModel) -> tuple[tuple[str, ...], ...]:
 
 def _routes(study: _Study, wishes: Wishes) -> Section:
     found = answers(study.graph, study.network, wishes)
-    asked_for = [item for item in found if is_wanted(item.question, wishes)]
-    late = sum(item.route is not None and item.solution is None for item in asked_for)
+    late = left_out(found, wishes)
     return Section(
         record=analysed.routes_record(study.network, found, late),
         show=lambda console: print_routes(console, study.network, found, late),

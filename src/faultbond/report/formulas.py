@@ -31,6 +31,9 @@ class Form(Enum):
     C = "c"
 
 
+_REMARKS = {Form.LATEX: "% {}", Form.PYTHON: "# {}", Form.C: "/* {} */"}
+
+
 def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
     """Print a line for each function, then the closed forms; `late` of them there was no time for."""
     title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
@@ -41,8 +44,11 @@ def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Fu
             for line in _closed(item.solution):
                 console.print(Padding(Text(line), (0, 0, 0, 3)))
     if late:
-        text = f"{late} closed form{'s'[: late != 1]} left out, the time was over; `--patience` gives more"
-        console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
+        console.print(Padding(Text(_left_out(late), style="dim"), (0, 0, 0, 1)))
+
+
+def _left_out(late: int) -> str:
+    return f"{late} closed form{'s'[: late != 1]} left out, the time was over; `--patience` gives more"
 
 
 def _row(network: ComponentNetwork, item: Function) -> tuple[str, ...]:
@@ -91,8 +97,8 @@ def _closed(solution: Solution) -> Iterator[str]:
     yield from solution.remarks
 
 
-def code(found: Sequence[Function], parameters: Sequence[str], form: Form) -> str:
-    """Give all closed forms as functions of a language, or as LaTeX."""
+def code(found: Sequence[Function], parameters: Sequence[str], form: Form, late: int = 0) -> str:
+    """Give all closed forms as functions of a language, or as LaTeX; a remark if `late` others are left out."""
     solved = [(item.question.title, item.solution) for item in found if item.solution is not None]
     if form is Form.LATEX:
         parts = [
@@ -101,6 +107,8 @@ def code(found: Sequence[Function], parameters: Sequence[str], form: Form) -> st
     else:
         header, write = (PYTHON_HEADER, to_python) if form is Form.PYTHON else (C_HEADER, to_c)
         parts = [header, *(write(formula) for formula in _named(solved, parameters))]
+    if late:
+        parts.append(_REMARKS[form].format(_left_out(late)))
     return "\n\n".join(part.strip("\n") for part in parts) + "\n"
 
 

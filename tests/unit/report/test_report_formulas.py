@@ -71,3 +71,10 @@ def test_noise_of_a_parameter_that_is_zero(tmp_path_factory: pytest.TempPathFact
     assert " 0.042 " in rows["parameter L"]
     assert " % " not in rows["parameter L"]
     assert " % " in rows["parameter A"]
+
+
+@pytest.mark.parametrize(("form", "remark"), [(Form.PYTHON, "# 2"), (Form.C, "/* 2"), (Form.LATEX, "% 2")])
+def test_code_says_what_it_leaves_out(form: Form, remark: str) -> None:
+    """Where there was no time for some closed forms the code ends with a remark; otherwise there is none."""
+    assert code([], (), form, late=2).splitlines()[-1].startswith(f"{remark} closed forms left out")
+    assert "left out" not in code([], (), form)
