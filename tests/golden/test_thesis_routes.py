@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 from benchmarks.ladders import example
+from benchmarks.thesis_motor import PARTS, in_figure_a_2
 
 from faultbond.errors import StructureError
-from faultbond.structure.components import ComponentNetwork, Equation
+from faultbond.structure.components import ComponentNetwork
 from faultbond.structure.routes.fewest import fewest_components
 from faultbond.structure.routes.matched import find_route
 from faultbond.structure.routes.questions import parameter_sets, parameters
@@ -20,31 +21,6 @@ from faultbond.structure.routes.search import Ending, Search, search_route
 from faultbond.structure.routes.trace import trace_lines
 
 HERE = Path(__file__).parent
-
-# Figure A.2: its letters for the signals and its names for the components.
-SIGNALS = {
-    "K.e1": "b",
-    "R.e": "c",
-    "L.e": "d",
-    "L.rate": "e",
-    "armature.f": "h",
-    "K.e2": "i",
-    "C.e": "j",
-    "J.e": "k",
-    "J.rate": "l",
-}
-EQUATIONS = {
-    "R": "R",
-    "armature": "Ab",
-    "K.1": "Kb",
-    "L": "L",
-    "L.sum": "Sb",
-    "K.2": "Ka",
-    "shaft": "Aa",
-    "J": "J",
-    "J.sum": "Sa",
-    "C": "C",
-}
 
 # A.3: what was passed through, and U after each of its numbered steps. Steps 21 and 22 leave out that Ka drops out, and
 # step 23, corrected here, leaves out J (erratum E5); from step 26 on the thesis says "it should now be clear".
@@ -112,27 +88,11 @@ ORDER = "R0 Ab0 Kb0 L0 Sb0 Ka0 Aa0 J0 Sa0 C0 Ka1 Aa1 J1 Sa1 C1 L1 Ab1 Kb1 R1 Sb1
 
 def motor(order: str = "") -> ComponentNetwork:
     """The motor in the letters of figure A.2, Ka and Kb two parameters as there; components in a given order."""
-    network = example("dc_motor")
-    equations = [_renamed(item) for item in network.equations]
-    if order:
-        equations.sort(key=lambda item: order.split().index(item.name))
-    return replace(
-        network,
-        equations=tuple(equations),
-        signals=tuple(SIGNALS.get(name, name) for name in network.signals),
-        parameters=("Ka", "Kb", "R", "L", "J", "C"),
-        suspects=("R", "L", "J", "C", "Ka", "Kb"),
-    )
-
-
-def _renamed(item: Equation) -> Equation:
-    name = EQUATIONS[item.name]
-    return replace(
-        item,
-        name=name,
-        signals=tuple((SIGNALS.get(signal, signal), back) for signal, back in item.signals),
-        parameters=tuple(name if parameter == "K" else parameter for parameter in item.parameters),
-    )
+    network = in_figure_a_2()
+    if not order:
+        return network
+    equations = sorted(network.equations, key=lambda item: order.split().index(item.name))
+    return replace(network, equations=tuple(equations))
 
 
 def find(search: Search) -> str:
@@ -237,8 +197,8 @@ def test_three_frames_four_observations() -> None:
 def test_minimal_set_for_r_and_l() -> None:
     """The route for R and L is frames 0 and 1 whole, and of frame 2 the mechanical half: 23 signals, 2 parameters."""
     route = _route(("R", "L"))
-    passed = {f"{EQUATIONS[step.equation]}{step.frame}" for step in route.steps}
-    whole = {f"{name}{frame}" for name in EQUATIONS.values() for frame in (0, 1)}
+    passed = {f"{PARTS[step.equation]}{step.frame}" for step in route.steps}
+    whole = {f"{name}{frame}" for name in PARTS.values() for frame in (0, 1)}
     assert passed == whole | {"Ka2", "Aa2", "J2", "Sa2", "C2"} == set(ORDER.split())
     assert sum(isinstance(step.finds, str) for step in route.steps) == 2
     assert len(route.steps) == 25
