@@ -49,6 +49,7 @@ LATE_IMPORTS = (
     ("app", "faultbond.structure"),  # loads scipy
     ("app", "faultbond.report"),  # loads rich and jinja2
     ("app", "rich"),
+    ("app", "threadpoolctl"),
 )
 MAX_MODULE_LINES = 400
 MAX_FUNCTION_LINES = 60

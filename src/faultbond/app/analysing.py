@@ -48,21 +48,24 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
             console.width = PLAIN_WIDTH
         print_plant(console, graph, network)
         console.file.flush()
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
     from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads casadi
 
-    for title, work in sections(graph, network, wishes):
-        try:
-            with _waiting(title):
-                section = work()
-        except StructureError as error:  # what cannot be told is said, and the rest goes on
+    with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
+        for title, work in sections(graph, network, wishes):
+            try:
+                with _waiting(title):
+                    section = work()
+            except StructureError as error:  # what cannot be told is said, and the rest goes on
+                if console is not None:
+                    print_refusal(console, title, str(error))
+                continue
+            record |= section.record
             if console is not None:
-                print_refusal(console, title, str(error))
-            continue
-        record |= section.record
-        if console is not None:
-            section.show(console)
-            console.file.flush()
+                section.show(console)
+                console.file.flush()
     out.record(record)
 
 

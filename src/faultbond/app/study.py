@@ -231,7 +231,7 @@ def _smallest(study: _Study, wishes: Wishes) -> Section:
 
 
 def _sensors(study: _Study) -> Section:
-    advice = advise_sensors(study.model)
+    advice = advise_sensors(study.model, study.recursion)
     return Section(
         record=analysed.sensors_record(study.graph, advice),
         show=lambda console: analysis.print_sensor_advice(console, advice),

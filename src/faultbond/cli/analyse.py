@@ -12,28 +12,9 @@ MAX_CLOSED = 5
 
 def add_analyse(verbs: Subparsers) -> None:
     """Add `analyse`."""
-
-    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        if arguments.trace is not None:
-            verbs.trace(arguments.model, arguments.trace, out=out)
-            return DONE
-        wishes = Wishes(
-            data=arguments.data,
-            within=arguments.within,
-            separate=tuple(arguments.separate),
-            closed=arguments.closed,
-            patience=arguments.patience,
-            preference=arguments.preference,
-        )
-        if arguments.code is not None:
-            verbs.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
-        else:
-            verbs.analyse(arguments.model, wishes=wishes, out=out)
-        return DONE
-
     example = "faultbond analyse model.yaml --data healthy.csv"
     summary = "tell which faults can be found and told apart, how small, and what would help"
-    parser = add_verb(verbs, "analyse", call, summary, example)
+    parser = add_verb(verbs, "analyse", _call, summary, example)
     add_model(parser)
     parser.add_argument("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
     parser.add_argument(
@@ -47,6 +28,11 @@ def add_analyse(verbs: Subparsers) -> None:
         default=[],
         help="find the input that best separates these sets, such as K4 K6,K1 (default: those alike at rest)",
     )
+    _add_forms(parser)
+
+
+def _add_forms(parser: argparse.ArgumentParser) -> None:
+    """Add the options of routes and closed forms."""
     parser.add_argument(
         "--closed",
         metavar="N",
@@ -72,6 +58,26 @@ def add_analyse(verbs: Subparsers) -> None:
     parser.add_argument(
         "--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step"
     )
+
+
+def _call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
+    """Call the verb that the options ask for."""
+    if arguments.trace is not None:
+        verbs.trace(arguments.model, arguments.trace, out=out)
+        return DONE
+    wishes = Wishes(
+        data=arguments.data,
+        within=arguments.within,
+        separate=tuple(arguments.separate),
+        closed=arguments.closed,
+        patience=arguments.patience,
+        preference=arguments.preference,
+    )
+    if arguments.code is not None:
+        verbs.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
+    else:
+        verbs.analyse(arguments.model, wishes=wishes, out=out)
+    return DONE
 
 
 def _size(text: str) -> int:
