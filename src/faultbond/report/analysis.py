@@ -129,7 +129,7 @@ def print_structure(
         items.append(("tests", text))
     if sensors:
         named = [" with ".join(names) for names in sensors[:LISTED_SENSORS]]
-        named += [f"{len(sensors) - LISTED_SENSORS} others"] if len(sensors) > LISTED_SENSORS else []
+        named += [counted(len(sensors) - LISTED_SENSORS, "other")] if len(sensors) > LISTED_SENSORS else []
         items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))
     lines(console, items)
 
@@ -163,12 +163,14 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
         table(console, ("suspects", "these values", "look exactly like"), rows[:LISTED])
     alone = len(looked) - len(several)
     what = f"{alone} of {counted(len(looked), 'set')}: a record leaves one set of values"
+    nothing = [] if solutions else [("", "there is no set whose values data fix")]
+    unique = [("unique", what)] if looked else nothing
     skipped = Counter(item.skipped for item in solutions if item.skipped)
     rest = [("not looked at", f"{counted(count, 'set')}: {reason}") for reason, count in skipped.items()]
     if len(rows) > LISTED:
         rest = [("more", f"{counted(len(rows) - LISTED, 'line')} as above; --json writes all"), *rest]
     words = _twins(twins)
-    lines(console, [("unique", what), *rest, *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
+    lines(console, [*unique, *rest, *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
 
 
 def _twins(twins: Comparison) -> list[str]:

@@ -116,6 +116,8 @@ def test_structural_tests_and_sensors_beyond_the_list_are_counted() -> None:
     assert "1 minimal set of equations can be checked" in text
     assert "{f11} and 1 more" in text
     assert "a sensor of s0, or of s1 with t, or of s2 with t, or of s3 with t, or of 2 others" in text
+    text = printed(lambda console: print_structure(console, ("a", "b"), facts, tests, sensors[:5]))
+    assert "or of s3 with t, or of 1 other\n" in text + "\n"
 
 
 def test_other_values_and_twins() -> None:
@@ -149,6 +151,14 @@ def test_many_other_values_are_cut_and_counted() -> None:
     assert "a0 = 21" in text
     assert "a0 = 22" not in text
     assert "more 3 lines as above; --json writes all" in text
+
+
+def test_nothing_to_look_at_is_said() -> None:
+    """Where data fix the values of no set there is nothing to count."""
+    empty = Comparison(found=(), compared=0, left_out=0)
+    text = printed(lambda console: print_solutions(console, plant(1), [], empty))
+    assert "there is no set whose values data fix" in text
+    assert "unique" not in text
 
 
 def test_effects_that_rounding_leaves_are_none() -> None:
