@@ -23,11 +23,16 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 25, 600
 _SPARE = 1.5  # readings per unknown
 _STEP_RANGE = (0.3, 3.0)  # of the fastest and the slowest time constant
 _FAR = 1e5  # a time constant so many samples long or short is none
+_EMPTY = 1e-9  # SI, an effort or a flow that is none
 _NO_MODE = 10.0  # samples per step where the plant only integrates
 
 
 def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) -> tuple[Experiment, ...]:
-    """Give one random run for each of `INPUT_KINDS`, all of the same length."""
+    """Give one random run for each of `INPUT_KINDS`, and one from a start of its own, all of the same length.
+
+    The last is for a store that is empty in the nominal run, as all are where there is no input: the size of its
+    effort or flow is drawn about one SI unit, so that what it shows while it empties is seen.
+    """
     graph = model.plant.graph
     rng = np.random.default_rng(seed)
     n_unknown = len(graph.parameters) + len(model.states)
@@ -35,14 +40,17 @@ def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) ->
     nominal = np.array([item.nominal for item in graph.parameters])
     reference = model.contents(model.reference_state, nominal).full()[:, 0]
     shortest, longest = _step_range(model, recursion, reference)
+    empty = np.abs(model.reference_state) < _EMPTY
+    filled = model.contents(np.where(empty, 1.0, model.reference_state), nominal).full()[:, 0]
+    kinds = [(reference, kind) for kind in INPUT_KINDS] + ([(filled, INPUT_KINDS[0])] if empty.any() else [])
     found = []
-    for decades, signed in INPUT_KINDS:
+    for begin, (decades, signed) in kinds:
         dt = np.exp(rng.uniform(np.log(shortest), np.log(longest), n))
         dt[0] = 0.0
         theta = np.array([_near(item, rng) for item in graph.parameters])
         found.append(
             Experiment(
-                start=reference * (1.0 + START_SPREAD * rng.standard_normal(len(reference))),
+                start=begin * (1.0 + START_SPREAD * rng.standard_normal(len(begin))),
                 inputs=_random_inputs(graph, rng, n, decades, signed),
                 dt=dt,
                 theta=theta,

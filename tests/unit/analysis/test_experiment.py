@@ -1,10 +1,13 @@
 """Random runs on which a plant is judged."""
 
 import numpy as np
+import pytest
 from plants import example, stated
 
 from faultbond.analysis.experiment import INPUT_KINDS, random_experiments
+from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import Experiment, build_recursion
+from faultbond.analysis.testable import generic_run
 from faultbond.dynamics.step import StepModel
 
 
@@ -68,3 +71,18 @@ def test_parameters_are_near_nominal_and_in_range() -> None:
         assert off.max() < 0.3
         assert np.sum(off > 0) >= len(off) / 4  # a leak cannot be negative: half of them are cut off at zero
         assert all(value >= item.lower for value, item in zip(found.theta, model.plant.graph.parameters, strict=True))
+
+
+def test_a_store_that_nothing_fills_begins_full_once() -> None:
+    """Without an input a capacitor is empty in the nominal run; the last run begins at about one volt and shows R*C."""
+    model = stated(
+        "name: cooling\nsample_time: 1 s\ncomponents:\n  C: {type: C, parameters: {C: 2 F}}\n"
+        "  R: {type: R, parameters: {R: 5 ohm}}\njunctions: {n: 0}\nbonds: [n -> C, n -> R]\n"
+        "sensors: {v: {reads: n.e, unit: V, noise: 10 mV}}\n"
+    )
+    found = experiments(model)
+    assert len(found) == len(INPUT_KINDS) + 1
+    assert [float(item.start[0]) for item in found[:-1]] == [0.0] * len(INPUT_KINDS)
+    assert found[-1].start[0] == pytest.approx(2.0, rel=0.4)
+    assert reduce([generic_run(model)]).rank.value == 1
+    assert len(experiments(example("dc_motor"))) == len(INPUT_KINDS)
