@@ -22,7 +22,7 @@ METHOD = ROOT / "docs" / "method.md"
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 RECORDS = {
-    "run": "model model_sha256 method version sample_time",
+    "run": "model model_sha256 method version sample_time explain_anything",
     "detection": "time sample change_time signals",
     "diagnosis": "time candidates components parameters nominal estimate sd probability group",
     "end": "time samples watched detections missing late duplicate",

@@ -54,6 +54,7 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
                 method=method,
                 version=spec.version,
                 sample_time=spec.sample_time,
+                explain_anything=[[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
             )
         )
         outcome = _watch(spec, built, follow(rows), Grid(spec.sample_time, live=live), trace, out)
@@ -149,7 +150,8 @@ def _tell(
     history = trace.history()
     if out.text is not None:
         console = Console(file=out.text)
-        pages.print_diagnosis(console, graph, history, engine_title=engine.title, counts=counts)
+        untested = pages.unfalsifiable_text(spec)
+        pages.print_diagnosis(console, graph, history, engine_title=engine.title, counts=counts, untested=untested)
     if report is not None:
         strokes = dict(assign_causality(graph).strokes)
         page = pages.render_report(graph, history, strokes, engine.title, spec.version, counts)

@@ -3,6 +3,6 @@
 from faultbond.report.drawing import draw
 from faultbond.report.html import render_report
 from faultbond.report.terminal import print_diagnosis
-from faultbond.report.verdict import Counts, verdict_sentence
+from faultbond.report.verdict import Counts, unfalsifiable_text, verdict_sentence
 
-__all__ = ["Counts", "draw", "print_diagnosis", "render_report", "verdict_sentence"]
+__all__ = ["Counts", "draw", "print_diagnosis", "render_report", "unfalsifiable_text", "verdict_sentence"]

@@ -23,7 +23,9 @@ PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 GROUP_MARK = "●"
 
 
-def print_diagnosis(console: Console, graph: BondGraph, history: History, *, engine_title: str, counts: Counts) -> None:
+def print_diagnosis(
+    console: Console, graph: BondGraph, history: History, *, engine_title: str, counts: Counts, untested: str = ""
+) -> None:
     """Print what a run found.
 
     Parameters
@@ -33,6 +35,7 @@ def print_diagnosis(console: Console, graph: BondGraph, history: History, *, eng
     history : traces, detections and diagnoses of the run
     engine_title : the engine in words
     counts : samples passed, and defects of the recording
+    untested : sets that no data can contradict, in words
     """
     if not console.is_terminal:
         console.width = PLAIN_WIDTH
@@ -45,6 +48,8 @@ def print_diagnosis(console: Console, graph: BondGraph, history: History, *, eng
     if history.detections and diagnosis:
         console.print(_heading(diagnosis))
         _print_table(console, graph, diagnosis)
+        if untested:
+            console.print(Text(f"Not tested, since each would explain anything: {untested}.", style="dim"))
     style = "bold" if history.detections else "bold yellow" if counts.no_verdict else "bold green"
     console.print(Text(verdict_sentence(graph, history, counts, Notation.FILE), style=style))
 

@@ -1,13 +1,26 @@
 """The records of a run: what a program reads, as plain mappings ready for JSON; SI units, percent stays percent."""
 
+from collections.abc import Sequence
+
 from faultbond.runtime.history import Candidate, Detection, Diagnosis
 from faultbond.types import Method
 
 Record = dict[str, object]
 
 
-def run_record(*, model: str, model_sha256: str, method: Method, version: str, sample_time: float | None) -> Record:
-    """Give the first record: what is run on what; no sample time where rows come as they come, or have no time."""
+def run_record(
+    *,
+    model: str,
+    model_sha256: str,
+    method: Method,
+    version: str,
+    sample_time: float | None,
+    explain_anything: Sequence[Sequence[str]] = (),
+) -> Record:
+    """Give the first record: what is run on what; no sample time where rows come as they come, or have no time.
+
+    explain_anything: sets of parameters that are not tested, since no data could contradict them.
+    """
     return {
         "record": "run",
         "model": model,
@@ -15,6 +28,7 @@ def run_record(*, model: str, model_sha256: str, method: Method, version: str, s
         "method": method.value,
         "version": version,
         "sample_time": sample_time,
+        "explain_anything": [list(names) for names in explain_anything],
     }
 
 

@@ -64,3 +64,12 @@ def test_terminal_keeps_its_width() -> None:
     history = tank_history(GRAPH, samples=1200)
     print_diagnosis(console, GRAPH, history, engine_title="test engine", counts=counts_of(history))
     assert console.width == 73
+
+
+def test_sets_that_are_not_tested_are_named() -> None:
+    """Below the table stands what would explain anything; a healthy run says nothing of it."""
+    for history, shown in ((tank_history(GRAPH, samples=4920), True), (tank_history(GRAPH, fault=False), False)):
+        out = StringIO()
+        counts = counts_of(history)
+        print_diagnosis(Console(file=out), GRAPH, history, engine_title="e", counts=counts, untested="{K1, K4}")
+        assert ("Not tested, since each would explain anything: {K1, K4}." in out.getvalue()) is shown

@@ -48,7 +48,12 @@ SPEC = EngineSpec(
 def test_the_first_record() -> None:
     """It names the model, its hash, the method, the version and the sample time."""
     assert run_record(
-        model="circuit", model_sha256="ab" * 32, method=Method.BANK, version="0.1.0", sample_time=0.5
+        model="circuit",
+        model_sha256="ab" * 32,
+        method=Method.BANK,
+        version="0.1.0",
+        sample_time=0.5,
+        explain_anything=[("R", "C")],
     ) == {
         "record": "run",
         "model": "circuit",
@@ -56,6 +61,7 @@ def test_the_first_record() -> None:
         "method": "bank",
         "version": "0.1.0",
         "sample_time": 0.5,
+        "explain_anything": [["R", "C"]],
     }
 
 
