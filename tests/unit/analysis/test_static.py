@@ -160,7 +160,7 @@ def test_equations_without_real_solution_explain_nothing() -> None:
 sample_time: none
 inputs: {x: {}, z: {}}
 blocks:
-  a: {law: p = A*x + B*z, parameters: {A: {nominal: 1, range: any}, B: {nominal: 1, range: any}}}
+  a: {law: p = A*x + B*z, parameters: {A: {nominal: 1, range: [-2.1, 2.1]}, B: {nominal: 1, range: [0, 4]}}}
   b: {law: y = p**2}
 sensors: {y: {reads: y}}
 """
@@ -512,6 +512,86 @@ def test_readings_whose_input_is_missing_do_not_count() -> None:
     for rows in (far, [far[0], *lacking, *far[1:]]):
         _, diagnoses = report(text, rows)
         assert diagnoses[-1].candidates == ()
+    _, diagnoses = report(text, [far[0], *lacking, far[0]])
+    assert singles(diagnoses[-1]) == pytest.approx({"A": 2.4})
+
+
+def test_a_pair_without_a_real_reading_at_the_nominal_values() -> None:
+    """No single parameter gives 2.5 where u is 0.5, and the nominal pair gives no real number to start from."""
+    text = ROOT.replace("C: 0.5", "C: {nominal: 0.5, suspect: no}")
+    _, diagnoses = report(text, [(0.5, 2.5)])
+    (((a, b),),) = estimates(diagnoses[-1]).values()
+    assert b * sqrt(0.5 - a) - 0.5 == pytest.approx(2.5, abs=0.02)
+
+
+def test_what_noisy_readings_leave_open() -> None:
+    """A pair of which one row tells the sum only has no standard deviation; after a second row it has."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks:
+  a: {law: y = A*x + B, parameters: {A: {nominal: 1, range: [0, 3]}, B: {nominal: 1, range: [0, 3]}}}
+sensors: {y: {reads: y, noise: 0.1}}
+"""
+    _, diagnoses = report(text, [(1, 5), (2, 7.5)])
+    before, after = ([suspect.sd for suspect in item.candidates[0].suspects] for item in diagnoses)
+    assert before == [inf, inf]
+    assert after == pytest.approx([0.1 * sqrt(2.0), 0.1 * sqrt(5.0)])
+
+
+def test_as_many_errors_are_allowed_as_readings_less_parameters() -> None:
+    """Two readings 0.496 apart, of noise 0.1, misfit by 12.3; 10.8 is allowed, and with a third 13.8."""
+    text = SUM.replace("reads: p", "reads: p, noise: 0.1").replace("s: {reads: s}", "s: {reads: s, noise: 0.1}")
+    far = [(1, 1, 2.752, nan), (1, 1, 3.248, nan)]
+    _, diagnoses = report(text, far)
+    assert [len(item.candidates) for item in diagnoses] == [1, 0]
+    _, diagnoses = report(text, [*far, (1, 1, 3.0, nan)])
+    assert singles(diagnoses[-1]) == pytest.approx({"A": 3.0})
+
+
+def test_roots_of_pairs_with_noise() -> None:
+    """Both roots of a pair are found once there are as many readings as parameters."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = A**2*x + B, parameters: {A: {nominal: 1, range: [-2.1, 2.1]}, B: {nominal: 1, range: [0, 4]}}}}
+sensors: {y: {reads: y, noise: 0.01}}
+"""
+    _, diagnoses = report(text, [(1, 7), (2, 11), (3, 15)])
+    found = sorted(pair for pairs in estimates(diagnoses[-1]).values() for pair in pairs)
+    assert found == [pytest.approx((-2.0, 3.0)), pytest.approx((2.0, 3.0))]
+
+
+def test_a_reading_of_0_without_noise() -> None:
+    """Among readings of 1e-6, 0 instead of 1e-12 is a contradiction though the other sensor has noise."""
+    text = SUM.replace("s: {reads: s}", "s: {reads: s, noise: 0.1}")
+    _, diagnoses = report(text, [(1e-6, 1, 3e-6, 3), (1e-12, 1, 0, 3)])
+    assert [len(item.candidates) for item in diagnoses] == [1, 0]
+
+
+def test_a_root_at_the_bound_of_its_range() -> None:
+    """Rounding of the bound does not exclude the root of 2."""
+    text = """
+sample_time: none
+inputs: {x: {}}
+blocks: {a: {law: y = A**2*x, parameters: {A: {nominal: 3, range: [1.41421356238, 5]}}}}
+sensors: {y: {reads: y}}
+"""
+    _, diagnoses = report(text, [(1, 2)])
+    assert singles(diagnoses[0]) == pytest.approx({"A": sqrt(2.0)})
+
+
+def test_an_equation_that_does_not_tell_its_unknown() -> None:
+    """0 w = 0 says nothing of w, which is then what the sensor reads; 0 w = 1 is a contradiction."""
+    text = """
+sample_time: none
+inputs: {g: {}, v: {}}
+blocks: {a: {law: 0 = g*w - v, signals: w}}
+sensors: {w: {reads: w}}
+"""
+    assert report(text, [(0, 0, 5), (2, 10, 5)]) == (None, [])
+    detection, _ = report(text, [(0, 1, 5)])
+    assert detection is not None
 
 
 def test_blocks_with_noise() -> None:
@@ -520,6 +600,8 @@ def test_blocks_with_noise() -> None:
     assert detection is not None
     assert (detection.sample, detection.signals) == (1, ("out2",))
     assert blocks(diagnosis) == [("C",), ("E",)]
+    _, (diagnosis,) = report(GAUGES, [(2, 3, 2, 4, 11.035, 170)])
+    assert ("C",) not in blocks(diagnosis)  # 3.5 standard deviations of out1 are left, of which 3.3 are allowed
 
 
 def test_blocks_differ_from_row_to_row() -> None:

@@ -9,6 +9,7 @@ from benchmarks.made_circuits import circuit_text, made_scenario, multiplier, ra
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import MAX_BYTES, is_circuit, read_circuit, read_scenario
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
+from faultbond.structure.logic.diagnoses import minimum_diagnoses
 
 SCENARIO = """sensors @0 { i1 = true, o1 = false };
 faultInjection @5000 isInjection = true, fault = { gate1 = faulty }, parameters = {};
@@ -84,6 +85,15 @@ def test_two_ports_on_one_signal_are_both_seen(tmp_path: Path) -> None:
     assert network.outputs == ("s", "t")
     assert network.suspects == ("g",)
     assert network.gates[-1] == Gate(name="t", function=GateFunction.BUFFER, output="t", inputs=("s",), trusted=True)
+
+
+def test_two_ports_without_a_gate_are_one_input(tmp_path: Path) -> None:
+    """The second of two ports that feed one gate is a trusted copy of the first, which alone is an input."""
+    network = read(tmp_path, circuit(f"a port; b port; s port; {GATE}", "g.o s; g.i1 a; g.i2 b; a b"))
+    assert (network.inputs, network.outputs) == (("a",), ("b", "s"))
+    assert minimum_diagnoses(network, [{"a": True, "b": True, "s": False}]) == (frozenset({"g"}),)
+    assert minimum_diagnoses(network, [{"b": True, "s": True}]) == (frozenset(),)
+    assert minimum_diagnoses(network, [{"a": True, "b": False}]) == ()
 
 
 def test_pins_are_counted_from_one(tmp_path: Path) -> None:
