@@ -192,3 +192,9 @@ def test_all_questions_have_titles_of_their_own() -> None:
         titles = [question.title for question in questions.all_questions(net, 2)]
         assert len(set(titles)) == len(titles)
         assert all(titles)
+
+
+def test_a_parameter_named_twice_is_asked_for_once() -> None:
+    """{R, R} is the set {R}."""
+    net = example("rlc")
+    assert questions.parameters(net, ("R", "R")) == questions.parameters(net, ("R",))

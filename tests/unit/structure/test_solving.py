@@ -373,33 +373,36 @@ def test_a_leak_that_is_none() -> None:
 
 
 def test_nothing_is_divided_by_a_parameter_that_is_zero() -> None:
-    """A coil without resistance: the current follows from the voltage though the law of R cannot be turned round."""
+    """A motor without resistance: its current follows though the law of R cannot be turned round."""
     text = """
-name: coil
+name: motor
 sample_time: 0.5 s
 inputs: {V: {unit: V}}
 components:
   source: {type: Se, law: e = V}
   L: {type: I, parameters: {L: 2 H}}
-  R: {type: R, parameters: {R: {nominal: 0 ohm, accuracy: 1 ohm, change: 2 ohm}}}
-junctions: {loop: 1}
-bonds: [source -> loop -> L, loop -> R]
-sensors: {i: {reads: -loop.f, unit: A, noise: 1 mA}}
+  winding: {type: R, law: e = R*f, parameters: {R: {nominal: 0 ohm, accuracy: 1 ohm, change: 2 ohm}}}
+  K: {type: GY, parameters: {K: 1.5 V*s/rad}}
+  J: {type: I, parameters: {J: 2 kg*m^2}}
+junctions: {coil: 1, shaft: 1}
+bonds: [source -> coil -> L, coil -> winding, coil -> K -> shaft -> J]
+sensors:
+  i: {reads: -coil.f, unit: A, noise: 1 mA}
+  w: {reads: shaft.f, unit: rad/s, noise: 1 mrad/s}
 """
     network, plant = plant_from(text)
     question = Question(
         targets=(("i", 0),),
         observed=network.observed,
         hidden=frozenset({("i", 0)}),
-        known=frozenset({("loop.f", 1)}),
+        known=frozenset({("coil.f", 1)}),
         frames=1,
         causal=True,
     )
     solution = solve(network, find_route(network, question), plant)
-    (found,) = solve_samples(
-        solution, {"V_0": Fraction(6), "loop.f_1": Fraction(1), "L": 2, "R": 0, "dt": Fraction(1, 2)}
-    )
-    assert found == {"i_0": Fraction(-5, 2)}
+    values = {"L": Fraction(2), "R": Fraction(0), "K": Fraction(3, 2), "dt": Fraction(1, 2)}
+    (found,) = solve_samples(solution, {"V_0": Fraction(9), "w_0": Fraction(2), "coil.f_1": Fraction(1), **values})
+    assert found == {"i_0": Fraction(-5, 2)}  # 1 + (9 - 1.5*2)*0.5/2
 
 
 def test_both_sides_of_a_tank_outlet() -> None:

@@ -109,10 +109,9 @@ def either_side(network: ComponentNetwork) -> tuple[Question, ...]:
 
 def parameters(network: ComponentNetwork, names: Sequence[str]) -> Question:
     """Ask for the parameters of a set of suspended components. Source: thesis 4.2.2, first function."""
+    names = tuple(dict.fromkeys(names))
     kind = "parameter" if len(names) == 1 else "parameters"
-    return Question(
-        targets=tuple(names), unknown=tuple(names), observed=network.observed, title=f"{kind} {', '.join(names)}"
-    )
+    return Question(targets=names, unknown=names, observed=network.observed, title=f"{kind} {', '.join(names)}")
 
 
 def parameter_sets(network: ComponentNetwork, max_faults: int) -> tuple[Question, ...]:
