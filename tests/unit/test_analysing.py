@@ -92,6 +92,8 @@ def test_a_recording_is_judged_beside(tmp_path: Path, capsys: pytest.CaptureFixt
     assert not pair["on_data"]["identifiable"]
     advice = next(item for item in record["input_advice"] if item["sets"] == [["K4"], ["K6"]])
     assert advice["choices"][0]["input"] == "u_out"
+    assert all(len(chosen) == 1 for item in record["input_advice"] for chosen in item["sets"])
+    assert "K4" not in record["isolable"]["K4"]
 
 
 def test_a_recording_begins_at_the_declared_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from plants import example
+from plants import example, stated
 
 from faultbond.analysis.capability import View, in_general, largest_size, on_record
 from faultbond.analysis.recorded import recorded_runs
@@ -51,3 +51,32 @@ def test_where_all_explains_anything_singles_are_compared() -> None:
 def test_sizes_that_are_judged(n: int, most: int, size: int) -> None:
     """All sizes of a few suspects; of many those that stay below four thousand sets, and what max_faults asks."""
     assert largest_size(n, most) == size
+
+
+def test_what_only_noise_hides_is_near_not_alike() -> None:
+    """Of a motor at rest but for a trace of movement R and C differ, by less than the noise: a near group, no group."""
+    model = example("dc_motor")
+    rest = np.array([2.5 * 10.0 * 0.4 / 5.2, 1.5 * 20.0 / 5.2])
+    inputs = np.full((400, 1), 10.0)
+    inputs[200:] += 1e-4
+    view = on_record(
+        model, recorded_runs(model, build_recursion(model.plant), np.linspace(0.0, 7.98, 400), inputs, rest)
+    )
+    assert view.judgement.rank.value == 1
+    assert view.groups == ()
+    names = [item.name for item in model.plant.graph.parameters]
+    near = [{names[k] for chosen in group.sets for k in chosen} for group in view.near_groups]
+    assert {"R", "C"} in near
+
+
+def test_nearness_is_in_units_of_the_noise() -> None:
+    """What tells a from b shows in a sensor that is too noisy to tell it."""
+    text = (
+        "name: two sensors\nsample_time: none\ninputs: {u: {}}\nblocks:\n"
+        "  p: {law: x = (a + b)*u, parameters: {a: 2, b: 3}}\n  q: {law: z = a*u}\n"
+        "sensors: {y: {reads: x, noise: 0.01}, w: {reads: z, noise: NOISE}}\n"
+    )
+    models = [stated(text.replace("NOISE", noise)) for noise in ("0.01", "1e9")]
+    fine, coarse = (in_general(model, build_recursion(model.plant)) for model in models)
+    assert (fine.groups, fine.near_groups, coarse.groups) == ((), (), ())
+    assert [item.sets for item in coarse.near_groups] == [((0,), (1,))]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plants import example, stated
+from plants import example, positions, stated
 
 from faultbond.analysis.experiment import INPUT_KINDS, random_experiments
 from faultbond.analysis.ranks import reduce
@@ -86,3 +86,12 @@ def test_a_store_that_nothing_fills_begins_full_once() -> None:
     assert found[-1].start[0] == pytest.approx(2.0, rel=0.4)
     assert reduce([generic_run(model)]).rank.value == 1
     assert len(experiments(example("dc_motor"))) == len(INPUT_KINDS)
+
+
+def test_a_narrow_range_holds() -> None:
+    """A parameter that may not fall is never drawn below its nominal value."""
+    model = example("dc_motor", ("{R: 3 ohm}", "{R: {nominal: 3 ohm, range: [3 ohm, 3.01 ohm]}}"))
+    (place,) = positions(model, "R")
+    values = [float(found.theta[place]) for found in experiments(model)]
+    assert all(3.0 <= value <= 3.01 for value in values)
+    assert {3.0, 3.01} & set(values)

@@ -275,3 +275,17 @@ def test_a_parameter_of_nominal_zero() -> None:
     """Without a nominal value a change in per cent means nothing: only the proportion is stated."""
     seen = replace(of_columns([1, 0], [0.5, 0]), relative=np.array([True, False]))
     assert groups(seen, [(0,), (1,)])[0].reason == "B acts as A does, in a fixed proportion"
+
+
+def test_two_small_angles_at_once_are_near() -> None:
+    """Pairs that differ by 8 degrees in each of two directions are 8 degrees apart, not 11."""
+    c, s = float(np.cos(np.radians(8.0))), float(np.sin(np.radians(8.0)))
+    seen = of_columns([1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [c, 0, s, 0, 0], [0, c, 0, s, 0], [0, 0, 0, 0, 1])
+    assert [pair for pair, _ in near_pairs(seen, [(0, 1), (2, 3)], ())] == [((0, 1), (2, 3))]
+
+
+def test_equal_effects_of_equal_values_are_compared() -> None:
+    """Where a sum and a product would both do, as at one point of operation with equal values, neither is claimed."""
+    seen = of_columns([1, 0, 0], [1, 0, 0], [0, 1, 0])
+    (group,) = groups(seen, [(0,), (1,), (2,)])
+    assert group.reason == "1 % of B acts as 1 % of A"

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from faultbond.analysis.ranks import Reduced, bases, set_ranks, told_rank
+from faultbond.analysis.ranks import Reduced, above_noise, bases, set_ranks, told_rank
 from faultbond.types import FloatArray
 
 
@@ -69,3 +69,11 @@ def test_bases_of_sets(size: int) -> None:
 def test_a_column_that_is_zero_spans_nothing() -> None:
     """Of a parameter without effect the basis is zero."""
     assert np.array_equal(bases(seen(dependent()), [(5,)]), np.zeros((1, 8, 1)))
+
+
+def test_an_effect_below_three_noises_is_hidden() -> None:
+    """Of effects of 40, 4 and 2 noises two are seen; the rank says which was kept and which dropped."""
+    found = above_noise(seen(np.diag([40.0, 4.0, 2.0])), np.ones(3)).rank
+    assert found.value == 2
+    assert [found.kept, found.dropped] == pytest.approx([0.1, 0.05])
+    assert above_noise(seen(np.diag([40.0, 4.0, 2.0])), np.full(3, 2.0)).rank.value == 3

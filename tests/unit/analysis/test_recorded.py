@@ -79,7 +79,7 @@ def steady(n: int) -> tuple[StepModel, FloatArray, FloatArray, FloatArray]:
     model = example("dc_motor")
     speed = 10.0 * 2.0 / (3.0 * 0.4 + 2.0**2)
     readings = speed + 0.06 * np.random.default_rng(0).standard_normal((n, 1))
-    return model, 0.02 * np.arange(n), np.full((n, 1), 10.0), readings
+    return model, np.linspace(0.0, 0.02 * (n - 1), n), np.full((n, 1), 10.0), readings
 
 
 @pytest.mark.parametrize("n", [400, 3000])
@@ -103,7 +103,8 @@ def test_a_start_that_fits_is_left_though_parameters_are_off() -> None:
     """What healthy parameters within their accuracy explain does not move the start."""
     model = example("dc_motor")
     recursion = build_recursion(model.plant)
-    times, inputs = 0.02 * np.arange(500), np.sign(np.sin(0.05 * np.arange(500)))[:, None] * 10.0
+    times = np.linspace(0.0, 9.98, 500)
+    inputs = np.asarray(np.where(np.sin(2.5 * times) > 0, 10.0, -10.0), dtype=np.float64)[:, None]
     start = np.array([1.0, 4.0])
     (nominal,) = recorded_runs(model, recursion, times, inputs, start)
     readings = nominal.y + 0.01 * nominal.by_theta[:, :, 0] - 0.02 * nominal.by_theta[:, :, 2]
@@ -130,3 +131,14 @@ def test_readings_of_a_block_are_those_that_are_there() -> None:
     readings[np.arange(3000) % 10 != 7] = np.nan
     whole, _ = recorded_runs(model, build_recursion(model.plant), times, inputs, np.zeros(2), readings)
     assert whole.by_theta[1:].any(axis=(1, 2)).all()
+
+
+def test_each_input_counts_by_its_range() -> None:
+    """The busy window is where the inlet valve dances by a per cent, not where the outlet goes once by fifty."""
+    model = example("tank")
+    inputs = np.tile([60.0, 40.0], (3000, 1))
+    inputs[2000:2100, 0] += np.where(np.arange(100) % 2, 1.0, 0.0)
+    inputs[500:, 1] = 90.0
+    inputs[510:520, 1] = 40.0
+    _, window = runs(model, np.arange(3000.0), inputs, np.array([0.04]))
+    assert np.ptp(window.inputs[:, 0]) == 1.0

@@ -38,3 +38,44 @@ def test_a_plant_in_which_all_explains_anything_keeps_its_smallest_sets() -> Non
     """Of a resistor and a capacitor only the product shows; each alone is still estimated."""
     text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8").replace("max_faults: 1", "max_faults: 2")
     assert build_spec(build_model(parse_model(text))).hypotheses == ((0,), (1,))
+
+
+def test_only_what_is_identifiable_explains_anything() -> None:
+    """Of the motor's sets of up to four, triples explain anything; quadruples are not identifiable, and not named."""
+    spec = build_spec(build_model(parse_model(MOTOR.replace("sample_time:", "max_faults: 4\nsample_time:"))))
+    assert {len(chosen) for chosen in spec.hypotheses} == {1, 2}
+    assert [len(chosen) for chosen in spec.explain_anything] == [3] * 10
+
+
+def test_of_two_sensors_of_a_state_the_better_counts() -> None:
+    """A second, coarser sensor of the speed leaves the process noise as it is."""
+    text = MOTOR.replace("sensors: {", "sensors: {coarse: {reads: shaft.f, unit: rad/s, noise: 6 rad/s}, ")
+    assert "coarse" in text
+    noise = {state.name: state.noise for state in build_spec(build_model(parse_model(text))).states}
+    assert noise["shaft.f"] == pytest.approx(0.02 * 0.06)
+
+
+def test_an_inaccurate_parameter_stays_positive() -> None:
+    """A healthy value known to one half only may be estimated down to a fiftieth of it, not to zero or below."""
+    text = MOTOR.replace("{R: 3 ohm}", "{R: {nominal: 3 ohm, accuracy: 50 %}}")
+    limits = {item.name: item for item in build_spec(build_model(parse_model(text))).parameters}
+    assert limits["R"].lower == pytest.approx(0.02)
+
+
+def test_what_is_a_step_of_an_input() -> None:
+    """A hundredth of the range of a valve in percent, six standard deviations of a noisy voltage."""
+    tank = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")
+    assert [(item.step, item.step_part) for item in build_spec(build_model(parse_model(tank))).inputs] == [
+        (1.0, 0.0)
+    ] * 2
+    (voltage,) = build_spec(build_model(parse_model(MOTOR))).inputs
+    assert voltage.step == pytest.approx(6 * 0.16)
+    assert voltage.step_part == 0.01
+
+
+def test_warm_up_is_not_longer_for_rounding() -> None:
+    """6.9 s are 23 samples of 0.3 s, though their quotient is a trifle more; 20 samples at least."""
+    text = MOTOR.replace("sample_time: 0.02 s", "sample_time: 0.3 s\nwarm_up: 6.9 s")
+    assert "warm_up" in text
+    assert build_spec(build_model(parse_model(text))).thresholds.warm_up_samples == 23
+    assert build_spec(build_model(parse_model(MOTOR))).thresholds.warm_up_samples == 20
