@@ -10,11 +10,11 @@ from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.rest import reference_levels, times
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.testable import generic_run
-from faultbond.analysis.trajectories import Course, Paths, lanes_of
+from faultbond.analysis.trajectories import Course, lanes_of
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import BondGraph
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray
 
 GENTLE = 0.3  # part of an input by which it moves
 _GRACE = 1.5  # times the time that there is, for what has been begun
@@ -56,11 +56,20 @@ class Bench:
         """Whether all parameters are in their ranges."""
         return all(item.lower <= value <= item.upper for item, value in zip(self.graph.parameters, theta, strict=True))
 
-    def follow(self, thetas: Sequence[FloatArray], clock: Clock) -> Paths:
-        """Give what plants do along the run."""
-        lanes = lanes_of(thetas, self.course.run.start, [()] * len(thetas))
-        guess = np.tile(self.nominal, (len(thetas), 1, 1))
-        return self.course.follow(lanes, guess, patient=True, stop=clock.over)
+    def outputs(self, thetas: Sequence[FloatArray], clock: Clock) -> tuple[FloatArray, BoolArray]:
+        """Give the outputs of plants along the run, (n, n_samples, n_outputs), and which of them have some."""
+        course = self.course
+        y = np.zeros((len(thetas), course.n_samples, course.n_y))
+        good = np.zeros(len(thetas), dtype=bool)
+        for first in range(0, len(thetas), course.most_lanes):
+            part = slice(first, first + course.most_lanes)
+            lanes = lanes_of(thetas[part], course.run.start, [()] * len(thetas[part]))
+            guess = np.tile(self.nominal, (len(lanes.theta), 1, 1))
+            paths = course.follow(lanes, guess, patient=True, stop=clock.over)
+            if clock.over():
+                break
+            y[part], good[part] = paths.y, paths.good
+        return y, good
 
     def distance(self, one: FloatArray, other: FloatArray) -> float:
         """Give the largest relative difference of two sets of values; where the nominal is 0, in scales."""
@@ -122,9 +131,9 @@ def bench_for(model: StepModel, thetas: Sequence[FloatArray]) -> tuple[Bench, Fl
         Where there is none.
     """
     for bench in long_benches(model):
-        paths = bench.follow(thetas, Clock(seconds=None))
-        if paths.good.all():
-            return bench, paths.y
+        y, good = bench.outputs(thetas, Clock(seconds=None))
+        if good.all():
+            return bench, y
     graph = model.plant.graph
     raise StructureError(
         f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs, or not with other "

@@ -56,8 +56,7 @@ class Faults:
         for w in range(rows.shape[1]):
             k = rows[:, w]
             if w:
-                error = error @ operation.transition[k].transpose(0, 2, 1)
-                error[..., spec.noise_slice] = 0.0
+                error = self._carried(error, k)
             spread = operation.spread[k][:, None, :]
             deviation = moved[w].transpose(1, 0, 2) - error @ operation.slope[k].transpose(0, 2, 1)
             learned = np.clip(deviation, -most * spread, most * spread)
@@ -67,6 +66,15 @@ class Faults:
                 slow[w] = ratios_of(spec, error).transpose(1, 0, 2)
         largest = np.max(np.abs(moved), axis=(0, 2))
         return Shift(innovations=innovations, slow=slow, largest=largest, whole=whole)
+
+    def _carried(self, error: FloatArray, k: IntArray) -> FloatArray:
+        """Carry errors (o, c, n_joint) to rows k (o,); parameters stay, slow errors fade, noise of inputs is anew."""
+        spec, n_x = self.spec, len(self.spec.states)
+        carried, slow = error.copy(), np.arange(spec.n_joint)[spec.slow_slice]
+        carried[..., :n_x] = error @ self.operation.transition[k, :n_x].transpose(0, 2, 1)
+        carried[..., spec.slow_slice] *= self.operation.transition[k[:, None], slow, slow][:, None, :]
+        carried[..., spec.noise_slice] = 0.0
+        return carried
 
     def _outputs(self, starts: FloatArray) -> FloatArray:
         """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn."""

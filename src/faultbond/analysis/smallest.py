@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from faultbond.analysis.alarms import REALISATIONS, Windows, windows_of
 from faultbond.analysis.bench import Clock
 from faultbond.analysis.faulty import Case, Faults, Shift
-from faultbond.analysis.operation import Operation, UsualRun, operate, usual_run
+from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, RecordingError
 from faultbond.runtime.monitor import Sample
@@ -123,7 +123,7 @@ def smallest_faults(
     Parameters
     ----------
     model, spec, engine : the plant
-    samples : a run of the healthy plant, on the grid; default that of `operation.usual_run`
+    samples : a run of the healthy plant, on the grid; default one of `operation.usual_runs`
     parameters : names; default all suspects
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
@@ -143,9 +143,10 @@ def smallest_faults(
     chosen = _chosen(spec, parameters)
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
-    run: Sequence[Sample] | UsualRun
-    run = samples if samples is not None else usual_run(model, spec, spec.thresholds.warm_up_samples + 20 + 2 * length)
-    operation = operate(model, spec, engine, run)
+    if samples is None:
+        operation = usual_operation(model, spec, engine, spec.thresholds.warm_up_samples + 20 + 2 * length)
+    else:
+        operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
     search = _Search(spec, operation, windows, Faults(model, spec, operation, windows.rows), certainty)
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)

@@ -29,7 +29,7 @@ FEW_STARTS = (0.4, 1.6)  # for larger sets
 MOST_STARTS = 64  # per set
 NO_TIME = "no time left"
 NO_RUN = "no finite solution with these values"
-_FIRST_LANES = 128  # of the first batch, until the speed is known
+_FIRST_LANES = 8  # of the first batch, until the speed is known
 _SAME = 1e-4  # solutions nearer than this, relative, are one
 _MANY = 3  # more solutions than this, and than this part of the starts, are a continuum
 
@@ -180,11 +180,11 @@ class _Search:
         for bench in self.short:
             if not left or self.clock.over():
                 break
-            paths = bench.follow([item.true for item in left], self.clock)
-            here = [(item, y) for item, y, good in zip(left, paths.y, paths.good, strict=True) if good]
+            outputs, good = bench.outputs([item.true for item in left], self.clock)
+            here = [(item, y) for item, y, able in zip(left, outputs, good, strict=True) if able]
             if here:
                 self._answer(bench, here)
-            left = [item for item, good in zip(left, paths.good, strict=True) if not good]
+            left = [item for item, able in zip(left, good, strict=True) if not able]
         for item in left:
             self.skipped[item.number] = NO_TIME if self.clock.over() else NO_RUN
 
@@ -241,14 +241,14 @@ class _Search:
     def _confirmed(self, item: _Set, roots: list[_Root]) -> list[_Root]:
         """Give the roots that a longer run leaves, as it gives them; all where there is none that the plant can do."""
         for bench in self.long:
-            paths = bench.follow([item.true], self.clock)
-            if not paths.good[0]:
+            outputs, good = bench.outputs([item.true], Clock(seconds=None))
+            if not good[0]:
                 continue
             lanes = lanes_of([root.theta for root in roots], bench.course.run.start, [item.places] * len(roots))
             for lane, root in enumerate(roots):
                 lanes.start[lane] = root.start
-            data = np.tile(paths.y[0], (len(roots), 1, 1))
-            result = fit(bench.course, lanes, paths.w[0], data, stop=self.clock.long_over)
+            data = np.repeat(outputs, len(roots), axis=0)
+            result = fit(bench.course, lanes, bench.nominal, data, stop=self.clock.long_over)
             return [
                 _Root(owner=item, theta=result.theta[0][lane], start=result.start[lane])
                 for lane in np.flatnonzero(result.exact)

@@ -32,6 +32,7 @@ DRAWN = (0.7, 1.5)  # range of their factors
 SECONDS = 1.0  # of processor time, for all pairs together
 _PART = 25  # pairs at a time
 _STEEPEST = 4.0  # largest power at which a family is looked for
+_PARALLEL = 0.999  # cosine; two effects that are one have a larger one
 _SIMPLE = 1e-5  # an exponent so near a simple fraction is that fraction
 
 Sides = tuple[list[int], list[int]]
@@ -126,7 +127,7 @@ def compare(
     pairs = pairs if pairs is not None else _all_pairs(graph, largest)
     sides = [(places_of(graph, one), places_of(graph, other)) for one, other in pairs]
     reduced = reduce([generic_run(model)])
-    tangents = [_tangent(reduced, *both) for both in sides]
+    tangents = _tangents(reduced, sides)
     alike = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == len(one) == len(other)]
     apart = [k for k, (one, other) in enumerate(sides) if len(tangents[k]) == 1 and not {*one} & {*other}]
     if not alike and not apart:
@@ -171,6 +172,19 @@ def _all_pairs(graph: BondGraph, largest: int) -> list[tuple[tuple[str, ...], tu
     return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
 
 
+def _tangents(reduced: Reduced, sides: Sequence[Sides]) -> list[FloatArray]:
+    """Give the tangent of each pair; two single suspects have one only if their effects are nearly parallel."""
+    lengths = np.linalg.norm(reduced.matrix, axis=0)
+    unit = reduced.matrix / np.where(lengths > 0.0, lengths, 1.0)
+    parallel = np.abs(unit.T @ unit) > _PARALLEL
+    return [
+        np.zeros((0, 2))
+        if len(one) == len(other) == 1 and not parallel[one[0], other[0]]
+        else _tangent(reduced, one, other)
+        for one, other in sides
+    ]
+
+
 def _tangent(reduced: Reduced, one: list[int], other: list[int]) -> FloatArray:
     """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
 
@@ -196,10 +210,10 @@ def _always(bench: Bench, sides: Sequence[Sides], clock: Clock) -> list[bool | N
     """
     graph, rng = bench.graph, np.random.default_rng(0)
     plants = [changed(graph, one, rng.uniform(*DRAWN, len(one)).tolist()) for one, _ in sides for _ in range(DRAWS)]
-    paths = bench.follow(plants, clock)
+    outputs, able = bench.outputs(plants, clock)
     tasks = [
         (row, sides[row // DRAWS][1], factors)
-        for row in np.flatnonzero(paths.good).tolist()
+        for row in np.flatnonzero(able).tolist()
         for factors in product(STARTS.get(len(sides[row // DRAWS][1]), FEW_STARTS), repeat=len(sides[row // DRAWS][1]))
     ]
     good = np.zeros(len(plants), dtype=bool)
@@ -210,10 +224,10 @@ def _always(bench: Bench, sides: Sequence[Sides], clock: Clock) -> list[bool | N
             bench.course.run.start,
             [places for _, places, _ in part],
         )
-        result = fit(bench.course, lanes, bench.nominal, paths.y[[row for row, _, _ in part]], stop=clock.over)
+        result = fit(bench.course, lanes, bench.nominal, outputs[[row for row, _, _ in part]], stop=clock.over)
         for (row, _, _), theta, exact in zip(part, result.theta[0], result.exact, strict=True):
             good[row] |= exact and bench.inside(theta)
-    pairs = zip(good.reshape(-1, DRAWS), paths.good.reshape(-1, DRAWS), strict=True)
+    pairs = zip(good.reshape(-1, DRAWS), able.reshape(-1, DRAWS), strict=True)
     return [bool(found.all()) if known.all() else None for found, known in pairs]
 
 

@@ -40,6 +40,7 @@ from faultbond.types import TimeGrid
 MOST_SETS = 120  # sets whose other solutions are looked for; single suspects where there are more
 MOST_TWINS = 10  # suspects up to which pairs are compared as twins; single suspects where there are more
 REST_SAMPLES = (400, 100, 25)  # of the record of inputs at rest, as many as the plant has a solution for
+MOST_UNKNOWNS = 80  # states, slow errors and parameters up to which smallest faults are worked out
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
 AT_REST, WHEN_RECORDED = "while the inputs stand still", "on the recording"
 MOST_GROUPS = 5  # groups for which a change of an input is looked for
@@ -218,6 +219,12 @@ def _solutions(study: _Study, view: View, recorded: View | None) -> Section:
 
 
 def _smallest(study: _Study, wishes: Wishes) -> Section:
+    unknowns = study.model.v.numel()
+    if unknowns > MOST_UNKNOWNS:
+        raise StructureError(
+            f"{study.graph.file}: the detector of {study.graph.name} follows {unknowns} states and parameters, and "
+            f"smallest faults are worked out for up to {MOST_UNKNOWNS}; state parameters that do not fail as constants"
+        )
     spec, engine = build_engine(study.graph, compiled=False)
     samples = [sample_of(point) for point in study.points] or None
     try:

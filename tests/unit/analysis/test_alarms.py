@@ -5,7 +5,7 @@ import pytest
 from plants import example
 
 from faultbond.analysis.alarms import accumulated, windows_of
-from faultbond.analysis.operation import operate, usual_run
+from faultbond.analysis.operation import usual_operation
 from faultbond.runtime.monitor import Sample, init, step
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.filter import build_filter
@@ -18,8 +18,7 @@ def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> No
     """Noise that passes the filter's recursion leaves as the filter expects: sd 1, no memory, and hardly an alarm."""
     model = example(name)
     spec = build_spec(model)
-    run = usual_run(model, spec, 260)
-    operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
+    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 260)
     windows = windows_of(spec, operation, [60, 100], 100)
     noise = windows.noise
     assert np.std(noise, axis=(0, 1, 2)) == pytest.approx(1.0, abs=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plants import example, stated
 
-from faultbond.analysis.operation import operate, usual_run
+from faultbond.analysis.operation import operate, usual_operation, usual_runs
 from faultbond.analysis.rest import at_rest, reference_levels
 from faultbond.errors import RecordingError, StructureError
 from faultbond.synthesis.filter import build_filter
@@ -20,7 +20,7 @@ def test_the_linear_recursion_answers_like_the_engine(name: str) -> None:
     model = example(name)
     spec = build_spec(model)
     engine = VirtualMachine(build_filter(spec, model))
-    samples = usual_run(model, spec, 260).samples
+    samples = next(usual_runs(model, spec, 260)).samples
     wrong = 1e-4 * spec.output_noise * np.random.default_rng(5).standard_normal((len(samples), len(spec.outputs)))
     wrong[:30] = 0.0  # the start is solved from these
     before = operate(model, spec, engine, samples)
@@ -39,7 +39,7 @@ def test_the_usual_run_is_what_the_nominal_plant_does() -> None:
     """Without noise the healthy filter finds nothing new in the generic run: innovations stay far below the noise."""
     model = example("tank")
     spec = build_spec(model)
-    run = usual_run(model, spec, 240)
+    run = next(usual_runs(model, spec, 240))
     operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
     factors = operation.mean[:, spec.parameter_slice]
     assert np.all(np.abs(factors - 1.0) < 0.01)
@@ -54,7 +54,7 @@ def test_a_run_that_never_starts_is_refused() -> None:
     spec = build_spec(model)
     engine = VirtualMachine(build_filter(spec, model))
     with pytest.raises(RecordingError, match="does not get going on these 5 samples"):
-        operate(model, spec, engine, usual_run(model, spec, 5).samples)
+        operate(model, spec, engine, next(usual_runs(model, spec, 5)).samples)
 
 
 def test_a_temperature_moves_in_its_own_unit() -> None:
@@ -62,7 +62,7 @@ def test_a_temperature_moves_in_its_own_unit() -> None:
     model = example("pipe")
     spec = build_spec(model)
     place = [item.name for item in spec.inputs].index("water_in_degC")
-    moved = np.array([item.u[place] for item in usual_run(model, spec, 40).samples])
+    moved = np.array([item.u[place] for item in next(usual_runs(model, spec, 40)).samples])
     level = reference_levels(model)[place]
     assert np.max(np.abs(moved - level)) <= 0.5 * (level - 273.15)
     assert np.ptp(moved) > 0.1
@@ -76,7 +76,7 @@ def test_the_usual_run_begins_where_the_plant_is_at_rest() -> None:
     spec = build_spec(model)
     volts = reference_levels(model)[0]
     current = volts / (3.0 + 2.0 * 2.0 / 0.4)
-    states = usual_run(model, spec, 3).states
+    states = next(usual_runs(model, spec, 3)).states
     assert states[0] == pytest.approx([current, 2.0 / 0.4 * current], rel=1e-5)
 
 
@@ -88,7 +88,7 @@ def test_a_plant_that_only_integrates_has_no_rest() -> None:
         "sensors: {v: {reads: C.e, unit: V, noise: 0.01 V}}\n"
     )
     assert at_rest(model, reference_levels(model)) is None
-    assert usual_run(model, build_spec(model), 3).states[0] == pytest.approx(model.reference_state)
+    assert next(usual_runs(model, build_spec(model), 3)).states[0] == pytest.approx(model.reference_state)
 
 
 EXPLOSIVE = (
@@ -106,7 +106,7 @@ def test_inputs_move_less_where_the_plant_would_run_away() -> None:
     """A mass that ignites when heated by much more than usual is heated by a little more only."""
     model = stated(EXPLOSIVE.replace("LEVEL", "0.5"))
     spec = build_spec(model)
-    samples = usual_run(model, spec, 300).samples
+    samples = next(usual_runs(model, spec, 300)).samples
     u = np.array([item.u[0] for item in samples])
     assert 0.0 < np.ptp(u) < 0.5
     assert np.isfinite([item.y[0] for item in samples]).all()
@@ -115,5 +115,20 @@ def test_inputs_move_less_where_the_plant_would_run_away() -> None:
 def test_a_plant_that_always_runs_away_asks_for_a_recording() -> None:
     """Where the usual heat is enough to ignite there is no generic run; one line says what to give."""
     model = stated(EXPLOSIVE.replace("LEVEL", "10"))
+    spec = build_spec(model)
     with pytest.raises(StructureError, match=r"chain reaction has no finite solution over 300 samples.*--data"):
-        usual_run(model, build_spec(model), 300)
+        usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 300)
+
+
+def test_a_pendulum_upside_down_asks_for_a_recording() -> None:
+    """Numbers that stay finite but run away are no use of a plant: the filter loses it, and one line says so."""
+    model = stated(
+        "name: pendulum\nsample_time: 0.02 s\ninputs: {u: {unit: N*m}}\ncomponents:\n"
+        "  drive: {type: Se, law: e = u}\n  J: {type: I, parameters: {J: 0.2 kg*m^2}}\n"
+        "  gravity: {type: C, law: e = -M*q, parameters: {M: 3 N*m}}\njunctions: {shaft: 1}\n"
+        "bonds: [drive -> shaft -> J, shaft -> gravity]\n"
+        "sensors: {angle: {reads: gravity.q, unit: rad, noise: 0.001 rad}}\n"
+    )
+    spec = build_spec(model)
+    with pytest.raises(StructureError, match=r"with u near the usual values, or one that runs away.*--data"):
+        usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 640)
