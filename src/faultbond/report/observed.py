@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isinf
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.verdict import join, unit_of
@@ -96,13 +97,7 @@ def _values(graph: BondGraph, candidates: Sequence[Candidate]) -> Table:
 
 def _cells(graph: BondGraph, suspects: Sequence[Suspect]) -> tuple[str, ...]:
     units = [unit_of(graph, suspect.parameter) for suspect in suspects]
-    rows = zip(suspects, units, strict=True)
-    values = [
-        figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).both(Notation.FILE)
-        if suspect.sd > 0.0
-        else f"{unit.from_si(suspect.estimate):.6g}"
-        for suspect, unit in rows
-    ]
+    values = [_value(suspect, unit) for suspect, unit in zip(suspects, units, strict=True)]
     return (
         "\n+ ".join(suspect.component for suspect in suspects),
         "\n".join(suspect.parameter for suspect in suspects),
@@ -110,3 +105,13 @@ def _cells(graph: BondGraph, suspects: Sequence[Suspect]) -> tuple[str, ...]:
         "\n".join(values),
         "\n".join(unit_text(unit.text, Notation.FILE) for unit in units),
     )
+
+
+def _value(suspect: Suspect, unit: Unit) -> str:
+    """Give a value with its standard deviation; where many values explain the same, one of them as an example."""
+    value = unit.from_si(suspect.estimate)
+    if isinf(suspect.sd):
+        return f"not determined, such as {value:.6g}"
+    if suspect.sd > 0.0:
+        return figure(value, unit.difference_from_si(suspect.sd)).both(Notation.FILE)
+    return f"{value:.6g}"
