@@ -101,7 +101,8 @@ def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentN
     Raises
     ------
     StructureError
-        Where a parameter or constant has the name of a sample, such as `V_0` beside the input `V`, or is called `dt`.
+        Where a parameter or constant has the name of a sample, such as `V_0` beside the input `V`, or of a sensor, or
+        anything is called `dt`.
     """
     stores = (*network.states, *network.dependent)
     sums = _sum_names(stores)
@@ -115,7 +116,7 @@ def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentN
     named = _in_search_order([draft for draft in drafts if not _is_alias(draft, aliases)], graph)
     equations = tuple(_equation(draft, aliases, graph) for draft in named)
     signals = dict.fromkeys(signal for item in equations for signal, _ in item.signals)
-    _check_names(graph, {*signals, *(item.name for item in graph.inputs)})
+    _check_names(graph, {*signals, *(item.name for item in graph.inputs)}, bool(stores))
     return ComponentNetwork(
         name=graph.name,
         equations=equations,
@@ -152,12 +153,11 @@ def _aliases(graph: BondGraph, network: ConstraintNetwork) -> tuple[dict[str, st
                 signal, source = (two, one) if one in inputs else (one, two)
                 if signal in network.signals:
                     aliases.setdefault(signal, source)
-    taken = inputs | {item.name for item in graph.parameters} | {item.name for item in graph.constants}
     states = {store.name for store in (*network.states, *network.dependent)}
     redundant = []
     for sensor, reading in zip(graph.sensors, network.readings, strict=True):
         signal = reading.text if isinstance(reading, Name) else ""
-        if signal in {*network.signals, *states} and signal not in aliases and sensor.name not in taken:
+        if signal in {*network.signals, *states} and signal not in aliases:
             aliases[signal] = sensor.name
         else:
             redundant.append(sensor.name)
@@ -207,14 +207,24 @@ def _sum_names(stores: Sequence[Store]) -> dict[str, str]:
     }
 
 
-def _check_names(graph: BondGraph, signals: Collection[str]) -> None:
-    """Refuse a number whose name is that of a sample: the two could not be told apart in a closed form."""
-    numbers = {item.name: item.line for item in graph.parameters} | {item.name: item.line for item in graph.constants}
-    for name, line in numbers.items():
-        signal, _, frame = name.rpartition("_")
-        if name == SAMPLE_TIME or (frame.isdigit() and signal in signals):
-            what = "the sample time" if name == SAMPLE_TIME else f"a sample of {signal}"
-            raise StructureError(f"{graph.file}:{line}: {name} is also the name of {what}; rename it")
+def _check_names(graph: BondGraph, signals: Collection[str], has_stores: bool) -> None:
+    """Refuse a number with the name of a sensor or of a sample: the two could not be told apart in a closed form."""
+    sensors = {item.name for item in graph.sensors}
+    for item in (*graph.parameters, *graph.constants):
+        signal, _, frame = item.name.rpartition("_")
+        if item.name in sensors:
+            raise StructureError(
+                f"{graph.file}:{item.line}: {item.name} is also the name of a sensor; "
+                "rename one of them, and state the sensor's `column` if it is that"
+            )
+        if frame.isdigit() and signal in signals:
+            raise StructureError(
+                f"{graph.file}:{item.line}: {item.name} is also the name of a sample of {signal}; rename it"
+            )
+    every = (*graph.parameters, *graph.constants, *graph.inputs, *graph.sensors)
+    clash = next((item for item in every if item.name == SAMPLE_TIME), None) if has_stores else None
+    if clash is not None:
+        raise StructureError(f"{graph.file}:{clash.line}: dt is also the name of the sample time; rename it")
 
 
 def _sum(store: Store, name: str, linear: bool) -> _Draft:

@@ -104,6 +104,21 @@ def test_a_number_with_the_name_of_a_sample_is_refused(name: str, what: str) -> 
         components(BLOCKS.replace("a*(", f"{name}*(").replace("parameters: {a", f"parameters: {{{name}"))
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("inputs: {u:", "inputs: {dt:", "dt is also the name of the sample time"),
+        ("sensors: {out:", "sensors: {dt:", "dt is also the name of the sample time"),
+        ("sensors: {out:", "sensors: {b:", "b is also the name of a sensor"),
+    ],
+)
+def test_a_sensor_with_the_name_of_a_number_is_refused(old: str, new: str, what: str) -> None:
+    """The equations of a frame know each thing by its name alone."""
+    text = BLOCKS.replace("(u - x)", "(dt - x)") if "inputs" in new else BLOCKS
+    with pytest.raises(StructureError, match=rf"model.yaml:\d+: {what}; rename"):
+        components(text.replace(old, new))
+
+
 def test_frames() -> None:
     """In frame 1 the sum of a store relates samples 1 and 2; the newest sample is number 0."""
     assert to_text(in_frame(example("dc_motor").equation("J.sum"), 1)) == "dt*J.rate_1 - (omega_1 - omega_2)"
