@@ -209,22 +209,21 @@ def _sum_names(stores: Sequence[Store]) -> dict[str, str]:
 
 def _check_names(graph: BondGraph, signals: Collection[str], has_stores: bool) -> None:
     """Refuse a number with the name of a sensor or of a sample: the two could not be told apart in a closed form."""
-    sensors = {item.name for item in graph.sensors}
-    for item in (*graph.parameters, *graph.constants):
-        signal, _, frame = item.name.rpartition("_")
-        if item.name in sensors:
-            raise StructureError(
-                f"{graph.file}:{item.line}: {item.name} is also the name of a sensor; "
-                "rename one of them, and state the sensor's `column` if it is that"
-            )
+    numbers = [(item.name, item.line) for item in graph.parameters] + [
+        (item.name, item.line) for item in graph.constants
+    ]
+    sensors = [(item.name, item.line) for item in graph.sensors]
+    inputs = [(item.name, item.line) for item in graph.inputs]
+    for name, line in (*numbers, *inputs, *sensors) if has_stores else ():
+        if name == SAMPLE_TIME:
+            raise StructureError(f"{graph.file}:{line}: dt is also the name of the sample time; rename it")
+    for name, line in numbers:
+        signal, _, frame = name.rpartition("_")
         if frame.isdigit() and signal in signals:
-            raise StructureError(
-                f"{graph.file}:{item.line}: {item.name} is also the name of a sample of {signal}; rename it"
-            )
-    every = (*graph.parameters, *graph.constants, *graph.inputs, *graph.sensors)
-    clash = next((item for item in every if item.name == SAMPLE_TIME), None) if has_stores else None
-    if clash is not None:
-        raise StructureError(f"{graph.file}:{clash.line}: dt is also the name of the sample time; rename it")
+            raise StructureError(f"{graph.file}:{line}: {name} is also the name of a sample of {signal}; rename it")
+        if name in dict(sensors):
+            advice = "rename one of them, and state the sensor's `column` if it is that"
+            raise StructureError(f"{graph.file}:{line}: {name} is also the name of a sensor; {advice}")
 
 
 def _sum(store: Store, name: str, linear: bool) -> _Draft:
