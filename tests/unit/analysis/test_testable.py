@@ -1,5 +1,6 @@
 """Which sets of suspects are identifiable, falsifiable, testable."""
 
+from dataclasses import replace
 from itertools import combinations
 from math import comb
 
@@ -13,9 +14,11 @@ from faultbond.analysis.testable import (
     EXPLAINS_ANYTHING,
     NOT_IDENTIFIABLE,
     Judgement,
+    Verdict,
     choose_sets,
     generic_run,
     judge,
+    sets_to_test,
 )
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import StructureError
@@ -221,3 +224,26 @@ def test_noise_hides_what_is_small() -> None:
         assert hidden.rank.value == int(np.sum(effects > 3.0))
         ranks.append(hidden.rank.value)
     assert ranks[0] < ranks[1] <= 4
+
+
+def test_where_rounding_decides_all_verdicts_are_uncertain() -> None:
+    """Singular values that fall into rounding without a gap leave no rank that is certain, so no verdict."""
+    clear, blurred = (
+        told_rank(np.array(values)) for values in ([1.0, 0.5, 0.0], [1.0, 1e-4, 1e-8, 1e-10, 1e-12, 1e-14])
+    )
+    seen = reduce([generic_run(example("dc_motor"))])
+    for rank in (clear, blurred):
+        shown = judge(replace(seen, rank=replace(seen.rank, clear=rank.clear)), range(5), 1)
+        assert {item.uncertain for item in shown.verdicts} == {not rank.clear}
+    assert not blurred.clear
+
+
+def test_without_testable_sets_the_smallest_identifiable_are_tested() -> None:
+    """Of two suspects of which each alone and both explain anything, each alone is tested."""
+    verdicts = tuple(
+        Verdict(parameters=chosen, identifiable=True, falsifiable=False, uncertain=False)
+        for chosen in ((0,), (1,), (0, 1))
+    )
+    choice = sets_to_test(Judgement(rank=told_rank(np.array([1.0, 0.5])), verdicts=verdicts))
+    assert choice.sets == ((0,), (1,))
+    assert choice.dropped == (((0, 1), EXPLAINS_ANYTHING),)
