@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 from solved import example, route_to, static
@@ -216,6 +217,25 @@ def test_reserved_words_in_c(tmp_path: Path) -> None:
     (formula,) = formulas(solve(network, route_to(network, "double"), plant), network.parameters)
     function = c_function(to_c(formula), "double__of", 3, tmp_path)
     assert function(2.0, 7.0, 1.0) == 3.0
+
+
+@pytest.mark.parametrize("name", ["NAN", "INFINITY", "M_PI", "linux"])
+def test_macros_of_c(name: str, tmp_path: Path) -> None:
+    """A parameter called like a macro of math.h or of the compiler does no harm."""
+    network, plant = static({"law": f"y - {name}*u"}, ["u"], ["y"], {name: 2.0})
+    (formula,) = formulas(solve(network, route_to(network, name), plant), network.parameters)
+    assert c_function(to_c(formula), f"{name}__of", 2, tmp_path)(2.0, 6.0) == 3.0
+
+
+def test_broken_power_of_a_negative_number() -> None:
+    """It has no real value: code says so, as it does of a root, and gives no complex number."""
+    line = Line(name="z", value=parse_expression("x**0.25 + x**-2"))
+    text = to_python(Formula(target="z", arguments=("x",), lines=(line,), conditions=(), number=1, count=1))
+    space: dict[str, Any] = {}
+    exec(PYTHON_HEADER + text, space)  # noqa: S102 - code of ours
+    assert space["z_of"](16.0) == 2.0 + 1.0 / 256.0
+    with pytest.raises(ValueError, match="math domain error"):
+        space["z_of"](-16.0)
 
 
 def test_latex_names() -> None:

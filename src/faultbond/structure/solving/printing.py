@@ -26,6 +26,11 @@ _C_RESERVED = (
     "auto break case char const continue default do double else enum extern float for goto if inline int long register",
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while",
     "abs sqrt exp log sin cos tan tanh fabs fmin fmax pow math y0 y1 yn j0 j1 jn gamma",
+    # Macros of math.h and of compilers in their own dialects.
+    "NAN INFINITY HUGE HUGE_VAL HUGE_VALF HUGE_VALL MAXFLOAT FP_NAN FP_INFINITE FP_ZERO FP_SUBNORMAL FP_NORMAL",
+    "FP_ILOGB0 FP_ILOGBNAN FP_FAST_FMA FP_FAST_FMAF FP_FAST_FMAL MATH_ERRNO MATH_ERREXCEPT math_errhandling signgam",
+    "M_E M_LOG2E M_LOG10E M_LN2 M_LN10 M_PI M_PI_2 M_PI_4 M_1_PI M_2_PI M_2_SQRTPI M_SQRT2 M_SQRT1_2",
+    "DOMAIN SING OVERFLOW UNDERFLOW PLOSS TLOSS linux unix i386",
 )
 _C_WORDS = frozenset(" ".join(_C_RESERVED).split())
 
@@ -142,7 +147,11 @@ def to_python(formula: Formula) -> str:
 
 
 def _python_power(base: Expression, exponent: Expression, inner: Callable[[Expression, int], str]) -> tuple[str, int]:
-    return f"{inner(base, _ATOM)}**{inner(exponent, _MINUS)}", _PRECEDENCE["**"]
+    """Broken powers by the library: `**` gives a complex number for a negative base, `math.pow` an error as `sqrt`."""
+    match exponent:
+        case Number(value) | Negative(Number(value)) if value.is_integer():
+            return f"{inner(base, _ATOM)}**{inner(exponent, _MINUS)}", _PRECEDENCE["**"]
+    return f"math.pow({inner(base, 0)}, {inner(exponent, 0)})", _ATOM
 
 
 def _python_call(function: str, arguments: Sequence[str]) -> str:
