@@ -451,3 +451,12 @@ def test_cache_tells_a_constant_from_a_parameter() -> None:
     constant = replace(network, parameters=("R",), suspects=("R",))
     keys = {cache_key(item, route, plant, Limits()) for item in (network, constant)}
     assert len(keys) == 2
+
+
+def test_no_closed_form_for_the_nominal_side() -> None:
+    """A closed form that holds for other plants only is none: the first one given must hold at the nominal plant."""
+    law = {"law": "y - where(P > 1, exp(P) + P*u, P*u)"}
+    network, plant = static(law, ["u"], ["y"], {"P": 1.2})
+    solution = solve(network, route_to(network, "P"), plant)
+    assert solution.roots == ()
+    assert any("none gives back the values" in remark for remark in solution.remarks)
