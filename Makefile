@@ -58,6 +58,7 @@ bench: $(DEV)
 	@$(BIN)/python -m benchmarks.figures
 	@echo "faultbond: speed"
 	@$(BIN)/python -m benchmarks.speed
+	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.equations
 	@echo "faultbond: structural diagnosis"; $(BIN)/python -m benchmarks.structure
 	@echo "faultbond: routes"; $(BIN)/python -m benchmarks.routes
 	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.closed_forms

@@ -15,17 +15,20 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from benchmarks.ladders import ladder_text
 from benchmarks.page import Table, as_markdown, as_text, machine, today, write_part
 from faultbond.dynamics.plant import build_plant
 from faultbond.model.text import parse_model
 
+peer: Any
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     try:
-        import BondGraphTools as peer
+        peer = import_module("BondGraphTools")
     except ImportError:
         peer = None
 
