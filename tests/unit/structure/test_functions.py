@@ -68,6 +68,17 @@ def test_least_noise(meters: tuple[ComponentNetwork, Plant]) -> None:
     assert better == {"signals at C1", "signals at C2", "parameter C1"}
 
 
+def test_of_equal_noise_the_shorter_route(meters: tuple[ComponentNetwork, Plant]) -> None:
+    """Without any noise all routes are equally good, and the one with the fewest equations is taken."""
+    network, plant = meters
+    silent, record = replace(plant, sds={}), trial_record(network, plant, 1)
+    question = questions.parameters(network, ("C1",))
+    sizes = {len(route.steps) for route in alternatives(network, question)}
+    chosen = choose_route(network, question, Preference.NOISE, silent, record)
+    assert len(sizes) > 1
+    assert len(chosen.steps) == min(sizes)
+
+
 @pytest.mark.parametrize("preference", list(Preference))
 def test_outputs_follow_causality(meters: tuple[ComponentNetwork, Plant], preference: Preference) -> None:
     """An output is predicted along causality whatever is preferred, though another sensor gives it with less noise."""
