@@ -196,7 +196,7 @@ def passed(network: ComponentNetwork, route: Route) -> int:
 @given(asked())
 @faster
 def test_fewest_components(case: tuple[ComponentNetwork, Question]) -> None:
-    """Integer programming finds a route that passes through no more components, within the same frames."""
+    """Integer programming finds a route through fewer components within the same frames, or the default one is it."""
     network, question = case
     question = replace(question, causal=False)
     route = answer(network, question)
@@ -206,7 +206,7 @@ def test_fewest_components(case: tuple[ComponentNetwork, Question]) -> None:
         return
     fewest = fewest_components(network, question)
     check_route(network, fewest)
-    assert passed(network, fewest) <= passed(network, route)
+    assert fewest == route or passed(network, fewest) < passed(network, route)
 
 
 @given(asked())

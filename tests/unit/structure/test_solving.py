@@ -273,6 +273,15 @@ def test_cache(tmp_path: Path) -> None:
     assert cache_key(network, route, other, Limits()) != cache_key(network, route, plant, Limits())
 
 
+def test_what_took_too_long_is_not_kept(tmp_path: Path) -> None:
+    """Without time there is no closed form; with time later there is, so the first is not kept."""
+    network, plant = example("tank")
+    route = route_to(network, "K1")
+    solution = solve_cached(network, route, plant, tmp_path, Limits(seconds=0.0))
+    assert solution.remarks == ("no closed form within the limit",)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
     """A folder that cannot be made costs time, not the answer."""
     (tmp_path / "file").write_text("in the way")

@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, walk
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, walk
 from faultbond.structure.isolate import substitute
 from faultbond.structure.numeric import Value, evaluate, is_nan
 from faultbond.structure.solving.branches import Condition
@@ -128,17 +128,6 @@ def closed_form(root: Root, target: str, limit: int = COMPACT_SIZE) -> Expressio
         if sizes[line.name] <= limit:
             values[line.name] = substitute(line.value, values)
     return values.get(target)
-
-
-def needed_lines(lines: tuple[Line, ...], wanted: frozenset[str]) -> tuple[Line, ...]:
-    """Give the lines that the wanted names follow from."""
-    kept: list[Line] = []
-    open_ = set(wanted)
-    for line in reversed(lines):
-        if line.name in open_:
-            kept.append(line)
-            open_.update(names(line.value))
-    return tuple(reversed(kept))
 
 
 def to_record(solution: Solution) -> dict[str, Any]:
