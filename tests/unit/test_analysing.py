@@ -160,6 +160,10 @@ def test_each_function_has_a_name_of_its_own(form: str, opening: str, capsys: py
     [
         (["--trace", "R,Q"], "no parameter Q; there are R, L, K, J, C"),
         (["--separate", "R", "Q"], "no parameter Q"),
+        (["--separate", "R"], "expected two sets or more, no two alike"),
+        (["--separate", "R,L", "L,R"], "expected two sets or more, no two alike"),
+        (["--separate", "R,R", "L"], "'R,R': a name stands there twice"),
+        (["--within", "1e9 s"], "give at most 2000 s"),
         (["--closed", "9"], "expected a whole number from 0 to 5"),
         (["--trace", "R,,L"], "expected names with commas between"),
         (["--data", "nowhere.csv"], "nowhere.csv"),

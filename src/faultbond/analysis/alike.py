@@ -88,5 +88,5 @@ def _compared(reduced: Reduced, first: int, other: int, ratio: float) -> str:
     """Say how large a change of one parameter acts as a change of another."""
     one, two = reduced.parameters[first], reduced.parameters[other]
     if reduced.relative[[first, other]].all():
-        return f"1 % of {two} acts as {ratio:.3g} % of {one}"
+        return f"1 % of {two} acts as about {ratio:.2g} % of {one}"
     return f"{two} acts as {one} does, in a fixed proportion"

@@ -42,6 +42,7 @@ MOST_TWINS = 10  # suspects up to which pairs are compared as twins; single susp
 REST_SAMPLES = (400, 100, 25)  # of the record of inputs at rest, as many as the plant has a solution for
 MOST_UNKNOWNS = 80  # states, slow errors and parameters up to which smallest faults are worked out
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
+MOST_WITHIN = 100_000  # samples in which a smallest fault is to be found
 AT_REST, WHEN_RECORDED = "while the inputs stand still", "on the recording"
 MOST_GROUPS = 5  # groups for which a change of an input is looked for
 
@@ -112,8 +113,7 @@ def _known(graph: BondGraph, names: tuple[str, ...]) -> None:
 
 def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Study:
     model = build_model(graph)
-    for names in wishes.separate:
-        _known(graph, names)
+    _check(graph, wishes)
     return _Study(
         graph=graph,
         network=network,
@@ -122,6 +122,20 @@ def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Stud
         points=_points(graph, wishes.data) if wishes.data is not None else (),
         start=solved_start(graph, wishes.data) if wishes.data is not None else {},
     )
+
+
+def _check(graph: BondGraph, wishes: Wishes) -> None:
+    """Refuse wishes that cannot be fulfilled before anything is worked out."""
+    for names in wishes.separate:
+        _known(graph, names)
+    if wishes.separate and len(set(map(frozenset, wishes.separate))) < max(2, len(wishes.separate)):
+        raise ModelError("--separate: expected two sets or more, no two alike, such as K4 K6,K1")
+    grid = graph.sample_time or 1.0
+    if wishes.within is not None and wishes.within > MOST_WITHIN * grid:
+        raise ModelError(
+            f"--within: {wishes.within:.6g} s are more than {MOST_WITHIN} samples of {graph.name}; "
+            f"give at most {MOST_WITHIN * grid:.6g} s"
+        )
 
 
 def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:

@@ -92,4 +92,6 @@ def _names(text: str) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(","))
     if not all(names):
         raise FaultbondError(f"{text!r}: expected names with commas between, such as R,L")
+    if len(set(names)) < len(names):
+        raise FaultbondError(f"{text!r}: a name stands there twice; give each once")
     return names
