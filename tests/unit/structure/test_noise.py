@@ -10,10 +10,10 @@ from solved import example, route_to
 
 from faultbond.errors import StructureError
 from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.routes.matched import alternatives, find_route
+from faultbond.structure.routes.matched import find_route
 from faultbond.structure.routes.route import Question, Route
 from faultbond.structure.solving.backward_euler import Plant, Record
-from faultbond.structure.solving.noise import least_noise, noise_gain, nominal_record
+from faultbond.structure.solving.noise import noise_gain, nominal_record
 from faultbond.structure.solving.problem import prepare
 from faultbond.structure.solving.solution import Solution, solve_samples
 from faultbond.structure.solving.solve import solve
@@ -84,18 +84,6 @@ def test_deeper_routes_amplify_more() -> None:
         noise_gain(network, route_to(network, "R", "L"), plant),
     )
     assert both.deviations["R"] > one.deviations["R"]
-
-
-def test_least_noise_of_alternatives() -> None:
-    """Routes are ordered by their noise, and the best is at least as good as the shortest."""
-    network, plant = example("dc_motor_current")
-    question = Question(targets=("K",), observed=network.observed, unknown=("K",))
-    routes = tuple(alternatives(network, question, 6))
-    judged = least_noise(network, routes, plant)
-    worst = [gain.worst for _, gain in judged]
-    assert worst == sorted(worst)
-    assert len(judged) == len(routes) > 1
-    assert worst[0] <= noise_gain(network, routes[0], plant).worst
 
 
 def test_route_that_fixes_nothing() -> None:

@@ -1,4 +1,4 @@
-"""Trees to sympy and back, common divisors, factors and real roots."""
+"""Trees to sympy, common divisors, factors and real roots."""
 
 from fractions import Fraction
 from math import isclose
@@ -13,7 +13,7 @@ from faultbond.model.parser import parse_expression, to_text
 from faultbond.structure.numeric import evaluate
 from faultbond.structure.solving.polynomial import Polynomial, Space, add, divide, multiply, space_of
 from faultbond.structure.solving.rational import quotient, to_expression
-from faultbond.structure.solving.symbols import common_divisor, factors, from_sympy, lowest_terms, real_roots, to_sympy
+from faultbond.structure.solving.symbols import common_divisor, factors, lowest_terms, real_roots, to_sympy
 
 SPACE = space_of(["x", "y", "z"])
 VALUES = {"x": 1.7, "y": 0.6, "z": 2.3}
@@ -34,11 +34,11 @@ def polynomial(text: str) -> Polynomial:
 
 
 @pytest.mark.parametrize("text", LAWS)
-def test_there_and_back(text: str) -> None:
-    """A law that went to sympy and came back has the same value."""
+def test_same_value_in_sympy(text: str) -> None:
+    """A law has the same value in sympy."""
     law = parse_expression(text)
-    back = from_sympy(to_sympy(law))
-    assert isclose(float(evaluate(back, VALUES)), float(evaluate(law, VALUES)), rel_tol=1e-12)
+    values = {sympy.Symbol(name, real=True): value for name, value in VALUES.items()}
+    assert isclose(float(to_sympy(law).subs(values)), float(evaluate(law, VALUES)), rel_tol=1e-12)
 
 
 def test_numbers_are_decimals() -> None:
@@ -48,7 +48,7 @@ def test_numbers_are_decimals() -> None:
 
 def test_names_are_never_read_as_text() -> None:
     """A name that would mean something to sympy's reader stays a name."""
-    assert from_sympy(2 * to_sympy(Name("pi"))) == parse_expression("2*pi")
+    assert to_sympy(Name("pi")) == sympy.Symbol("pi", real=True) != sympy.pi
     assert not to_sympy(Name("armature.f_0")).is_number
 
 

@@ -5,7 +5,7 @@ by each sample, whether or not there is a closed form. The noise of different sa
 Source: thesis 4.2.6 (a route that takes a small difference of large signals); analysis of 4.4.1 (which route is best).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from statistics import median
@@ -91,23 +91,6 @@ def noise_gain(
         main[target] = problem.samples[int(typical.argmax())] if typical.any() else ""
     relative = frozenset(name for name in problem.targets if name not in problem.signals and plant.values[name])
     return NoiseGain(deviations=deviations, main=main, relative=relative)
-
-
-def least_noise(
-    network: ComponentNetwork, routes: Iterable[Route], plant: Plant
-) -> tuple[tuple[Route, NoiseGain], ...]:
-    """Give routes with their noise gains, the least noisy first; of equal ones the one with fewer steps.
-
-    Raises
-    ------
-    StructureError
-        Where the nominal plant cannot be simulated.
-    """
-    given = tuple(routes)
-    frames = max((prepare(network, route, plant).frames for route in given), default=0)
-    record = nominal_record(network, plant, frames)
-    judged = [(route, noise_gain(network, route, plant, record)) for route in given]
-    return tuple(sorted(judged, key=lambda item: (item[1].worst, len(item[0].steps))))
 
 
 def _values(problem: Problem, plant: Plant, record: Record, position: int) -> dict[str, Value]:

@@ -1,4 +1,4 @@
-"""Our expressions and polynomials as those of sympy, and back. No text is ever read: trees become trees.
+"""Our expressions as those of sympy, our polynomials there and back. No text is ever read: trees become trees.
 
 sympy finds common divisors and factors of polynomials in many names; both are asked for small ones only.
 """
@@ -45,8 +45,6 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": sympy.Max,
 }
 _COMPARISONS = {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}
-_NAMES = {function: name for name, function in _FUNCTIONS.items() if name != "sqrt"}
-_OPERATORS = {comparison: operator for operator, comparison in _COMPARISONS.items()}
 MAX_GCD_TERMS = 400
 MAX_FACTOR_TERMS = 100
 PRIME = 2**61 - 1
@@ -88,75 +86,6 @@ def _arithmetic(operator: str, left: sympy.Expr, right: sympy.Expr) -> sympy.Exp
         case "**":
             return left**right
     raise StructureError(f"the operator {operator} is not solved for; logic belongs to static networks")
-
-
-def from_sympy(expression: sympy.Basic) -> Expression:
-    """Give our expression for one of sympy."""
-    if expression.is_Symbol:
-        return Name(str(expression.name))
-    if expression.is_Rational:
-        return _ratio(int(expression.p), int(expression.q))
-    if expression.is_number and not expression.args:
-        return Number(float(expression))
-    arguments = tuple(from_sympy(item) for item in expression.args if not isinstance(item, sympy.Tuple))
-    if expression.is_Add:
-        return _sum(arguments)
-    if expression.is_Mul:
-        return _product(arguments)
-    if expression.is_Pow:
-        return _power(*arguments)
-    if expression.func in _OPERATORS:
-        return Binary(_OPERATORS[expression.func], *arguments)
-    if isinstance(expression, sympy.Piecewise):
-        (yes, condition), (no, _) = expression.args
-        return Call("where", (from_sympy(condition), from_sympy(yes), from_sympy(no)))
-    if expression.func in _NAMES:
-        return Call(_NAMES[expression.func], arguments)
-    raise StructureError(f"{expression.func.__name__} has no counterpart in the laws of a model")
-
-
-def _ratio(above: int, below: int) -> Expression:
-    if above < 0:
-        return Negative(_ratio(-above, below))
-    whole = Number(float(above))
-    return whole if below == 1 else Binary("/", whole, Number(float(below)))
-
-
-def _sum(parts: tuple[Expression, ...]) -> Expression:
-    ordered = sorted(parts, key=lambda part: isinstance(part, Negative))
-    result = ordered[0]
-    for part in ordered[1:]:
-        result = Binary("-", result, part.operand) if isinstance(part, Negative) else Binary("+", result, part)
-    return result
-
-
-def _product(parts: tuple[Expression, ...]) -> Expression:
-    """Negative factors in front, reciprocals behind."""
-    sign = sum(isinstance(part, Negative) for part in parts)
-    plain = [part.operand if isinstance(part, Negative) else part for part in parts]
-    above = [part for part in plain if not _is_reciprocal(part) and part != Number(1.0)]
-    below = [part.right for part in plain if isinstance(part, Binary) and _is_reciprocal(part)]
-    result: Expression = above[0] if above else Number(1.0)
-    for part in above[1:]:
-        result = Binary("*", result, part)
-    for part in below:
-        result = Binary("/", result, part)
-    return Negative(result) if sign % 2 else result
-
-
-def _is_reciprocal(part: Expression) -> bool:
-    return isinstance(part, Binary) and part.operator == "/" and part.left == Number(1.0)
-
-
-def _power(base: Expression, exponent: Expression) -> Expression:
-    match exponent:
-        case Binary("/", Number(1.0), Number(2.0)):
-            return Call("sqrt", (base,))
-        case Negative(Number(1.0)):
-            return Binary("/", Number(1.0), base)
-        case Negative(inner):
-            return Binary("/", Number(1.0), _power(base, inner))
-    return Binary("**", base, exponent)
 
 
 @lru_cache(maxsize=64)
