@@ -469,3 +469,14 @@ def test_no_closed_form_for_the_nominal_side() -> None:
     solution = solve(network, route_to(network, "P"), plant)
     assert solution.roots == ()
     assert any("none gives back the values" in remark for remark in solution.remarks)
+
+
+def test_broken_power_of_an_unknown() -> None:
+    """y = x**1.5 + x with x = P u is a polynomial of degree 3 in the root of x, with one real root: x = 4 for y = 12."""
+    network, plant = static({"law": "y - x**1.5 - x", "x": "x - P*u"}, ["u"], ["y"], {"P": 2.0})
+    route = route_to(network, "P")
+    solution = solve(network, route, plant)
+    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.POLYNOMIAL, 3, 1)
+    known: dict[str, Value] = {"y_0": Fraction(12), "u_0": Fraction(2), "dt": Fraction(1)}
+    (root,) = find_roots(prepare(network, route, plant), known, {"x_0": 1.0, "P": 1.0}).roots
+    assert float(root["P"]) == pytest.approx(2.0)
