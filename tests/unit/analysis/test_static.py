@@ -330,6 +330,22 @@ def test_missing_values() -> None:
     assert estimates(diagnoses[1]) == {("A", "B"): [(3.0, 6.0)]}
 
 
+def test_a_missing_input_behind_rounded_readings() -> None:
+    """Two readings that give the same input but for rounding agree; otherwise they contradict each other."""
+    text = """
+sample_time: none
+inputs: {u: {}}
+blocks:
+  a: {law: s = (u + A)**2, parameters: {A: 0.25}}
+  b: {law: t = (u - B)**2, parameters: {B: 1}}
+sensors: {s: {reads: s}, t: {reads: t}}
+"""
+    s = (-3.2123456789 + 0.25) ** 2
+    assert report(text, [(nan, s, (-3.2123456789 - 1) ** 2)]) == (None, [])
+    detection, _ = report(text, [(nan, s, (-3.2123456789 - 1) ** 2 + 0.1)])
+    assert detection is not None
+
+
 def test_rounded_data_are_not_taken_for_a_fault() -> None:
     """Values that are converted from a unit are no exact decimals, and agree nevertheless."""
     assert 57 * 0.01 != 0.57

@@ -216,11 +216,22 @@ def _has_solution(network: StaticNetwork, found: Propagated, seen: Observation) 
     if not found.open:
         return True
     try:
-        for system in polynomial_cases(found, (), ""):
-            for point in real_points(system, ()) or ():
-                values = {name.removesuffix("@"): value_of(value) for name, value in point.items()}
-                if propagate(found.open, {**found.known, **values}).conflict is None:
-                    return True
+        if any(_is_solved(found, system) for system in polynomial_cases(found, (), "")):
+            return True
     except NotPolynomialError:
         pass
     return bool(search([found], {}, [without_readings(network, seen)]))
+
+
+def _is_solved(found: Propagated, system: System) -> bool:
+    """Whether polynomials have a solution that meets what propagation left.
+
+    One equation is added after the other: where the first ones give a value, the others are checks and bear rounding.
+    """
+    for count in range(1, len(system) + 1):
+        for point in real_points(system[:count], ()) or ():
+            values = {name.removesuffix("@"): value_of(value) for name, value in point.items()}
+            left = propagate(found.open, {**found.known, **values})
+            if left.conflict is None and (count == len(system) or not left.open):
+                return True
+    return not system and propagate(found.open, found.known).conflict is None
