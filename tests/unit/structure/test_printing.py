@@ -45,7 +45,7 @@ CASES = [
 ]
 EVERY_FUNCTION = (
     "abs(x - y)*sign(y) + sqrt(x)*exp(-y)/log(x + 2) + min(x, y, 0.5) - max(x, y)**3 + where(x > y, x**-2, tan(y))"
-    " + sin(x)*cos(y) - tanh(x)**2 + x**0.5 - 2e11*y/1e10 + (x + y)**5"
+    " + sin(x)*cos(y) - tanh(x)**2 + x**0.5 - 2e11*y/1e10 + (x + y)**5 + (-x)**2 - (y**2)**3"
 )
 
 

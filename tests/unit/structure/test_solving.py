@@ -472,7 +472,7 @@ def test_no_closed_form_for_the_nominal_side() -> None:
 
 
 def test_broken_power_of_an_unknown() -> None:
-    """y = x**1.5 + x with x = P u is a polynomial of degree 3 in the root of x, with one real root: x = 4 for y = 12."""
+    """y = x**1.5 + x with x = P u is of degree 3 in the root of x, and has one real root: x = 4 for y = 12."""
     network, plant = static({"law": "y - x**1.5 - x", "x": "x - P*u"}, ["u"], ["y"], {"P": 2.0})
     route = route_to(network, "P")
     solution = solve(network, route, plant)
