@@ -116,6 +116,18 @@ def test_a_recording_begins_at_the_declared_start(tmp_path: Path, capsys: pytest
     assert json.loads(capsys.readouterr().out)["on_data"]["rank"] == 1
 
 
+def test_an_input_is_sought_for_what_is_nearly_alike(capsys: pytest.CaptureFixture[str]) -> None:
+    """In the recording of the tank the leak and the outlet are nearly alike; moving the outlet parts them."""
+    folder = EXAMPLES / "tank"
+    options = ["--data", str(folder / "healthy.csv"), "--closed", "0", "--json", "-"]
+    assert main(["analyse", str(folder / "model.yaml"), *options]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["on_data"]["groups"] == []
+    (advice,) = record["input_advice"]
+    assert advice["sets"] == [["K4"], ["K6"]]
+    assert advice["choices"][0]["input"] == "u_out"
+
+
 def test_the_search_of_the_thesis(capsys: pytest.CaptureFixture[str]) -> None:
     """`--trace` prints the lists U, K and C step by step, and the record tells the order of the components."""
     assert main(["analyse", str(MOTOR), "--trace", "R,L"]) == 0

@@ -244,7 +244,7 @@ def _advice(
         hold=hold,
         before=before,
         after=after,
-        words=f"move {item.name} from {one} to {two} {unit} and hold it for {hold:.3g} s: "
+        words=f"move {item.name} from {one} to {two} {unit} and hold it for {float(f'{hold:.3g}'):.15g} s: "
         f"{_shown(after)} standard deviations apart instead of {_shown(before)}",
     )
 

@@ -1,6 +1,6 @@
 """The sections of an analysis, each worked out when its turn comes. Loads casadi and sympy."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from faultbond.analysis.capability import View, in_general, on_record
+from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.rest import at_rest, reference, reference_levels
 from faultbond.analysis.sensitivity import Recursion, build_recursion
@@ -260,20 +261,35 @@ def _sensors(study: _Study) -> Section:
 
 
 def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
-    """What to move so that sets can be told apart: those that were named, else those that look alike at rest."""
+    """What to move so that sets can be told apart: those that were named, else those that look alike."""
     note = "" if wishes.separate else f"for what looks alike {WHEN_RECORDED if recorded is not None else AT_REST}"
+    groups: Sequence[Sequence[tuple[str, ...]]]
     if wishes.separate:
         groups = [wishes.separate]
     else:
         view = recorded if recorded is not None else _at_rest(study)
         names = [item.name for item in study.graph.parameters]
-        groups = [tuple(tuple(names[k] for k in chosen) for chosen in group.sets) for group in view.groups]
-        groups = [group for group in groups if len(group[0]) == 1][:MOST_GROUPS]
+        groups = [tuple((names[k],) for k in alike) for alike in _look_alikes(view)][:MOST_GROUPS]
     found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group) for group in groups)
     return Section(
         record=analysed.inputs_record(found),
         show=lambda console: analysis.print_input_advice(console, found, note),
     )
+
+
+def _look_alikes(view: View) -> list[list[int]]:
+    """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several."""
+    found = [[chosen[0] for chosen in group.sets] for group in view.groups if len(group.sets[0]) == 1]
+    near: list[set[int]] = []
+    for pair in view.near_groups:
+        if len(pair.sets[0]) == 1:
+            joined = {chosen[0] for chosen in pair.sets}.union(*(item for item in near if not _apart(item, pair)))
+            near = [*(item for item in near if _apart(item, pair)), joined]
+    return found + sorted(sorted(item) for item in near)
+
+
+def _apart(suspects: set[int], pair: NearGroup) -> bool:
+    return suspects.isdisjoint(chosen[0] for chosen in pair.sets)
 
 
 def _at_rest(study: _Study) -> View:
