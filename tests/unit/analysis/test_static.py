@@ -346,6 +346,22 @@ sensors: {s: {reads: s}, t: {reads: t}}
     assert detection is not None
 
 
+def test_laws_that_nobody_reads_do_not_matter() -> None:
+    """A missing input is found in the branch of a maximum, however an unread law depends on it."""
+    text = """
+sample_time: none
+inputs: {u: {}, v: {}}
+blocks:
+  a: {law: "s = max(u*v + A, B)", parameters: {A: 2, B: 10}}
+  b: {law: t = exp(-(v - u)**2) + u}
+  c: {law: w = sin(t)}
+sensors: {s: {reads: s}}
+"""
+    assert report(text, [(nan, 1.75, 10.05)]) == (None, [])
+    detection, _ = report(text, [(nan, 1.75, 9.95)])
+    assert detection is not None
+
+
 def test_rounded_data_are_not_taken_for_a_fault() -> None:
     """Values that are converted from a unit are no exact decimals, and agree nevertheless."""
     assert 57 * 0.01 != 0.57

@@ -5,13 +5,14 @@ after some observations is a set of points, and systems of equations with infini
 takes points away and turns systems into points. What is rejected stays rejected.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from faultbond.analysis.static.equations import TOLERANCE
+from faultbond.analysis.static.equations import TOLERANCE, Equation
 from faultbond.analysis.static.explicit import agrees, is_explicit, reading_equations
 from faultbond.analysis.static.fit import data_of, fit
 from faultbond.analysis.static.network import Observation, StaticNetwork
@@ -26,6 +27,7 @@ from faultbond.analysis.static.solve import (
     real_points,
     value_of,
 )
+from faultbond.model.expression import Call, walk
 from faultbond.structure.numeric import exact
 
 MAX_SYSTEMS = 64
@@ -213,14 +215,30 @@ def _has_solution(network: StaticNetwork, found: Propagated, seen: Observation) 
     """Whether signals exist that meet what propagation left."""
     if found.conflict is not None:
         return False
-    if not found.open:
+    needed = replace(found, open=_entangled(found))
+    if not needed.open:
         return True
     try:
-        if any(_is_solved(found, system) for system in polynomial_cases(found, (), "")):
-            return True
+        unknown = {name for item in needed.open for name in item.names} - needed.known.keys()
+        for kept in ((), unknown):  # where signals were eliminated, branches cannot be checked
+            if any(_is_solved(needed, system) for system in polynomial_cases(needed, kept, "")):
+                return True
     except NotPolynomialError:
         pass
-    return bool(search([found], {}, [without_readings(network, seen)]))
+    return bool(search([needed], {}, [without_readings(network, seen)]))
+
+
+def _entangled(found: Propagated) -> tuple[Equation, ...]:
+    """Leave out laws whose signal is in no other equation: it is then whatever they give."""
+    left = found.open
+    while True:
+        count = Counter(name for item in left for name in item.names)
+        kept = tuple(
+            item for item in left if item.signal is None or item.signal in found.known or count[item.signal] > 1
+        )
+        if len(kept) == len(left):
+            return kept
+        left = kept
 
 
 def _is_solved(found: Propagated, system: System) -> bool:
@@ -228,10 +246,16 @@ def _is_solved(found: Propagated, system: System) -> bool:
 
     One equation is added after the other: where the first ones give a value, the others are checks and bear rounding.
     """
-    for count in range(1, len(system) + 1):
+    for count in range(min(1, len(system)), len(system) + 1):
         for point in real_points(system[:count], ()) or ():
             values = {name.removesuffix("@"): value_of(value) for name, value in point.items()}
             left = propagate(found.open, {**found.known, **values})
-            if left.conflict is None and (count == len(system) or not left.open):
+            if left.conflict is None and (not left.open or (count == len(system) and not _has_branches(left.open))):
                 return True
-    return not system and propagate(found.open, found.known).conflict is None
+    return False
+
+
+def _has_branches(equations: Iterable[Equation]) -> bool:
+    """Whether equations have cases: then a solution of one case may lie outside of it."""
+    sides = (side for item in equations for side in (item.left, item.right))
+    return any(isinstance(part, Call) for side in sides for part in walk(side))

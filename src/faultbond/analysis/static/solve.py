@@ -3,7 +3,7 @@
 Equations become polynomials over the fractions, branch by branch; signals are eliminated where they stand with a plain
 number, the rest by a Groebner basis, and roots are given exactly where they have a form. Whoever asks has to check
 each solution in the original equations: that discards roots outside their branch. Equations that are no polynomials,
-or too large, are left to `static_search`.
+or too large, are left to `search`.
 Source: thesis 3.7.2 (roots and branches), 4.3; Cox, Little and O'Shea, Ideals, Varieties, and Algorithms, chapter 3.
 """
 
