@@ -734,3 +734,10 @@ sensors: {{l: {{reads: l}}, r: {{reads: r}}}}
     _, diagnoses = report(text, rows)
     assert len(diagnoses[0].candidates) == half * half
     assert estimates(diagnoses[-1]) == {("P1", "P9"): [(7.0, -2.0)]}
+
+
+def test_an_equation_of_a_signal_alone() -> None:
+    """It leaves the wanted unknown free, or has no real solution at all."""
+    signal = sp.Symbol("u@2")
+    assert static_solve.real_points((signal**2 - 2,), ["A"]) is None
+    assert static_solve.real_points((signal**2 + 2,), ["A"]) == []

@@ -215,7 +215,10 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
     if len(every) > MAX_UNKNOWNS or prod(degrees) > (MAX_DEGREE if len(every) == 1 else MAX_SOLUTIONS):
         raise NotPolynomialError
     if len(every) == len(system) == 1:
-        return [{every[0].name: root} for root in real_roots(polynomials[0])]
+        roots = real_roots(polynomials[0])
+        if others:  # says nothing of the wanted unknown, unless it cannot be met
+            return None if roots else []
+        return [{every[0].name: root} for root in roots]
     basis = sp.groebner(system, *others, *target, order="lex").exprs
     if basis == [1]:
         return []
