@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.types import FloatArray
 
-_BLOCKS = (64, 8, 1)  # evaluations in one call
+_BLOCKS = (64, 16, 4, 1)  # evaluations in one call
 
 
 class Batch:

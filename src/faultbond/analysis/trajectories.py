@@ -246,15 +246,16 @@ class _Sample:
         misfit, slope = self._call(found, live)
         best = _part(misfit, terms)
         slow = np.flatnonzero(best > np.maximum(_FAST * old, _FLAT))
-        for part in _PARTS if len(slow) else ():
-            trial = w[slow] + part * move[slow]
-            new_misfit, new_slope = self._call(trial, live[slow])
-            merit = _part(new_misfit, terms[slow])
-            better = merit < best[slow]
-            won = slow[better]
-            best[won], found[won], misfit[won], slope[won] = (
-                item[better] for item in (merit, trial, new_misfit, new_slope)
-            )
+        if not len(slow):
+            return found, misfit, slope
+        parts = np.array(_PARTS)[:, None, None]
+        trial = (w[slow] + parts * move[slow]).reshape(-1, w.shape[1])
+        new_misfit, new_slope = self._call(trial, np.tile(live[slow], len(_PARTS)))
+        merit = _part(new_misfit, np.tile(terms[slow], (len(_PARTS), 1, 1))).reshape(len(_PARTS), -1)
+        choice = np.argmin(merit, axis=0)
+        better = merit[choice, np.arange(len(slow))] < best[slow]
+        rows, won = (choice * len(slow) + np.arange(len(slow)))[better], slow[better]
+        found[won], misfit[won], slope[won] = trial[rows], new_misfit[rows], new_slope[rows]
         return found, misfit, slope
 
     def _call(self, w: FloatArray, live: IntArray) -> tuple[FloatArray, FloatArray]:
