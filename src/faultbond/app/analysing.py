@@ -72,10 +72,13 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
 def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     """Print the closed forms of a plant as functions of Python or C, or as LaTeX."""
     graph, network = _plant(model)
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
     from faultbond.app.answering import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
 
-    found = answers(graph, network, wishes)
+    with threadpool_limits(1):  # as in `analyse`
+        found = answers(graph, network, wishes)
     text = code(found, network.parameters, Form(form), left_out(found, wishes))
     if out.text is not None:
         out.text.write(text)
