@@ -8,10 +8,14 @@ statistics are those of `runtime.monitor` (Page 1954), for arrays.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultbond.analysis.operation import Operation
+from faultbond.errors import RecordingError
 from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray, IntArray
+
+Single = NDArray[np.float32]  # as good for noise, and faster
 
 REALISATIONS = 60  # of noise, per onset
 _SEED = 20
@@ -117,3 +121,106 @@ def alarms(spec: EngineSpec, cusum: FloatArray, ratios: FloatArray) -> BoolArray
     """Give whether a statistic has crossed its limit; CUSUM (2, .., n_outputs), ratios (.., n_alarming)."""
     crossed = np.any(np.max(cusum, axis=0) > spec.thresholds.cusum_limit, axis=-1)
     return np.asarray(crossed | np.any(np.abs(ratios) > spec.thresholds.slow_error_limit, axis=-1))
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """How the factor is bisected by which effects must grow: its logarithm within +-reach, in steps.
+
+    every: of the realisations one in so many counts; 0: none, it is done without noise. close: a logarithm below which
+    the next trial, or the end, has come.
+    """
+
+    reach: float
+    steps: int
+    every: int
+    close: float
+
+
+class Detector:
+    """The two statistics of the detector after each onset, with noise, for faults of any size.
+
+    `counted`: (o, w, n_outputs), whether the CUSUM takes the value.
+
+    Raises
+    ------
+    RecordingError
+        Where noise alone always alarms before.
+    """
+
+    def __init__(self, spec: EngineSpec, windows: Windows, counted: BoolArray) -> None:
+        self.spec, self.quiet = spec, windows.quiet
+        self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
+        self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
+        self.cusum = windows.cusum.transpose(0, 1, 3, 2).astype(np.float32)
+        self.counted = counted.transpose(1, 0, 2)
+        if not windows.quiet.any():
+            raise RecordingError(
+                f"{spec.model}: in this run noise alone raises the alarm before any fault; "
+                "check the noise and the slow errors that the model declares"
+            )
+
+    def enough(self, innovations: FloatArray, slow: FloatArray, trial: Trial, certainty: float) -> FloatArray:
+        """Give by how much each fault must grow, all else in proportion, to be found as often as asked.
+
+        Bisection for each realisation, in logarithms, within exp(-reach)..exp(reach); inf beyond without noise.
+
+        Parameters
+        ----------
+        innovations : float array, shape (w, c, o, n_outputs); of the fault alone, in their sd
+        slow : float array, shape (w, c, o, n_slow); alarming slow errors, in declared sd
+        trial : how it is done
+        certainty : part of the realisations, over all onsets, that is to be found
+        """
+        some = slice(None, None, trial.every or 1) if trial.every else slice(0, 1)
+        quiet = self.quiet[:, some] if trial.every else np.ones((len(self.quiet), 1), dtype=bool)
+        if not quiet.any():
+            some, quiet = slice(None), self.quiet
+        low = np.full((innovations.shape[1], *quiet.shape), -trial.reach)
+        high = -low
+        effects = innovations.astype(np.float32), slow.astype(np.float32)
+        for _ in range(trial.steps):
+            middle = (low + high) / 2
+            found = self._found(*effects, np.exp(middle), some, noisy=trial.every > 0)
+            low, high = np.where(found, low, middle), np.where(found, middle, high)
+        beyond = np.exp(trial.reach) if trial.every else np.inf
+        needed = np.where(high >= trial.reach, beyond, np.exp((low + high) / 2))
+        counted = np.flatnonzero(quiet)
+        ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
+        return np.asarray(ordered[:, min(int(certainty * len(counted)), len(counted) - 1)])
+
+    def _found(self, innovations: Single, slow: Single, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
+        """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation."""
+        settings, larger = self.spec.thresholds, factor.astype(np.float32)[:, :, None, :]
+        shape = (*larger.shape[:2], innovations.shape[-1], larger.shape[3])
+        up, down = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        if noisy:
+            up += self.cusum[0, :, :, some]
+            down += self.cusum[1, :, :, some]
+        peak, slowest = np.maximum(up, down), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
+        score = np.empty(shape, np.float32)
+        for w in range(len(innovations)):
+            np.multiply(larger, innovations[w, ..., None], out=score)
+            if noisy:
+                score += self.noise[w, :, :, some]
+            np.clip(score, -settings.cusum_clip, settings.cusum_clip, out=score)
+            _accumulate(up, score, settings.cusum_drift, self.counted[w])
+            _accumulate(down, np.negative(score, out=score), settings.cusum_drift, self.counted[w])
+            np.maximum(peak, up, out=peak)
+            np.maximum(peak, down, out=peak)
+            if slowest.size:
+                ratios = larger * slow[w, ..., None]
+                if noisy:
+                    ratios += self.slow[w, :, :, some]
+                np.maximum(slowest, np.abs(ratios), out=slowest)
+        crossed = np.any(peak > settings.cusum_limit, axis=2)
+        return np.asarray(crossed | np.any(slowest > settings.slow_error_limit, axis=2))
+
+
+def _accumulate(cusum: Single, score: Single, drift: float, counted: BoolArray) -> None:
+    """Take one sample into one side of a CUSUM (c, o, n_outputs, m); `counted` (o, n_outputs)."""
+    moved = score - np.float32(drift)
+    if not counted.all():
+        moved *= counted[None, :, :, None]
+    cusum += moved
+    np.maximum(cusum, 0.0, out=cusum)

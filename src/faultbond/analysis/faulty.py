@@ -15,6 +15,9 @@ from faultbond.dynamics.step import StepModel
 from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray, IntArray
 
+_ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
+_MOST = 1e12  # standard deviations; more need not be told apart
+
 Case = tuple[int, int]  # parameter, sign of the change
 
 
@@ -48,7 +51,7 @@ class Faults:
         starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])
         seen = self._outputs(starts).reshape(rows.shape[1], len(cases), len(rows), -1)
         moved = seen - self.outputs[:, None]
-        whole = np.asarray(np.isfinite(moved).all(axis=(0, 2, 3)))
+        whole = np.asarray((np.abs(moved) < _ABSURD * spec.output_noise).all(axis=(0, 2, 3)))  # false for nan
         moved = np.where(whole[:, None, None], moved, 0.0)
         error = np.zeros((len(rows), len(cases), spec.n_joint))
         innovations, slow = np.zeros_like(moved), np.zeros((*moved.shape[:3], len(alarming(spec))))
@@ -61,9 +64,9 @@ class Faults:
             deviation = moved[w].transpose(1, 0, 2) - error @ operation.slope[k].transpose(0, 2, 1)
             learned = np.clip(deviation, -most * spread, most * spread)
             error = error + learned @ operation.gain[k].transpose(0, 2, 1)
-            innovations[w] = (deviation / spread).transpose(1, 0, 2)
+            innovations[w] = np.clip(deviation / spread, -_MOST, _MOST).transpose(1, 0, 2)
             if slow.shape[-1]:
-                slow[w] = ratios_of(spec, error).transpose(1, 0, 2)
+                slow[w] = np.clip(ratios_of(spec, error), -_MOST, _MOST).transpose(1, 0, 2)
         largest = np.max(np.abs(moved), axis=(0, 2))
         return Shift(innovations=innovations, slow=slow, largest=largest, whole=whole)
 

@@ -18,19 +18,16 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from faultbond.analysis.alarms import REALISATIONS, Windows, windows_of
+from faultbond.analysis.alarms import REALISATIONS, Detector, Trial, windows_of
 from faultbond.analysis.bench import Clock
-from faultbond.analysis.faulty import Case, Faults, Shift
+from faultbond.analysis.faulty import Case, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, RecordingError
 from faultbond.runtime.monitor import Sample
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray, IntArray
-
-Single = NDArray[np.float32]  # as good for noise, and faster
 
 WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
@@ -40,13 +37,15 @@ NO_TIME = "no time left"
 NO_RANGE = "its range leaves no room for a change"
 NO_EFFECT = "no sensor shows it"
 NO_SOLUTION = "not found before the plant has no finite solution any more"
+NO_HOLD = "the least change already takes the plant elsewhere"
 TOO_LARGE = "not found however large, within its range"
 _LINEAR = 0.05  # first size tried, in accuracies
 _LEAST = 1e-3  # and at least so much, in factors
-_ROUNDS = 20
+_ROUNDS = 24
 _CLOSE = 0.03  # relative change of the size below which it is found
 _NUMBERS = 2 * 10**7  # of all effects that are looked at together
 _SEEN = 1e-6  # noises; an effect below is rounding
+_TINY = 1e-9  # factors; where a smaller change does so much, rounding does so too
 _BACK = 0.25  # part of a size without a solution that is tried next, where no smaller one is known
 
 
@@ -84,24 +83,10 @@ class SmallestFault:
         return None if self.value is None else "up" if self.value == self.up else "down"
 
 
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """How the factor is bisected by which effects must grow: its logarithm within +-reach, in steps.
-
-    every: of the realisations one in so many counts; 0: none, it is done without noise. close: a logarithm below which
-    the next trial, or the end, has come.
-    """
-
-    reach: float
-    steps: int
-    every: int
-    close: float
-
-
 _TRIALS = (
-    _Trial(log(1e6), 11, 0, log(1.5)),
-    _Trial(log(10.0), 8, 6, log(1.2)),
-    _Trial(log(1.6), 6, 1, _CLOSE),
+    Trial(log(1e6), 11, 0, log(1.5)),
+    Trial(log(10.0), 8, 6, log(1.2)),
+    Trial(log(1.6), 6, 1, _CLOSE),
 )
 _PATIENCE = 8  # rounds of one trial; the next begins from wherever it is
 
@@ -148,7 +133,8 @@ def smallest_faults(
     else:
         operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
-    search = _Search(spec, operation, windows, Faults(model, spec, operation, windows.rows), certainty)
+    detector = Detector(spec, windows, operation.counted[windows.rows])
+    search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):
         yield from _report(search, chosen[first : first + together], length * grid, clock)
@@ -190,7 +176,8 @@ class _Progress:
     """How far the search has come, by case: sizes in factors, and the bounds between which the answer lies.
 
     limits: ends of the ranges. trial: number of the current one; rounds: done of it. found, broken: whether the size is
-    the answer; whether the plant has had no solution. largest: (cases, n_outputs), effects of the last size, SI.
+    the answer; whether the plant has had no solution. wild: whether rounding would do as much. largest: (cases,
+    n_outputs), effects of the last size, SI.
     """
 
     size: FloatArray
@@ -201,6 +188,7 @@ class _Progress:
     rounds: IntArray
     found: BoolArray
     broken: BoolArray
+    wild: BoolArray
     largest: FloatArray
 
     @property
@@ -212,19 +200,8 @@ class _Progress:
 class _Search:
     """Everything that does not depend on the fault, and the search for its size."""
 
-    def __init__(
-        self, spec: EngineSpec, operation: Operation, windows: Windows, faults: Faults, certainty: float
-    ) -> None:
-        self.spec, self.faults, self.certainty, self.quiet = spec, faults, certainty, windows.quiet
-        self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
-        self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
-        self.cusum = windows.cusum.transpose(0, 1, 3, 2).astype(np.float32)
-        self.counted = operation.counted[windows.rows].transpose(1, 0, 2)
-        if not windows.quiet.any():
-            raise RecordingError(
-                f"{spec.model}: in this run noise alone raises the alarm before any fault; "
-                "check the noise and the slow errors that the model declares"
-            )
+    def __init__(self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float) -> None:
+        self.spec, self.faults, self.detector, self.certainty = spec, faults, detector, certainty
 
     def run(self, cases: list[Case], clock: Clock) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
@@ -240,6 +217,7 @@ class _Search:
             rounds=np.zeros(n, dtype=np.intp),
             found=np.zeros(n, dtype=bool),
             broken=np.zeros(n, dtype=bool),
+            wild=np.zeros(n, dtype=bool),
             largest=np.zeros((n, len(self.spec.outputs))),
         )
         for _ in range(_ROUNDS):
@@ -247,6 +225,8 @@ class _Search:
             if not len(live) or clock.over():
                 break
             self._round(progress, cases, live)
+        enough = progress.live[np.isfinite(progress.high[progress.live])]  # that is known, the smallest size is not
+        progress.size[enough], progress.found[enough] = progress.high[enough], True
         return progress
 
     def _limit(self, k: int, sign: int) -> float:
@@ -260,12 +240,15 @@ class _Search:
         factor = np.full(len(live), np.inf)
         for number in np.unique(progress.trial[live]):
             mine = np.flatnonzero((progress.trial[live] == number) & shift.whole)
-            factor[mine] = self._enough(shift, mine, _TRIALS[number])
+            effects = shift.innovations[:, mine], shift.slow[:, mine]
+            factor[mine] = self.detector.enough(*effects, _TRIALS[number], self.certainty)
         progress.largest[live[shift.whole]] = shift.largest[shift.whole]
         broken = live[~shift.whole]
         progress.broken[broken] = True
         least = np.where(progress.low[broken] > 0.0, progress.low[broken], _BACK**2 * now[~shift.whole])
-        progress.size[broken] = progress.limits[broken] = np.sqrt(least * now[~shift.whole])
+        size = np.sqrt(least * now[~shift.whole])
+        progress.size[broken] = progress.limits[broken] = np.where(size > _TINY, size, 0.0)
+        progress.wild[broken] = size <= _TINY
         self._judge(progress, live[shift.whole], factor[shift.whole], now[shift.whole])
         progress.rounds[live] += 1
 
@@ -279,75 +262,16 @@ class _Search:
         low, high = progress.low[live], progress.high[live]
         outside = ((wanted <= low) | (wanted >= high)) & np.isfinite(high)
         between = np.sqrt(np.maximum(low, _LEAST * high) * np.where(outside, high, 1.0))
-        progress.size[live] = np.where(close | stuck, now, np.where(outside, between, wanted))
+        size = np.where(close | stuck, now, np.where(outside, between, wanted))
+        progress.wild[live] = size <= _TINY
+        progress.limits[live] = np.where(size <= _TINY, 0.0, progress.limits[live])
+        progress.size[live] = size
         last = progress.trial[live] == len(_TRIALS) - 1
         progress.found[live] = last & close
         over = close | stuck | ((progress.rounds[live] >= _PATIENCE - 1) & ~last)
         done = live[over]
         progress.trial[done] += 1
         progress.rounds[done], progress.low[done], progress.high[done] = -1, 0.0, np.inf
-
-    def _enough(self, shift: Shift, cases: IntArray, trial: _Trial) -> FloatArray:
-        """Give by how much each fault must grow, all else in proportion, to be found as often as asked.
-
-        Bisection for each realisation, in logarithms, within exp(-reach)..exp(reach); of the widest trial inf beyond.
-        """
-        some = slice(None, None, trial.every or 1) if trial.every else slice(0, 1)
-        quiet = self.quiet[:, some] if trial.every else np.ones((len(self.quiet), 1), dtype=bool)
-        if not quiet.any():
-            some, quiet = slice(None), self.quiet
-        innovations = shift.innovations[:, cases].astype(np.float32)
-        slow = shift.slow[:, cases].astype(np.float32)
-        low = np.full((len(cases), *quiet.shape), -trial.reach)
-        high = -low
-        for _ in range(trial.steps):
-            middle = (low + high) / 2
-            found = self._found(innovations, slow, np.exp(middle), some, noisy=trial.every > 0)
-            low, high = np.where(found, low, middle), np.where(found, middle, high)
-        beyond = np.inf if trial is _TRIALS[0] else np.exp(trial.reach)
-        needed = np.where(high >= trial.reach, beyond, np.exp((low + high) / 2))
-        counted = np.flatnonzero(quiet)
-        ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
-        return np.asarray(ordered[:, min(int(self.certainty * len(counted)), len(counted) - 1)])
-
-    def _found(self, innovations: Single, slow: Single, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
-        """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation.
-
-        innovations: (w, c, o, n_outputs); slow: (w, c, o, n_slow).
-        """
-        settings, larger = self.spec.thresholds, factor.astype(np.float32)[:, :, None, :]
-        shape = (*larger.shape[:2], innovations.shape[-1], larger.shape[3])
-        up, down = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        if noisy:
-            up += self.cusum[0, :, :, some]
-            down += self.cusum[1, :, :, some]
-        peak, slowest = np.maximum(up, down), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
-        score = np.empty(shape, np.float32)
-        for w in range(len(innovations)):
-            np.multiply(larger, innovations[w, ..., None], out=score)
-            if noisy:
-                score += self.noise[w, :, :, some]
-            np.clip(score, -settings.cusum_clip, settings.cusum_clip, out=score)
-            _accumulate(up, score, settings.cusum_drift, self.counted[w])
-            _accumulate(down, np.negative(score, out=score), settings.cusum_drift, self.counted[w])
-            np.maximum(peak, up, out=peak)
-            np.maximum(peak, down, out=peak)
-            if slowest.size:
-                ratios = larger * slow[w, ..., None]
-                if noisy:
-                    ratios += self.slow[w, :, :, some]
-                np.maximum(slowest, np.abs(ratios), out=slowest)
-        crossed = np.any(peak > settings.cusum_limit, axis=2)
-        return np.asarray(crossed | np.any(slowest > settings.slow_error_limit, axis=2))
-
-
-def _accumulate(cusum: Single, score: Single, drift: float, counted: BoolArray) -> None:
-    """Take one sample into one side of a CUSUM (c, o, n_outputs, m); `counted` (o, n_outputs)."""
-    moved = score - np.float32(drift)
-    if not counted.all():
-        moved *= counted[None, :, :, None]
-    cusum += moved
-    np.maximum(cusum, 0.0, out=cusum)
 
 
 def _report(search: _Search, chosen: list[int], within: float, clock: Clock) -> Iterator[SmallestFault]:
@@ -375,12 +299,14 @@ def _report(search: _Search, chosen: list[int], within: float, clock: Clock) -> 
 
 def _reason(spec: EngineSpec, progress: _Progress, both: slice) -> str:
     """Say why neither direction is found."""
+    if progress.wild[both].any():
+        return NO_HOLD
+    if progress.broken[both].any():
+        return NO_SOLUTION
     if not (progress.limits[both] > 0.0).any():
         return NO_RANGE
     if len(np.intersect1d(progress.live, np.arange(both.start, both.stop))):
         return NO_TIME
-    if progress.broken[both].any():
-        return NO_SOLUTION
     return TOO_LARGE if (progress.largest[both] > _SEEN * spec.output_noise).any() else NO_EFFECT
 
 

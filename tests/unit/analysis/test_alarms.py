@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plants import example
 
-from faultbond.analysis.alarms import accumulated, windows_of
+from faultbond.analysis.alarms import Detector, Trial, accumulated, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
 from faultbond.runtime.monitor import Sample, init, step
 from faultbond.simulate import Inputs, simulate
@@ -42,3 +42,26 @@ def test_the_sums_are_those_of_the_monitor() -> None:
             cusum = accumulated(spec, cusum, score, np.array([True]))
             assert report.cusum == pytest.approx(cusum.max(axis=0), abs=1e-9)
     assert cusum.max() > 0.0
+
+
+def test_the_factor_parts_what_alarms_from_what_does_not() -> None:
+    """With effects a little larger than the factor says most realisations alarm, with a little smaller ones too few.
+
+    Counted sample by sample with the statistics of the monitor.
+    """
+    model = example("rlc")
+    spec = build_spec(model)
+    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 200)
+    windows = windows_of(spec, operation, [50, 70, 90], 100)
+    effects = np.full((101, 1, 3, 1), 0.2) * np.array([1.0, 0.8, 1.2])[:, None]
+    detector = Detector(spec, windows, operation.counted[windows.rows])
+    (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Trial(np.log(20.0), 12, 1, 0.0), 0.6)
+    share = []
+    for larger in (1.02 * factor, factor / 1.02):
+        cusum, found = windows.cusum, np.zeros(windows.quiet.shape, dtype=bool)
+        for w in range(101):
+            counted = operation.counted[windows.rows[:, w]][:, None, :]
+            cusum = accumulated(spec, cusum, windows.noise[:, w] + larger * effects[w, 0][:, None, :], counted)
+            found |= alarms(spec, cusum, np.zeros((*found.shape, 0)))
+        share.append(float(found[windows.quiet].mean()))
+    assert share[0] > 0.6 > share[1] > 0.3

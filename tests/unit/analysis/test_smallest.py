@@ -143,6 +143,19 @@ def test_a_range_ends_where_the_plant_has_no_solution() -> None:
     assert item.reason == "not found before the plant has no finite solution any more"
 
 
+def test_a_plant_that_rounding_takes_elsewhere_has_no_sizes() -> None:
+    """A current that is thrown off a pole ever anew multiplies the least change: no size is given, and why."""
+    text = (
+        "name: pole\nsample_time: 0.1 s\ninputs: {V: {unit: V}}\ncomponents:\n  source: {type: Se, law: e = V}\n"
+        "  R: {type: R, parameters: {R: 3 ohm}}\n  L: {type: I, parameters: {L: 2 H}}\n"
+        "  X: {type: R, law: e = P/(f - 0.2), parameters: {P: 0.1}}\njunctions: {loop: 1}\n"
+        "bonds: [source -> loop -> R, loop -> L, loop -> X]\nsensors: {i: {reads: loop.f, noise: 0.01}}\n"
+    )
+    sizes = found(built(stated(text)))
+    assert all(item.value is None for item in sizes.values())
+    assert "the least change already takes the plant elsewhere" in {item.reason for item in sizes.values()}
+
+
 def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
     """Without time every parameter is given, none with a size, each with the reason."""
     sizes = found(motor, within=2.0, seconds=0.0)
