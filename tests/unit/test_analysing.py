@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from faultbond.app.answering import _largest
 from faultbond.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -193,3 +194,11 @@ def test_gates_have_nothing_to_analyse(capsys: pytest.CaptureFixture[str]) -> No
     """A logic network is refused, with what to do."""
     assert main(["analyse", str(EXAMPLES / "thesis" / "fig_3_7.yaml")]) == 2
     assert "`run` gives all its diagnoses" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("suspects", "wanted", "size"), [(5, 2, 2), (20, 2, 2), (24, 2, 2), (25, 2, 1), (5, 9, 5), (60, 3, 1)]
+)
+def test_sets_that_get_a_route(suspects: int, wanted: int, size: int) -> None:
+    """Sets as large as asked for, as long as there are at most three hundred."""
+    assert _largest(suspects, wanted) == size

@@ -1,6 +1,7 @@
 """The functions of a plant that `analyse` answers, within a time: routes always, closed forms as long as it lasts."""
 
 from collections.abc import Sequence
+from math import comb
 from time import monotonic
 
 from faultbond.app.analysing import Wishes
@@ -12,16 +13,18 @@ from faultbond.structure.solving.backward_euler import plant_of
 from faultbond.structure.solving.solve import Limits
 from faultbond.synthesis.compile import cache_folder
 
+MOST_SETS = 300  # of suspects that are given a route
 PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take
 
 
 def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:
     """Answer every function of thesis 4.2; closed forms for sets of up to `wishes.closed` suspects.
 
-    Closed forms of parameters are looked for first; when `wishes.patience` is over the others are left out.
+    Closed forms of parameters are looked for first; when `wishes.patience` is over, the others and the noise of the
+    routes that are left are left out.
     """
     plant = plant_of(graph)
-    largest = max(graph.max_faults, wishes.closed)
+    largest = _largest(len(network.suspects), max(graph.max_faults, wishes.closed))
     record = trial_record(network, plant, largest)
     preference, folder = Preference(wishes.preference), cache_folder() / "closed_forms"
     limits = Limits(seconds=wishes.patience / PARTS_OF_PATIENCE)
@@ -29,10 +32,20 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tupl
     questions = asked(network, largest)
     found: dict[int, Function] = {}
     for k in sorted(range(len(questions)), key=lambda k: _turn(questions[k])):
-        wanted = is_wanted(questions[k], wishes) and monotonic() < end
-        cache = folder if wanted else None
-        found[k] = answer(network, questions[k], plant, record, preference=preference, cache=cache, limits=limits)
+        timely = monotonic() < end
+        cache = folder if timely and is_wanted(questions[k], wishes) else None
+        judged = record if timely or preference is Preference.NOISE else None
+        found[k] = answer(network, questions[k], plant, judged, preference=preference, cache=cache, limits=limits)
     return tuple(found[k] for k in range(len(questions)))
+
+
+def _largest(n_suspects: int, wanted: int) -> int:
+    """Give the size up to which there are few enough sets that each can have its route."""
+    size, total = 1, n_suspects
+    while size < min(wanted, n_suspects) and total + comb(n_suspects, size + 1) <= MOST_SETS:
+        size += 1
+        total += comb(n_suspects, size)
+    return size
 
 
 def is_wanted(question: Question, wishes: Wishes) -> bool:

@@ -20,6 +20,7 @@ from faultbond.structure.solving.printing import C_HEADER, PYTHON_HEADER, condit
 from faultbond.structure.solving.readable import Formula, formulas, readable_lines, shown_conditions
 from faultbond.structure.solving.solution import Solution
 
+LISTED = 24  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal
 
 
@@ -37,7 +38,13 @@ _REMARKS = {Form.LATEX: "% {}", Form.PYTHON: "# {}", Form.C: "/* {} */"}
 def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
     """Print a line for each function, then the closed forms; `late` of them there was no time for."""
     title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
-    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in found])
+    kept = [item for item in found if not _is_of_several(item) or item.solution is not None]
+    several = [item for item in found if item not in kept]
+    shown = [*kept, *several[:LISTED]]
+    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in shown])
+    if len(several) > LISTED:
+        text = f"... and {len(several) - LISTED} more sets of parameters; --json writes all"
+        console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
     for item in found:
         if item.solution is not None and item.solution.roots:
             console.print(Text(f" {item.question.title}", style="bold"))
@@ -45,6 +52,11 @@ def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Fu
                 console.print(Padding(Text(line), (0, 0, 0, 3)))
     if late:
         console.print(Padding(Text(_left_out(late), style="dim"), (0, 0, 0, 1)))
+
+
+def _is_of_several(item: Function) -> bool:
+    """Whether several parameters were asked for."""
+    return sum(isinstance(target, str) for target in item.question.targets) > 1
 
 
 def _left_out(late: int) -> str:
