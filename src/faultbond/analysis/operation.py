@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from math import inf
+from math import ceil, inf
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,7 @@ from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import BoolArray, FloatArray
 
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
+HELD = 4.0  # settling times between two moves
 SMALLER = (1.0, 1 / 4, 1 / 16, 0.0)  # parts of these moves, tried in turn
 _MOST_RUNS = 3  # tried with the filter
 
@@ -225,9 +226,10 @@ def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[Usual
     """Give runs of the nominal plant without noise, its inputs moving about their references, the most lively first.
 
     An input is its reference times 1 + 1/4 sin(2 pi k/40) + 1/4 sin(2 pi k/300) at sample k; a second input moves a
-    part of a period later, so that no two move together. A run begins where the plant is at rest with its inputs at
-    their references, or where the reference run ended if it does not come to rest; declared starts hold. Then come runs
-    whose inputs move less, or not at all.
+    part of a period later, so that no two move together. One that settles stands still for four settling times after
+    each move, or the sensors that feel it would be blind all the time. A run begins where the plant is at rest with its
+    inputs at their references, or where the reference run ended if it does not come to rest; declared starts hold. Then
+    come runs whose inputs move less, or not at all.
     """
     batch = Batch(advance_function(model))
     stands = list(_stands(model))
@@ -248,8 +250,9 @@ def _stands(model: StepModel) -> Iterator[Stand]:
 
 
 def _inputs(model: StepModel, spec: EngineSpec, count: int, part: float) -> FloatArray:
-    n_u = len(spec.inputs)
-    k, shift = np.arange(count)[:, None], np.arange(n_u) / (n_u + 0.5)
+    n_u, dt = len(spec.inputs), spec.sample_time or 1.0
+    held = np.array([max(1, ceil(HELD * item.settling / dt)) for item in spec.inputs], dtype=np.int64)
+    k, shift = np.arange(count)[:, None] // held * held, np.arange(n_u) / (n_u + 0.5)
     moves = sum((size * np.sin(2 * np.pi * (k / period + shift)) for size, period in MOVES), np.zeros((count, n_u)))
     return np.ascontiguousarray(times(model, reference_levels(model), 1.0 + part * moves))
 

@@ -132,3 +132,16 @@ def test_a_pendulum_upside_down_asks_for_a_recording() -> None:
     spec = build_spec(model)
     with pytest.raises(StructureError, match=r"with u near the usual values, or one that runs away.*--data"):
         usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 640)
+
+
+def test_inputs_that_settle_stand_still_in_between() -> None:
+    """Along the usual run of the tank most samples of the flow count, since a valve moves every 48 samples only."""
+    model = example("tank")
+    spec = build_spec(model)
+    run = next(usual_runs(model, spec, 400))
+    moved = np.flatnonzero(np.diff([item.u[0] for item in run.samples]))
+    assert len(moved) > 3
+    assert set(np.diff(moved)) == {48}
+    engine = VirtualMachine(build_filter(spec, model))
+    flow = [item.name for item in spec.outputs].index("flow")
+    assert np.mean(operate(model, spec, engine, run.samples).counted[100:, flow]) > 0.6
