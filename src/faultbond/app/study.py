@@ -71,9 +71,7 @@ class Section:
 Work = Callable[[], Section]
 
 
-def sections(
-    graph: BondGraph, network: ComponentNetwork, wishes: Wishes
-) -> Iterator[tuple[str, Callable[[], Section]]]:
+def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Iterator[tuple[str, Work]]:
     """Give the title of each section and how it is worked out, in order.
 
     Raises
