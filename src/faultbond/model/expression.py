@@ -67,18 +67,23 @@ FUNCTIONS: dict[str, int] = {  # name -> number of arguments; -1: two or more
 }
 
 
+def parts(expression: Expression) -> tuple[Expression, ...]:
+    """Give what an expression is made of, from left to right; nothing for a name or a number."""
+    match expression:
+        case Negative(operand):
+            return (operand,)
+        case Binary(_, left, right):
+            return left, right
+        case Call(_, arguments):
+            return arguments
+    return ()
+
+
 def walk(expression: Expression) -> Iterator[Expression]:
     """Give the expression and all its parts, outermost first."""
     yield expression
-    match expression:
-        case Negative(operand):
-            yield from walk(operand)
-        case Binary(_, left, right):
-            yield from walk(left)
-            yield from walk(right)
-        case Call(_, arguments):
-            for argument in arguments:
-                yield from walk(argument)
+    for part in parts(expression):
+        yield from walk(part)
 
 
 def names(expression: Expression) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ unknowns become unknowns with a function as equation. Source: thesis 3.7.2 (a sq
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, parts, rename
 from faultbond.model.parser import to_text
 from faultbond.structure.solving.tidy import ONE, ZERO, difference, negative, replaced
 
@@ -118,7 +118,7 @@ def _kink(
     expression: Expression, unknown: frozenset[str], decided: frozenset[Expression], plain: Callable[[str], str]
 ) -> Call | None:
     """Give the innermost kink of an unknown, or of what has taken a side before, the leftmost first."""
-    for part in _parts(expression):
+    for part in parts(expression):
         found = _kink(part, unknown, decided, plain)
         if found is not None:
             return found
@@ -127,17 +127,6 @@ def _kink(
         if is_open or _key(_argument(expression), plain)[0] in decided:
             return expression
     return None
-
-
-def _parts(expression: Expression) -> tuple[Expression, ...]:
-    match expression:
-        case Negative(operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return left, right
-        case Call(_, arguments):
-            return arguments
-    return ()
 
 
 def _argument(kink: Call) -> Expression:
@@ -216,7 +205,7 @@ def _function(expression: Expression, unknown: frozenset[str]) -> Expression | N
 
     A sum that is squared is an unknown of its own, so that each sign of its root is linear in what it sums.
     """
-    for part in _parts(expression):
+    for part in parts(expression):
         found = _function(part, unknown)
         if found is not None:
             return found

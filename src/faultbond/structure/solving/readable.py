@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, walk
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, parts, walk
 from faultbond.structure.components import SAMPLE_TIME
 from faultbond.structure.isolate import substitute
 from faultbond.structure.solving.branches import Condition
@@ -129,12 +129,12 @@ def common_parts(lines: Sequence[Line], fresh: Callable[[], str]) -> tuple[Line,
 def _count(expression: Expression, seen: Counter[Expression]) -> None:
     """Count each part once for every place where it would be computed."""
     if not _is_worth_it(expression):
-        for part in _parts(expression):
+        for part in parts(expression):
             _count(part, seen)
         return
     seen[expression] += 1
     if seen[expression] == 1:
-        for part in _parts(expression):
+        for part in parts(expression):
             _count(part, seen)
 
 
@@ -146,17 +146,6 @@ def _is_worth_it(expression: Expression) -> bool:
         case Call():
             return True
     return False
-
-
-def _parts(expression: Expression) -> tuple[Expression, ...]:
-    match expression:
-        case Negative(operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return left, right
-        case Call(_, arguments):
-            return arguments
-    return ()
 
 
 def _shared(
