@@ -202,3 +202,13 @@ def test_gates_have_nothing_to_analyse(capsys: pytest.CaptureFixture[str]) -> No
 def test_sets_that_get_a_route(suspects: int, wanted: int, size: int) -> None:
     """Sets as large as asked for, as long as there are at most three hundred."""
     assert _largest(suspects, wanted) == size
+
+
+def test_closed_forms_end_with_the_patience(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without time every route is given, none with a closed form or its noise, and how many are missing is said."""
+    assert main(["analyse", str(MOTOR), "--patience", "0 s", "--json", "-"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    routes = [item for item in record["routes"] if item["equations"]]
+    assert len(routes) > 20
+    assert [item for item in routes if item["closed_form"] or item["noise"]] == []
+    assert record["closed_forms_left_out"] > 10

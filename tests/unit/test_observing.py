@@ -70,6 +70,7 @@ def test_a_healthy_row_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixtur
     (tmp_path / "healthy.csv").write_text("Vi,Vo\n4,46\n3,37\n")
     code, records = run("fig_6_1", tmp_path / "healthy.csv", capsys)
     assert (code, [record["record"] for record in records]) == (0, ["run", "end"])
+    assert records[-1]["detections"] == 0
 
 
 def test_rows_without_a_reading_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
