@@ -55,6 +55,14 @@ class TimeGrid(Enum):
     NONE = "none"
 
 
+class CheckKind(Enum):
+    """What is checked by hand: a component is looked at, an input moved, a signal measured."""
+
+    COMPONENT = "component"
+    INPUT = "input"
+    SIGNAL = "signal"
+
+
 class Method(Enum):
     """Detection and diagnosis method."""
 

@@ -101,6 +101,7 @@ KEYS = {
     "Parameters": table(COMPONENT["parameters"]),
     "`sensors`": table(MODEL["sensors"]),
     "`slow_error`": table(MODEL["slow_error"]),
+    "`checks`": table(MODEL["checks"]),
 }
 
 

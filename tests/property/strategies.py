@@ -50,6 +50,9 @@ def parameters(draw: st.DrawFn, unit: str) -> str | Mapping:
     if draw(st.booleans()):
         ends = sorted([float(nominal), 2 * float(nominal)])
         found["range"] = draw(st.sampled_from(["any", ["-inf", f"{ends[1]!r}"], [f"{ends[0]!r} {unit}", "inf"]]))
+    if unit and draw(st.booleans()):  # blocks may be static, where nothing drifts
+        within = f"{1.5 * float(nominal)!r} {unit}"
+        found["limit"] = draw(st.sampled_from([within, [within]]))
     if draw(st.booleans()):
         found["suspect"] = draw(st.sampled_from(["yes", "no"]))
     return found
@@ -94,6 +97,8 @@ def plants(draw: st.DrawFn) -> Mapping:
     found: Mapping = {"name": draw(st.sampled_from(["plant", "tank: 1", "Behälter #2", '"x"']))}
     found |= {"sample_time": draw(seconds | st.just("variable")), "inputs": {"V": draw(inputs())}}
     found |= {"components": parts, "junctions": junctions, "bonds": bonds, "sensors": draw(sensors(signals))}
+    if draw(st.booleans()):
+        found["checks"] = draw(checks(sorted(parts), signals))
     found |= draw(settings())
     if draw(st.booleans()):
         found["slow_error"] = draw(slow_errors(signals, found["sensors"]))
@@ -166,6 +171,7 @@ def inputs(draw: st.DrawFn) -> Mapping:
     """An input in volts."""
     unit = draw(st.sampled_from(["V", "mV", "kV"]))
     optional = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
+    optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
     return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
 
 
@@ -176,9 +182,25 @@ def sensors(draw: st.DrawFn, signals: list[tuple[str, str]]) -> Mapping:
     for signal, unit in draw(st.lists(st.sampled_from(signals), min_size=1, max_size=3, unique=True)):
         scale = draw(st.sampled_from(["", "m", "k"]))
         noise = draw(st.sampled_from([f"{draw(sizes)} {scale}{unit}", f"{draw(percents)} of {draw(sizes)} {unit}"]))
-        stated = {"reads": draw(st.sampled_from([signal, f"-{signal} + 3"])), "unit": f"{scale}{unit}", "noise": noise}
-        bare = {"reads": stated["reads"], "noise": draw(sizes)}
-        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare]))
+        reads = draw(st.sampled_from([signal, f"-{signal} + 3"]))
+        stated: Mapping = {"reads": reads, "unit": f"{scale}{unit}", "noise": noise}
+        stated["range"] = draw(st.sampled_from(["any", ["-inf", draw(sizes)], [f"-{draw(sizes)} {unit}", "inf"]]))
+        bare: Mapping = {"reads": reads, "noise": draw(sizes)}
+        trusted = {"suspect": "no"} if draw(st.booleans()) else {}
+        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted
+    return found
+
+
+@st.composite
+def checks(draw: st.DrawFn, parts: list[str], signals: list[tuple[str, str]]) -> Mapping:
+    """Checks of some components, of the input, and of a signal."""
+    cost = {"cost": draw(st.sampled_from(["1", "0.5", "3"]))}
+    found: Mapping = {name: draw(st.sampled_from([{}, "2", cost])) for name in draw(st.sets(st.sampled_from(parts)))}
+    if draw(st.booleans()):
+        found["V"] = draw(st.sampled_from([{}, cost])) | draw(st.sampled_from([{}, {"move": f"{draw(sizes)} mV"}]))
+    if draw(st.booleans()):
+        signal, unit = draw(st.sampled_from(signals))
+        found["by_hand"] = {"reads": f"2*{signal}", "unit": f"m{unit}", "noise": draw(sizes)} | cost
     return found
 
 
@@ -199,6 +221,8 @@ def settings(draw: st.DrawFn) -> Mapping:
         "max_faults": draw(st.sampled_from(["1", "3"])),
         "accuracy": draw(percents),
         "warm_up": draw(seconds),
+        "instrument_faults": draw(st.sampled_from(["yes", "no"])),
+        "time_between_false_alarms": draw(st.sampled_from(["30 days", "1 h", "2 weeks"])),
         "time": draw(st.sampled_from([{"column": "t_ms", "unit": "ms"}, {"unit": "min"}, {"column": "clock"}])),
         "constants": {"g": "9.81 m/s^2", "k": "7"},
     }

@@ -278,6 +278,7 @@ def test_check_as_one_record(capsys: pytest.CaptureFixture[str]) -> None:
         "accuracy": 300.0,
         "change": 2e4,
         "range": [0.0, None],
+        "limits": [],
         "suspect": True,
     }
     assert record["bonds"][-1] == {"tail": "loop", "head": "C", "stroke": "loop"}

@@ -22,7 +22,8 @@ class ModelBuilder:
     ----------
     name : the model's name, which starts every error message
     sample_time : `1 s`, or `variable`, or `none` for a static block network
-    max_faults, accuracy, warm_up, time : as in the model file; None leaves the default in force
+    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults : as in the model file; None
+        leaves the default in force
 
     Example
     -------
@@ -48,9 +49,12 @@ class ModelBuilder:
         accuracy: Value | None = None,
         warm_up: Value | None = None,
         time: Value | Fields | None = None,
+        time_between_false_alarms: Value | None = None,
+        instrument_faults: bool | None = None,
     ) -> None:
         self._source = Source(f"model {shown(str(name))}", has_lines=False)
         settings = {"sample_time": sample_time, "max_faults": max_faults, "accuracy": accuracy, "warm_up": warm_up}
+        settings |= {"time_between_false_alarms": time_between_false_alarms, "instrument_faults": instrument_faults}
         self._settings: Fields = {"name": name, **settings, "time": time}
         self._sections: dict[str, dict[str, Node]] = {}
         self._bonds: list[Text] = []
@@ -67,9 +71,11 @@ class ModelBuilder:
         column: str | None = None,
         noise: Value | None = None,
         settling: Value | None = None,
+        suspect: bool | None = None,
     ) -> Self:
         """Add a measured or commanded input."""
-        return self._add("inputs", name, {"unit": unit, "column": column, "noise": noise, "settling": settling})
+        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "suspect": suspect}
+        return self._add("inputs", name, fields)
 
     def component(
         self,
@@ -107,16 +113,38 @@ class ModelBuilder:
         return self
 
     def sensor(
-        self, name: str, reads: str, *, noise: Value | None = None, unit: str | None = None, column: str | None = None
+        self,
+        name: str,
+        reads: str,
+        *,
+        noise: Value | None = None,
+        unit: str | None = None,
+        column: str | None = None,
+        range: Value | Sequence[Value] | None = None,
+        suspect: bool | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
-        return self._add("sensors", name, {"reads": reads, "unit": unit, "noise": noise, "column": column})
+        fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "column": column}
+        return self._add("sensors", name, {**fields, "range": range, "suspect": suspect})
 
     def slow_error(
         self, target: str, size: Value, *, after: Sequence[str] | None = None, each: Value | None = None
     ) -> Self:
         """Add a known imperfection of a signal or sensor, `2 % over 600 s`."""
         return self._add("slow_error", target, {"size": size, "after": after, "each": each})
+
+    def check(
+        self,
+        name: str,
+        *,
+        cost: Value | None = None,
+        move: Value | None = None,
+        reads: str | None = None,
+        unit: str | None = None,
+        noise: Value | None = None,
+    ) -> Self:
+        """Add what can be checked by hand: a component, an input (`move`), or under a new name a signal (`reads`)."""
+        return self._add("checks", name, {"cost": cost, "move": move, "reads": reads, "unit": unit, "noise": noise})
 
     def build(self) -> BondGraph:
         """Give the checked bond graph.

@@ -5,6 +5,7 @@ import math
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 MAX_FAULTS = 2
+CHECK_COST = 1.0
 WARM_UP_SAMPLES = 20
 WARM_UP_SECONDS = 20.0  # for a variable grid
 WARM_UP_MEMORY = 0.3  # of the longest memory of a plant signal's slow error

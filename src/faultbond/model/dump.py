@@ -7,12 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from faultbond.errors import ModelError
-from faultbond.model.defaults import ACCURACY, CHANGE, MAX_FAULTS, default_range, in_force
+from faultbond.model.defaults import ACCURACY, CHANGE, CHECK_COST, MAX_FAULTS, default_range, in_force
 from faultbond.model.elements import OWN_SIGNALS, default_laws
 from faultbond.model.expression import rename
 from faultbond.model.graph import (
     LOGIC_UNIT,
     BondGraph,
+    Check,
     Component,
     Input,
     Parameter,
@@ -23,7 +24,7 @@ from faultbond.model.graph import (
 )
 from faultbond.model.parser import number_text, to_text
 from faultbond.model.units import measure
-from faultbond.types import ElementType, TimeGrid
+from faultbond.types import CheckKind, ElementType, TimeGrid
 
 _PLAIN = re.compile(r"-?[A-Za-z0-9_.](?:[A-Za-z0-9_ .+\-*/^()=<>%]*[A-Za-z0-9_.+*/^()=<>%])?")
 
@@ -83,6 +84,7 @@ class _Writer:
             yield from (f"  - {bond.tail} -> {bond.head}" for bond in graph.bonds)
         yield from _section("sensors", ((item.name, self.sensor(item)) for item in graph.sensors))
         yield from _section("slow_error", ((item.target, self.slow_error(item)) for item in graph.slow_errors))
+        yield from _section("checks", ((item.name, self.check(item)) for item in graph.checks))
 
     def head(self) -> Iterator[str]:
         graph = self.graph
@@ -95,6 +97,8 @@ class _Writer:
             yield f"accuracy: {self.accuracy}"
         if not self.static and self.stated("warm_up"):
             yield f"warm_up: {_seconds(graph.warm_up)}"
+        if graph.time_between_false_alarms is not None:
+            yield f"time_between_false_alarms: {_seconds(graph.time_between_false_alarms)}"
         if graph.time.column is None:
             yield "time: none"
         elif self.stated("time", is_default=graph.time == TimeColumn(optional=self.static)):
@@ -110,10 +114,11 @@ class _Writer:
                 ("column", self.column(item)),
                 ("noise", self.noise(item)),
                 ("settling", _seconds(item.settling) if has_settling and not self.static else ""),
+                ("suspect", "" if item.suspect or self.static else "no"),
             )
         )
 
-    def noise(self, item: Input | Sensor) -> str:
+    def noise(self, item: Input | Sensor | Check) -> str:
         has_noise = item.unit != LOGIC_UNIT and self.stated("noise", item.name, is_default=item.noise == 0)
         return _difference(item.noise, item.unit) if has_noise else ""
 
@@ -151,7 +156,8 @@ class _Writer:
         entries = (
             ("accuracy", self.accuracies[item.name] if item.name in self.own_accuracy else ""),
             ("change", self.spread_text(item, item.change) if has_change else ""),
-            ("range", self.range(item) if has_range else ""),
+            ("range", _range(item) if has_range else ""),
+            ("limit", self.limit(item)),
             ("suspect", "" if item.suspect else "no"),
         )
         nominal = _value(item.nominal, item.unit)
@@ -165,11 +171,9 @@ class _Writer:
                 return f"{percent} %"
         return _difference(value, item.unit)
 
-    def range(self, item: Parameter) -> str:
-        if math.isinf(item.lower) and math.isinf(item.upper):
-            return "any"
-        ends = (number_text(end) if math.isinf(end) else _value(end, item.unit) for end in (item.lower, item.upper))
-        return f"[{', '.join(ends)}]"
+    def limit(self, item: Parameter) -> str:
+        ends = [_value(end, item.unit) for end in item.limits]
+        return f"[{', '.join(ends)}]" if len(ends) > 1 else "".join(ends)
 
     def sensor(self, item: Sensor) -> str:
         return _flow(
@@ -178,6 +182,21 @@ class _Writer:
                 ("unit", item.unit.text),
                 ("noise", self.noise(item)),
                 ("column", self.column(item)),
+                ("range", _range(item) if math.isfinite(item.lower) or math.isfinite(item.upper) else ""),
+                ("suspect", "" if item.suspect or self.static else "no"),
+            )
+        )
+
+    def check(self, item: Check) -> str:
+        has_cost = self.stated("cost", item.name, is_default=item.cost == CHECK_COST)
+        unit = self.graph.input(item.name).unit if item.kind is CheckKind.INPUT else item.unit
+        return _flow(
+            (
+                ("cost", number_text(item.cost) if has_cost else ""),
+                ("move", "" if item.move is None else _difference(item.move, unit)),
+                ("reads", "" if item.reads is None else _scalar(to_text(item.reads))),
+                ("unit", item.unit.text),
+                ("noise", "" if item.reads is None else self.noise(item)),
             )
         )
 
@@ -207,6 +226,14 @@ def shared_factor(units: Iterable[Unit]) -> float:
     """Give the SI factor of the unit that all inputs share; 1 (SI) if they differ."""
     factors = {item.factor for item in units}
     return factors.pop() if len(factors) == 1 else 1.0
+
+
+def _range(item: Parameter | Sensor) -> str:
+    """Give a range, `any` where both ends are infinite."""
+    if math.isinf(item.lower) and math.isinf(item.upper):
+        return "any"
+    ends = (number_text(end) if math.isinf(end) else _value(end, item.unit) for end in (item.lower, item.upper))
+    return f"[{', '.join(ends)}]"
 
 
 def _seconds(value: float) -> str:

@@ -7,10 +7,11 @@ Source: thesis 3.2 (bond graphs), 3.4 to 3.9 (blocks); docs/model-file.md (keys 
 """
 
 import hashlib
+import math
 from dataclasses import dataclass
 
 from faultbond.model.expression import RATE, Call, Expression, Name
-from faultbond.types import ElementType, JunctionType, TimeGrid
+from faultbond.types import CheckKind, ElementType, JunctionType, TimeGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,10 @@ LOGIC_UNIT = Unit("logic")  # of a signal that is 0 or 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A suspect: one number of a component that a fault may change. All values SI, spreads absolute."""
+    """A suspect: one number of a component that a fault may change. All values SI, spreads absolute.
+
+    `limits`, ascending, are the values at which a drift matters: none, one, or one on each side of the nominal.
+    """
 
     name: str
     owner: str
@@ -49,6 +53,7 @@ class Parameter:
     change: float  # standard deviation of a faulty value about the nominal
     lower: float  # range, may be -inf
     upper: float  # range, may be inf
+    limits: tuple[float, ...] = ()
     suspect: bool = True
     line: int = 0
 
@@ -70,13 +75,17 @@ class Constant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds."""
+    """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
+
+    suspect: whether a fault may falsify it; always False where there is no time.
+    """
 
     name: str
     column: str
     unit: Unit
     noise: float = 0.0
     settling: float = 0.0
+    suspect: bool = True
     line: int = 0
 
 
@@ -155,13 +164,20 @@ class Bond:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """A measured output: `reads` gives its SI value, `noise` the SI standard deviation."""
+    """A measured output: `reads` gives its SI value, `noise` the SI standard deviation.
+
+    lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
+    suspect : whether it may fail; always False where there is no time
+    """
 
     name: str
     column: str
     unit: Unit
     reads: Expression
     noise: float
+    lower: float = -math.inf
+    upper: float = math.inf
+    suspect: bool = True
     line: int = 0
 
 
@@ -184,6 +200,25 @@ class SlowError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """Something that can be checked by hand, and what it costs, in whatever measure the user has.
+
+    name : a component or block, an input, or of a signal a name of its own
+    reads, unit, noise : of a signal: what is measured, with which SI standard deviation; else None, no unit, 0
+    move : of an input: SI size of the change to make, None if it is not stated
+    """
+
+    name: str
+    kind: CheckKind
+    reads: Expression | None = None
+    unit: Unit = Unit("")
+    noise: float = 0.0
+    move: float | None = None
+    cost: float = 1.0
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TimeColumn:
     """Where time stands in a recording; `column` None: row number times sample time.
 
@@ -199,7 +234,8 @@ class TimeColumn:
 class BondGraph:
     """A plant, complete and checked: a bond graph, or a block network, whose components are blocks without bonds.
 
-    `sample_time` is None unless `grid` is FIXED. `defaults` lists (thing, value) for every default in force.
+    `sample_time` is None unless `grid` is FIXED. `time_between_false_alarms` is in seconds, None if not stated.
+    `defaults` lists (thing, value) for every default in force.
     """
 
     name: str
@@ -216,6 +252,8 @@ class BondGraph:
     bonds: tuple[Bond, ...]
     sensors: tuple[Sensor, ...]
     slow_errors: tuple[SlowError, ...]
+    time_between_false_alarms: float | None = None
+    checks: tuple[Check, ...] = ()
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`

@@ -8,7 +8,12 @@ from faultbond.model.source import Entry, Source, Table, Text
 from faultbond.types import TimeGrid
 
 _OF_BOND_GRAPHS = ("components", "junctions", "bonds")
-_OF_TIME = {"warm_up": "no alarms to wait for", "slow_error": "no slow errors"}
+_OF_TIME = {
+    "warm_up": "no alarms to wait for",
+    "time_between_false_alarms": "no alarms to wait for",
+    "slow_error": "no slow errors",
+    "instrument_faults": "no faults of sensors and inputs",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,6 @@
 """Sensors and slow errors: what is measured, and known imperfections."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -7,16 +8,24 @@ from faultbond.errors import ModelError
 from faultbond.model.blocks import BlockReader
 from faultbond.model.defaults import Defaults
 from faultbond.model.dump import shared_factor
-from faultbond.model.expression import Name, names
-from faultbond.model.graph import Input, Sensor, SlowError
+from faultbond.model.expression import Expression, Name, names
+from faultbond.model.graph import Input, Sensor, SlowError, Unit
 from faultbond.model.kind import Kind
 from faultbond.model.laws import LawReader
 from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread, spread_over
-from faultbond.model.source import Entry, Source, Text, closest, shown
+from faultbond.model.source import Entry, Node, Source, Text, closest, shown
 from faultbond.model.units import Measure
-from faultbond.model.values import needs_size, read_column, read_unit, same_unit
+from faultbond.model.values import (
+    needs_size,
+    range_ends,
+    read_column,
+    read_end,
+    read_instrument,
+    read_unit,
+    same_unit,
+)
 
-SENSOR_KEYS = ("reads", "unit", "noise", "column")
+SENSOR_KEYS = ("reads", "unit", "noise", "column", "range", "suspect")
 SLOW_ERROR_KEYS = ("size", "after", "each")
 
 
@@ -28,17 +37,42 @@ class Measured:
     slow_errors: tuple[SlowError, ...]
     sensor_measures: Mapping[str, Measure | None]
     noise_measures: Mapping[str, Measure | None]
+    range_measures: Mapping[str, Measure]
     size_measures: Mapping[str, Measure]
+
+    def stated(self, name: str) -> tuple[Measure | None, str]:
+        """Give the measure that a sensor or check states first, and where."""
+        if self.sensor_measures[name] is not None:
+            return self.sensor_measures[name], "its unit"
+        if self.noise_measures[name] is not None:
+            return self.noise_measures[name], "its noise"
+        return self.range_measures.get(name), "its range"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What is measured, in which unit, with which noise (SI standard deviation)."""
+
+    reads: Expression
+    unit: Unit
+    noise: float
 
 
 class MeasuredReader:
-    """Reads `sensors` and `slow_error`."""
+    """Reads `sensors` and `slow_error`.
 
-    def __init__(self, source: Source, laws: LawReader | BlockReader, defaults: Defaults, kind: Kind) -> None:
+    instruments: whether sensors that do not say so are suspects.
+    """
+
+    def __init__(
+        self, source: Source, laws: LawReader | BlockReader, defaults: Defaults, kind: Kind, instruments: bool
+    ) -> None:
         self.source, self.laws, self.defaults, self.kind = source, laws, defaults, kind
+        self.instruments = instruments
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
         self.sensor_measures: dict[str, Measure | None] = {}
         self.noise_measures: dict[str, Measure | None] = {}
+        self.range_measures: dict[str, Measure] = {}
         self.size_measures: dict[str, Measure] = {}
 
     def read(self, fields: Mapping[str, Entry]) -> Measured:
@@ -50,7 +84,8 @@ class MeasuredReader:
         sensors = tuple(self._sensor(entry) for entry in entries)
         slow = self.source.table(fields["slow_error"].value, "slow_error").entries if "slow_error" in fields else ()
         errors = tuple(self._slow_error(entry) for entry in slow)
-        return Measured(sensors, errors, self.sensor_measures, self.noise_measures, self.size_measures)
+        known = (self.sensor_measures, self.noise_measures, self.range_measures, self.size_measures)
+        return Measured(sensors, errors, *known)
 
     def _sensor(self, entry: Entry) -> Sensor:
         name = self.source.name(entry, "sensors")
@@ -58,6 +93,23 @@ class MeasuredReader:
         if name in self.inputs:
             raise self.source.error(entry, f"{what}: an input has this name too; rename one and state its `column`")
         fields = self.source.fields(entry.value, what, SENSOR_KEYS)
+        reading = self.reading(entry, fields, what, "sensor")
+        lower, upper = self._range(fields, name, what)
+        return Sensor(
+            name=name,
+            column=read_column(self.source, fields, what, name, self.defaults),
+            unit=reading.unit,
+            reads=reading.reads,
+            noise=reading.noise,
+            lower=lower,
+            upper=upper,
+            suspect=read_instrument(self.source, fields, what, self.kind, self.instruments),
+            line=entry.line,
+        )
+
+    def reading(self, entry: Entry, fields: Mapping[str, Entry], what: str, word: str) -> Reading:
+        """Give what a sensor, or a check by hand, reads; `word` says which, `what` also names it."""
+        name = entry.key
         signal = "y" if self.kind.blocks else "vessel.e"
         for key, example in (("reads", f"reads: {signal}"), ("noise", "noise: 180 Pa")):
             if key not in fields and not (key == "noise" and self.kind.static):
@@ -72,31 +124,47 @@ class MeasuredReader:
         if not any(self.laws.is_signal(item) for item in names(reads)):
             raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `{signal}`")
         if self.laws.is_signal(name) and reads != Name(name):
-            problem = f"a signal has this name too, and the sensor reads `{shown(text)}`; rename one and state `column`"
+            advice = "rename one and state `column`" if word == "sensor" else "rename the check"
+            problem = f"a signal has this name too, and the {word} reads `{shown(text)}`; {advice}"
             raise self.source.error(entry, f"{what}: {problem}")
-        return Sensor(
-            name=name,
-            column=read_column(self.source, fields, what, name, self.defaults),
-            unit=measure.unit if measure else NO_UNIT,
-            reads=reads,
-            noise=self._noise(fields, name, measure),
-            line=entry.line,
-        )
+        unit = measure.unit if measure else NO_UNIT
+        return Reading(reads, unit, self._noise(fields, name, what, measure))
 
-    def _noise(self, fields: Mapping[str, Entry], name: str, measure: Measure | None) -> float:
+    def _noise(self, fields: Mapping[str, Entry], name: str, what: str, measure: Measure | None) -> float:
         """Give the SI standard deviation of a sensor; only in a static network may it be 0, which is the default."""
         if "noise" not in fields:
             if not self.kind.logic:
                 self.defaults.add("noise", "0", name)
             self.noise_measures[name] = None
             return 0.0
-        entry, what = fields["noise"], f"sensor {name}: noise"
+        entry, what = fields["noise"], f"{what}: noise"
         noise = self._sensor_spread(entry, what, measure)
         needs_size(self.source, entry, what, noise)
         self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
         if noise.difference() <= 0 and not self.kind.static:
             raise self.source.error(entry, f"{what} must be above 0; state its standard deviation")
         return noise.difference()
+
+    def _range(self, fields: Mapping[str, Entry], name: str, what: str) -> tuple[float, float]:
+        """Give the ends of a sensor's measuring range in SI; without a unit of the sensor, their own is checked."""
+        if "range" not in fields:
+            return -math.inf, math.inf
+        entry, what = fields["range"], f"{what}: range"
+        if self.kind.logic:
+            raise self.source.error(entry, f"{what}: a logic signal has no range; remove it")
+        lower, upper = (self._end(node, what, name) for node in range_ends(self.source, entry, what))
+        if lower >= upper:
+            raise self.source.error(entry, f"{what}: the lowest value must be below the highest; mend one")
+        return lower, upper
+
+    def _end(self, node: Node, what: str, name: str) -> float:
+        found = read_end(self.source, node, what, self.sensor_measures[name])
+        known = self.sensor_measures[name] or self.noise_measures[name] or self.range_measures.get(name)
+        if known is not None:
+            same_unit(self.source, node, what, found, known)
+        elif found.measure is not None:
+            self.range_measures[name] = found.measure
+        return found.value
 
     def _sensor_spread(self, entry: Entry, what: str, measure: Measure | None) -> Spread:
         """Give a standard deviation of a sensor; one that states no unit is in SI, and what it reads decides."""

@@ -5,24 +5,26 @@ from dataclasses import dataclass, replace
 
 from faultbond.model import defaults as default_values
 from faultbond.model.blocks import BlockReader, block_wiring
+from faultbond.model.checks import read_checks
 from faultbond.model.defaults import Defaults
 from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
 from faultbond.model.expression import Expression, Name, names
-from faultbond.model.graph import BondGraph, Component, Relation, SlowError, TimeColumn
+from faultbond.model.graph import BondGraph, Check, Component, Relation, SlowError, TimeColumn
 from faultbond.model.kind import Kind, kind_of
 from faultbond.model.laws import LawReader, check_used
 from faultbond.model.measured import Measured, MeasuredReader
 from faultbond.model.quantities import Spread, spread
 from faultbond.model.source import Entry, Source, Table, Text, shown
 from faultbond.model.units import SECOND, Measure, measure
-from faultbond.model.values import ValueReader, Values, column_text, read_duration
+from faultbond.model.values import ValueReader, Values, column_text, read_duration, yes_or_no
 from faultbond.model.wiring import Wiring, wiring
 from faultbond.types import TimeGrid
 
 MODEL_KEYS = (
     *("name", "sample_time", "max_faults", "accuracy", "warm_up", "time", "constants", "inputs", "components"),
-    *("junctions", "bonds", "sensors", "slow_error", "blocks"),
+    *("junctions", "bonds", "sensors", "slow_error", "blocks", "instrument_faults", "time_between_false_alarms"),
+    "checks",
 )
 MAX_FAULTS = 10
 
@@ -36,6 +38,7 @@ class _Settings:
     max_faults: int
     time: TimeColumn
     accuracy: Spread | None
+    instruments: bool  # inputs and sensors are suspects
 
 
 def resolve(table: Table, source: Source, name: str) -> BondGraph:
@@ -57,15 +60,17 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
     settings = _settings(source, fields, defaults, name)
     kind = settings.kind
     plant = block_wiring(source, fields) if kind.blocks else wiring(source, fields)
-    values = ValueReader(source, defaults, settings.accuracy, kind).read(fields, plant)
+    values = ValueReader(source, defaults, settings.accuracy, kind, settings.instruments).read(fields, plant)
     laws: LawReader | BlockReader = LawReader(source, plant, values, defaults)
     if kind.blocks:
         laws = BlockReader(source, plant, values, defaults, kind)
     components = laws.components()
-    measured = MeasuredReader(source, laws, defaults, kind).read(fields)
+    reader = MeasuredReader(source, laws, defaults, kind, settings.instruments)
+    measured = reader.read(fields)
+    checks = read_checks(fields, reader, plant, measured.sensors)
     check_used(source, plant, values, _used(components, measured))
     if not kind.logic:
-        _check_dimensions(source, plant, values, components, laws, measured)
+        _check_dimensions(source, plant, values, components, laws, measured, checks)
     graph = BondGraph(
         name=settings.name,
         grid=settings.grid,
@@ -81,6 +86,8 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         bonds=plant.bonds,
         sensors=measured.sensors,
         slow_errors=measured.slow_errors,
+        time_between_false_alarms=_patience(source, fields),
+        checks=checks,
         defaults=defaults.pairs(),
         file=source.label,
     )
@@ -102,6 +109,7 @@ def _settings(source: Source, fields: Mapping[str, Entry], defaults: Defaults, n
         max_faults=_max_faults(source, fields, defaults),
         time=time,
         accuracy=_accuracy(source, fields),
+        instruments=_instruments(source, fields, kind),
     )
 
 
@@ -150,6 +158,24 @@ def _accuracy(source: Source, fields: Mapping[str, Entry]) -> Spread | None:
         problem = "of the model is relative, such as `3 %`; state an absolute one at its parameter"
         raise source.error(entry, f"accuracy {problem}")
     return found
+
+
+def _instruments(source: Source, fields: Mapping[str, Entry], kind: Kind) -> bool:
+    """Whether inputs and sensors that do not say so are suspects."""
+    if "instrument_faults" in fields:
+        return yes_or_no(source, fields["instrument_faults"], "instrument_faults")
+    return not kind.static
+
+
+def _patience(source: Source, fields: Mapping[str, Entry]) -> float | None:
+    """Give the stated mean time between false alarms in seconds."""
+    if "time_between_false_alarms" not in fields:
+        return None
+    entry = fields["time_between_false_alarms"]
+    value = read_duration(source, entry, entry.key)
+    if value <= 0:
+        raise source.error(entry, f"{entry.key} must be above 0, such as `30 days`")
+    return value
 
 
 def _time(source: Source, fields: Mapping[str, Entry], defaults: Defaults, kind: Kind) -> TimeColumn:
@@ -209,6 +235,7 @@ def _check_dimensions(
     components: tuple[Component, ...],
     laws: LawReader | BlockReader,
     measured: Measured,
+    checks: tuple[Check, ...],
 ) -> None:
     """Check laws, in the order of the file, then what refers to their signals."""
 
@@ -222,10 +249,11 @@ def _check_dimensions(
             yield lambda checker: checker.expect(reads, found.dimension, words[1], where)
 
     demands = [law(side, component.name) for component in components for side in component.laws]
-    for sensor in measured.sensors:
-        unit, noise = measured.sensor_measures[sensor.name], measured.noise_measures[sensor.name]
-        words = f"sensor {sensor.name}", "its unit" if unit else "its noise"
-        demands += expect(sensor.reads, unit or noise, words, sensor.line)
+    for word, items in (("sensor", measured.sensors), ("check", checks)):
+        for item in items:
+            if item.reads is not None:
+                unit, said = measured.stated(item.name)
+                demands += expect(item.reads, unit, (f"{word} {item.name}", said), item.line)
     reads = {sensor.name: sensor.reads for sensor in measured.sensors}
     for error in measured.slow_errors:
         words = f"slow_error {error.target}", "its size"

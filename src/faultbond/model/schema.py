@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from faultbond.model.blocks import BLOCK_KEYS
+from faultbond.model.checks import CHECK_KEYS
 from faultbond.model.elements import DEFAULT_LAWS, OWN_SIGNALS
 from faultbond.model.measured import SENSOR_KEYS, SLOW_ERROR_KEYS
 from faultbond.model.resolve import MAX_FAULTS, MODEL_KEYS
@@ -87,6 +88,9 @@ def _model_keys() -> Schema:
         "bonds": _one_or_more({"type": "string", "pattern": "->"}, "`a -> b -> c`; power counts positive along `->`"),
         "sensors": {**_named(_sensor(), "measured outputs"), "minProperties": 1},
         "slow_error": _named(_slow_error(), "known imperfections of signals and sensors", _SIGNAL),
+        "instrument_faults": _yes_or_no("`no` trusts every sensor and input that does not state `suspect`"),
+        "time_between_false_alarms": _described(_TEXT, "mean time between false alarms of a healthy plant, `30 days`"),
+        "checks": _named(_check(), "what can be checked by hand: a component, an input, or a new name with `reads`"),
     }
     return _chosen(MODEL_KEYS, properties)
 
@@ -100,6 +104,7 @@ def _input() -> Schema:
         "column": _described(_TEXT, "column of a recording; default its name"),
         "noise": _described(_VALUE, "standard deviation; default 0"),
         "settling": _described(_TEXT, "after a step the model may be off for so long; default `0 s`"),
+        "suspect": _yes_or_no("`no` trusts the input"),
     }
     return {"anyOf": [_table(_chosen(INPUT_KEYS, properties)), {"type": "null"}]}
 
@@ -131,25 +136,31 @@ def _block() -> Schema:
             "additionalProperties": _VALUE,
             **store,
         },
-        "suspect": _suspect("`no` trusts the block and its parameters"),
+        "suspect": _yes_or_no("`no` trusts the block and its parameters"),
     }
     return _table(_chosen(BLOCK_KEYS, properties), required=("law",))
 
 
-def _suspect(description: str) -> Schema:
+def _yes_or_no(description: str) -> Schema:
     return {"description": description, "enum": [True, False, "yes", "no", "true", "false"]}
 
 
 def _parameter() -> Schema:
-    ends = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
+    limits = {"type": "array", "items": _VALUE, "minItems": 1, "maxItems": 2}
     properties: Schema = {
         "nominal": _described(_VALUE, "healthy value"),
         "accuracy": _described(_VALUE, "standard deviation while healthy, relative or absolute"),
         "change": _described(_VALUE, "standard deviation of a faulty value about the nominal; default `200 %`"),
-        "range": {"description": "default: the sign of the nominal", "anyOf": [ends, {"const": "any"}]},
-        "suspect": _suspect("`no` trusts the parameter"),
+        "range": _range("default: the sign of the nominal"),
+        "limit": {"description": "value at which a drift matters, or one on each side", "anyOf": [_VALUE, limits]},
+        "suspect": _yes_or_no("`no` trusts the parameter"),
     }
     return {"anyOf": [_VALUE, _table(_chosen(PARAMETER_KEYS, properties), required=("nominal",))]}
+
+
+def _range(description: str) -> Schema:
+    ends = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
+    return {"description": description, "anyOf": [ends, {"const": "any"}]}
 
 
 def _sensor() -> Schema:
@@ -158,8 +169,22 @@ def _sensor() -> Schema:
         "unit": _described(_TEXT, "unit of its column; default SI; `logic` for 0 and 1"),
         "noise": _described(_VALUE, "standard deviation, `180 Pa` or `2 % of 8.9 kPa`; default 0 in a static network"),
         "column": _described(_TEXT, "column of a recording; default its name"),
+        "range": _range("measuring range; a value at an end or beyond is not used; default any"),
+        "suspect": _yes_or_no("`no` trusts the sensor"),
     }
     return _table(_chosen(SENSOR_KEYS, properties), required=("reads",))
+
+
+def _check() -> Schema:
+    cost = {"type": ["string", "number"], "description": "cost in any measure; default 1"}
+    properties: Schema = {
+        "cost": cost,
+        "move": _described(_VALUE, "of an input: size of the change, `10 percent`"),
+        "reads": _described(_TEXT, "a law of signals: what is measured by hand"),
+        "unit": _described(_TEXT, "unit of what is measured; default SI"),
+        "noise": _described(_VALUE, "standard deviation of what is measured"),
+    }
+    return {"anyOf": [cost, _table(_chosen(CHECK_KEYS, properties)), {"type": "null"}]}
 
 
 def _slow_error() -> Schema:

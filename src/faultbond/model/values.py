@@ -15,8 +15,8 @@ from faultbond.model.source import Entry, Items, Node, Source, Text, shown
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
 
-PARAMETER_KEYS = ("nominal", "accuracy", "change", "range", "suspect")
-INPUT_KEYS = ("unit", "column", "noise", "settling")
+PARAMETER_KEYS = ("nominal", "accuracy", "change", "range", "limit", "suspect")
+INPUT_KEYS = ("unit", "column", "noise", "settling", "suspect")
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
 RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
 
@@ -40,10 +40,16 @@ class Values:
 
 
 class ValueReader:
-    """Reads constants, inputs and parameters, which share one name space."""
+    """Reads constants, inputs and parameters, which share one name space.
 
-    def __init__(self, source: Source, defaults: Defaults, accuracy: Spread | None, kind: Kind) -> None:
-        self.source, self.defaults, self.accuracy, self.kind = source, defaults, accuracy, kind
+    instruments: whether inputs that do not say so are suspects.
+    """
+
+    def __init__(
+        self, source: Source, defaults: Defaults, accuracy: Spread | None, kind: Kind, instruments: bool
+    ) -> None:
+        self.source, self.defaults, self.accuracy = source, defaults, accuracy
+        self.kind, self.instruments = kind, instruments
         self.measures: dict[str, Measure | None] = {}
         self.places: dict[str, tuple[str, int]] = {}
 
@@ -110,6 +116,7 @@ class ValueReader:
             settling=read_duration(self.source, fields["settling"], f"{what}: settling")
             if "settling" in fields
             else 0.0,
+            suspect=read_instrument(self.source, fields, what, self.kind, self.instruments),
             line=entry.line,
         )
 
@@ -138,6 +145,7 @@ class ValueReader:
             change=self._size("change", spreads["change"], name, nominal, entry),
             lower=lower,
             upper=upper,
+            limits=self._limits(fields, what, nominal, (lower, upper)),
             suspect=self._suspect(fields, what, owner),
             line=entry.line,
         )
@@ -183,33 +191,75 @@ class ValueReader:
             self.defaults.add("range", words, name)
             return default_range(nominal.value)
         entry = fields["range"]
-        if isinstance(entry.value, Text) and entry.value.value.strip() == "any":
-            return -math.inf, math.inf
-        if not isinstance(entry.value, Items) or len(entry.value.items) != 2:
-            raise self.source.error(entry, f"{what}: range is `[lowest, highest]` or `any`, such as `[1 Pa, 5 Pa]`")
-        lower, upper = (self._bound(item, f"{what}: range", nominal) for item in entry.value.items)
+        ends = range_ends(self.source, entry, f"{what}: range")
+        lower, upper = (self._end(item, f"{what}: range", nominal) for item in ends)
         if not lower <= nominal.value <= upper or lower == upper:
             problem = "the nominal must lie between the two ends of `range`, and they must differ"
             raise self.source.error(entry, f"{what}: {problem}")
         return lower, upper
 
-    def _bound(self, node: Node, what: str, nominal: Quantity) -> float:
-        text = self.source.text(node, what)
-        if text in ("inf", "-inf"):
-            return float(text)
-        where = f"{self.source.at(node)}{what} "
-        found = quantity(text, where, nominal.measure)
+    def _limits(
+        self, fields: Mapping[str, Entry], what: str, nominal: Quantity, reach: tuple[float, float]
+    ) -> tuple[float, ...]:
+        """Give the values at which a drift matters: one, or one on each side of the nominal."""
+        if "limit" not in fields:
+            return ()
+        entry, what = fields["limit"], f"{what}: limit"
+        if self.kind.static:
+            raise self.source.error(entry, f"{what}: with `sample_time: none` nothing drifts; remove it")
+        nodes = (entry.value,) if isinstance(entry.value, Text) else self.source.items(entry.value, what)
+        found = sorted(self._end(node, what, nominal) for node in nodes)
+        if not all(reach[0] <= value <= reach[1] and math.isfinite(value) for value in found):
+            raise self.source.error(entry, f"{what} must lie within the range of the parameter; mend one of them")
+        sides = [value > nominal.value for value in found]
+        if nominal.value in found or sides not in ([False], [True], [False, True]):
+            problem = "is one value other than the nominal, or `[lowest, highest]` about it"
+            raise self.source.error(entry, f"{what} {problem}")
+        return tuple(found)
+
+    def _end(self, node: Node, what: str, nominal: Quantity) -> float:
+        found = read_end(self.source, node, what, nominal.measure)
         same_unit(self.source, node, what, found, nominal.measure)
         return found.value
 
 
-def read_suspect(source: Source, fields: Mapping[str, Entry], what: str) -> bool:
-    """Give the key `suspect`, `yes` if it is not stated."""
+def range_ends(source: Source, entry: Entry, what: str) -> tuple[Node, Node]:
+    """Give the two ends of the key `range`, infinite ones for `any`."""
+    if isinstance(entry.value, Text) and entry.value.value.strip() == "any":
+        return Text("-inf", entry.line), Text("inf", entry.line)
+    if not isinstance(entry.value, Items) or len(entry.value.items) != 2:
+        raise source.error(entry, f"{what} is `[lowest, highest]` or `any`, such as `[1 Pa, 5 Pa]`")
+    return entry.value.items[0], entry.value.items[1]
+
+
+def read_end(source: Source, node: Node, what: str, default: Measure | None) -> Quantity:
+    """Give an end of a range, which may be infinite."""
+    text = source.text(node, what)
+    if text in ("inf", "-inf"):
+        return Quantity(float(text), None)
+    return quantity(text, f"{source.at(node)}{what} ", default)
+
+
+def read_suspect(source: Source, fields: Mapping[str, Entry], what: str, default: bool = True) -> bool:
+    """Give the key `suspect`."""
     if "suspect" not in fields:
-        return True
-    word = source.text(fields["suspect"].value, f"{what}: suspect").lower()
+        return default
+    return yes_or_no(source, fields["suspect"], f"{what}: suspect")
+
+
+def read_instrument(source: Source, fields: Mapping[str, Entry], what: str, kind: Kind, default: bool) -> bool:
+    """Whether an input or sensor is a suspect; none is in a static network."""
+    if kind.static and "suspect" in fields:
+        problem = "with `sample_time: none` there are no faults of sensors and inputs; remove it"
+        raise source.error(fields["suspect"], f"{what}: suspect: {problem}")
+    return read_suspect(source, fields, what, default)
+
+
+def yes_or_no(source: Source, entry: Entry, what: str) -> bool:
+    """Give the truth value of `yes` or `no`."""
+    word = source.text(entry.value, what).lower()
     if word not in ("yes", "no", "true", "false"):
-        raise source.error(fields["suspect"], f"{what}: suspect is `yes` or `no`, not `{shown(word)}`")
+        raise source.error(entry, f"{what} is `yes` or `no`, not `{shown(word)}`")
     return word in ("yes", "true")
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.model.graph import BondGraph, Component, Parameter, SlowError, Unit
+from faultbond.model.graph import BondGraph, Check, Component, Parameter, Sensor, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
@@ -15,7 +15,7 @@ from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
 from faultbond.report.verdict import unfalsifiable_text
 from faultbond.runtime.lanes import plan_lanes
-from faultbond.types import TimeGrid
+from faultbond.types import CheckKind, TimeGrid
 
 MEANING = {
     "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
@@ -81,6 +81,8 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.constants:
         constants = (f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants)
         lines(console, [("constants", ", ".join(constants))])
+    if limits := _limits(graph):
+        lines(console, [("drifts matter at", limits)])
 
 
 def _component(item: Component) -> tuple[str, ...]:
@@ -93,25 +95,32 @@ def _parameter(item: Parameter) -> tuple[str, ...]:
     healthy, faulty = (
         figure(unit.difference_from_si(sd), digits=3).number(Notation.FILE) for sd in (item.accuracy, item.change)
     )
-    lower, upper = (figure(unit.from_si(end)).number(Notation.FILE) for end in (item.lower, item.upper))
-    match (math.isfinite(item.lower), math.isfinite(item.upper)):
-        case (True, True):
-            reach = f"{lower} to {upper}"
-        case (True, False):
-            reach = f"{lower} or more"
-        case (False, True):
-            reach = f"{upper} or less"
-        case _:
-            reach = "any"
     return (
         item.name,
         item.owner,
         figure(unit.from_si(item.nominal)).number(Notation.FILE),
         healthy,
         faulty if item.suspect else "trusted",
-        reach,
+        _reach(item),
         unit_text(unit.text, Notation.FILE),
     )
+
+
+def _reach(item: Parameter | Sensor) -> str:
+    lower, upper = (figure(item.unit.from_si(end)).number(Notation.FILE) for end in (item.lower, item.upper))
+    match (math.isfinite(item.lower), math.isfinite(item.upper)):
+        case (True, True):
+            return f"{lower} to {upper}"
+        case (True, False):
+            return f"{lower} or more"
+        case (False, True):
+            return f"{upper} or less"
+    return "any"
+
+
+def _limits(graph: BondGraph) -> str:
+    stated = [(item, [_value(item.unit, end) for end in item.limits]) for item in graph.parameters if item.limits]
+    return "; ".join(f"{item.name} {' or '.join(ends)}" for item, ends in stated)
 
 
 def _value(unit: Unit, si: float) -> str:
@@ -207,6 +216,7 @@ def _print_signals(console: Console, seen: Understanding) -> None:
         for item, known in zip(graph.sensors, seen.spec.outputs, strict=True)
     ]
     table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
+    lines(console, list(_instruments(graph)))
     if graph.slow_errors:
         title(console, "Slow errors")
         rows = [
@@ -214,6 +224,40 @@ def _print_signals(console: Console, seen: Understanding) -> None:
             for error, known in zip(graph.slow_errors, seen.spec.slow_errors, strict=True)
         ]
         table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
+    if graph.checks:
+        title(console, "Checks by hand")
+        table(console, ("name", "what is done", "cost"), [_check(item, graph) for item in graph.checks])
+
+
+def _instruments(graph: BondGraph) -> Iterable[tuple[str, str]]:
+    """What is known of sensors and inputs as instruments."""
+    ranges = [f"{item.name} {_reach(item)} {unit}" for item, unit in _ranged(graph)]
+    if ranges:
+        yield "range", "; ".join(ranges)
+    if graph.grid is not TimeGrid.NONE:
+        trusted = [item.name for item in graph.inputs if not item.suspect]
+        trusted += [item.name for item in graph.sensors if not item.suspect]
+        everything = len(trusted) == len(graph.inputs) + len(graph.sensors)
+        yield "trusted", "all inputs and sensors" if everything else ", ".join(trusted) or "none: each may fail"
+
+
+def _ranged(graph: BondGraph) -> Iterable[tuple[Sensor, str]]:
+    for item in graph.sensors:
+        if math.isfinite(item.lower) or math.isfinite(item.upper):
+            yield item, unit_text(item.unit.text, Notation.FILE)
+
+
+def _check(item: Check, graph: BondGraph) -> tuple[str, str, str]:
+    match item.kind:
+        case CheckKind.COMPONENT:
+            what = "look at it"
+        case CheckKind.INPUT:
+            unit = graph.input(item.name).unit
+            what = "move it" if item.move is None else f"move it by {_spread(unit, item.move)}"
+        case CheckKind.SIGNAL:
+            reads = "" if item.reads is None else to_text(item.reads)
+            what = f"measure {reads}, noise (sd) {_spread(item.unit, item.noise)}"
+    return item.name, what, f"{item.cost:g}"
 
 
 def _step(seen: Understanding, k: int) -> str:
@@ -236,6 +280,7 @@ def _print_method(console: Console, seen: Understanding) -> None:
         sets = f"of at most {graph.max_faults} suspect{'s'[: graph.max_faults != 1]}"
         lines(console, [("rows", "each is an observation by itself"), ("hypotheses", f"the smallest sets, {sets}")])
         return
+    promised = graph.time_between_false_alarms
     step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
     substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
     sizes = set_sizes(spec)
@@ -248,6 +293,7 @@ def _print_method(console: Console, seen: Understanding) -> None:
         [
             ("sampled", step),
             ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
+            *([("false alarms", f"one in {duration_text(promised)} at most, on average")] if promised else []),
             ("in time", f"{METHOD}; {substeps}"),
             ("hypotheses", f"{sets or 'none'}; {plan_lanes(spec).n_lanes} filters after an alarm"),
             *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from faultbond.dynamics.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
-from faultbond.model.graph import BondGraph, Component, Input, Relation, Sensor
+from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
 from faultbond.runtime import bank, lanes, monitor, ranking
 from faultbond.spec import EngineSpec
@@ -109,6 +109,7 @@ def check_record(seen: Understanding) -> Record:
         "sample_time": graph.sample_time,
         "max_faults": graph.max_faults,
         "warm_up": graph.warm_up,
+        "time_between_false_alarms": graph.time_between_false_alarms,
         **_parts(graph),
         **_structure(seen),
         "inputs": [_input(item, seen) for item in graph.inputs],
@@ -118,6 +119,7 @@ def check_record(seen: Understanding) -> Record:
             | {"alarms": known.alarms, "after": list(error.after), "each": error.each}
             for error, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
         ],
+        "checks": [_check(item) for item in graph.checks],
         "discretisation": {"method": METHOD, "substeps": seen.model.substeps},
         "hypotheses": {str(size): number for size, number in set_sizes(spec).items()},
         "explain_anything": [[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
@@ -143,7 +145,7 @@ def _parts(graph: BondGraph) -> Record:
         "parameters": [
             {"name": item.name, "component": item.owner, "unit": item.unit.text, "nominal": item.nominal}
             | {"accuracy": item.accuracy, "change": item.change, "range": [item.lower, item.upper]}
-            | {"suspect": item.suspect}
+            | {"limits": list(item.limits), "suspect": item.suspect}
             for item in graph.parameters
         ],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.constants],
@@ -192,6 +194,7 @@ def _input(item: Input, seen: Understanding) -> Record:
         "settling": item.settling,
         "step": known.step,
         "step_part": known.step_part,
+        "suspect": item.suspect,
     }
 
 
@@ -203,5 +206,19 @@ def _sensor(item: Sensor, seen: Understanding) -> Record:
         "unit": item.unit.text,
         "reads": to_text(item.reads),
         "noise": item.noise,
+        "range": [item.lower, item.upper],
+        "suspect": item.suspect,
         "direct_inputs": [seen.spec.inputs[k].name for k in known.direct_inputs],
+    }
+
+
+def _check(item: Check) -> Record:
+    return {
+        "name": item.name,
+        "kind": item.kind.value,
+        "reads": None if item.reads is None else to_text(item.reads),
+        "unit": item.unit.text,
+        "noise": item.noise,
+        "move": item.move,
+        "cost": item.cost,
     }
