@@ -7,9 +7,17 @@ numbers (thesis 4.5; hypotheses are data). The joint vector of a lane is
 
 and its numbers are one column of an array of shape (n_numbers, n_lanes): z, the packed upper triangle of its
 covariance P (row by row), the last solutions of implicit relations, and the log-likelihood.
+
+A *slot lane* (`EngineSpec.slotted`) has two more coordinates before the input noise, the size `d` of one more fault and
+its rate `r`, d' = d + r dt, and, before the likelihood, roles: constants that say on what d acts.
+
+    theta + theta_role * d        u + input_role * d        y = h * (reads_role + gain_role * d) + bias_role * d
+
+The noise variance of each sensor is `noise_role` times that declared. So drifts, faults that come and go, and faults of
+sensors and inputs are data too.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -44,6 +52,7 @@ class ParameterSpec:
     suspect: bool
     unit: str
     unit_factor: float
+    limits: tuple[float, ...] = ()  # SI; forecasts say when a drift reaches them
 
     @property
     def healthy(self) -> float:
@@ -60,6 +69,9 @@ class InputSpec:
     settling: float  # seconds
     step: float  # a larger change from row to row is a step, if it is also
     step_part: float  # larger than this part of the largest value seen
+    suspect: bool = True
+    unit: str = ""
+    unit_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +84,16 @@ class OutputSpec:
     unit: str
     unit_factor: float
     unit_offset: float
+    suspect: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instrument:
+    """A sensor (`is_output`) or an input that may be at fault; `index` among those of its kind."""
+
+    name: str
+    is_output: bool
+    index: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,11 +140,29 @@ class EngineSpec:
     hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
     thresholds: Thresholds
     explain_anything: tuple[tuple[int, ...], ...] = ()  # sets that no data can contradict; not tested
+    slot: bool = False  # whether lanes have the slot for one more fault
+
+    @cached_property
+    def slotted(self) -> "EngineSpec":
+        """The same for lanes with a slot."""
+        return replace(self, slot=True)
+
+    @cached_property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """Sensors, then inputs, that are suspects; their hypotheses follow those of the parameters."""
+        outputs = ((k, item.name, True) for k, item in enumerate(self.outputs) if item.suspect)
+        inputs = ((k, item.name, False) for k, item in enumerate(self.inputs) if item.suspect)
+        return tuple(Instrument(name=name, is_output=out, index=k) for k, name, out in (*outputs, *inputs))
+
+    @property
+    def n_hypotheses(self) -> int:
+        """Sets of parameters, and instruments."""
+        return len(self.hypotheses) + len(self.instruments)
 
     @cached_property
     def n_joint(self) -> int:
         """Length of the joint vector z."""
-        return len(self.states) + len(self.slow_errors) + len(self.parameters) + len(self.noisy_inputs)
+        return self.slot_slice.stop + len(self.noisy_inputs)
 
     @cached_property
     def noisy_inputs(self) -> tuple[int, ...]:
@@ -147,7 +187,7 @@ class EngineSpec:
     @cached_property
     def n_numbers(self) -> int:
         """Numbers per lane."""
-        return self.n_joint + self.n_packed + len(self.loops) + 1
+        return self.loop_slice.stop + self.n_roles + 1
 
     @cached_property
     def slow_slice(self) -> slice:
@@ -161,6 +201,12 @@ class EngineSpec:
         return slice(first, first + len(self.parameters))
 
     @cached_property
+    def slot_slice(self) -> slice:
+        """Where size and rate of the fault in the slot stand in z; empty without a slot."""
+        first = self.parameter_slice.stop
+        return slice(first, first + 2 * self.slot)
+
+    @cached_property
     def noise_slice(self) -> slice:
         """Where the input noise stands in z."""
         return slice(self.n_joint - len(self.noisy_inputs), self.n_joint)
@@ -169,6 +215,31 @@ class EngineSpec:
     def covariance_slice(self) -> slice:
         """Where the packed covariance stands in a lane."""
         return slice(self.n_joint, self.n_joint + self.n_packed)
+
+    @cached_property
+    def loop_slice(self) -> slice:
+        """Where the last solutions of implicit relations stand in a lane."""
+        first = self.n_joint + self.n_packed
+        return slice(first, first + len(self.loops))
+
+    @cached_property
+    def role_fields(self) -> dict[str, slice]:
+        """Where the roles of the slot stand in a lane, by name: theta, input, reads, gain, bias, noise."""
+        n_y = len(self.outputs)
+        sizes = {
+            "theta": len(self.parameters),
+            "input": len(self.inputs),
+            "reads": n_y,
+            "gain": n_y,
+            "bias": n_y,
+            "noise": n_y,
+        }
+        return _fields(sizes, self.loop_slice.stop) if self.slot else {}
+
+    @cached_property
+    def n_roles(self) -> int:
+        """Number of roles."""
+        return self.role_fields["noise"].stop - self.loop_slice.stop if self.slot else 0
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
@@ -184,11 +255,7 @@ class EngineSpec:
             "again": 1,  # 1: update a second time, linearised at the first result
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
         }
-        fields, first = {}, 0
-        for name, size in sizes.items():
-            fields[name] = slice(first, first + size)
-            first += size
-        return fields
+        return _fields(sizes, 0)
 
     @cached_property
     def n_sample(self) -> int:
@@ -202,6 +269,10 @@ class Engine(Protocol):
     @property
     def title(self) -> str:
         """What it is, in words, for the user."""
+
+    @property
+    def slot(self) -> "Engine":
+        """The engine of lanes with a slot."""
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes over a block of samples.
@@ -218,6 +289,15 @@ class Engine(Protocol):
             Per sample: measured minus predicted output for each output, then the variance of each of these
             differences; SI.
         """
+
+
+def _fields(sizes: dict[str, int], first: int) -> dict[str, slice]:
+    """Give the place of each field, one after the other."""
+    fields = {}
+    for name, size in sizes.items():
+        fields[name] = slice(first, first + size)
+        first += size
+    return fields
 
 
 def _still(array: FloatArray) -> FloatArray:

@@ -75,3 +75,15 @@ class EngineChoice(Enum):
     AUTO = "auto"
     COMPILED = "c"
     MACHINE = "vm"
+
+
+class FaultKind(Enum):
+    """How a part misbehaves; the value is the word in records."""
+
+    STEP = "step"  # another value from one moment on
+    DRIFT = "drift"  # a value that moves on at a rate
+    INTERMITTENT = "intermittent"  # another value that comes and goes
+    BIAS = "bias"  # of a sensor or input: something is added
+    GAIN = "gain"  # of a sensor: the reading is multiplied
+    STUCK = "stuck"  # of a sensor: the reading no longer follows the plant
+    NOISE = "noise"  # of a sensor: it scatters more than declared

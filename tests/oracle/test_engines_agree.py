@@ -7,7 +7,7 @@ import pytest
 
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.bank import suspect_lanes
+from faultbond.runtime.stepped import suspect_lanes
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.simulate import Fault, Inputs, random_steps, simulate

@@ -68,11 +68,17 @@ class StepModel:
         return self.prediction()
 
 
-def build_step_model(plant: Plant) -> StepModel:
-    """Give the discrete-time model of a plant."""
+def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
+    """Give the discrete-time model of a plant.
+
+    Parameters
+    ----------
+    plant : the equations in continuous time
+    all_inputs : whether v holds an error of every input, not only of those with noise
+    """
     graph = plant.graph
     scales = np.array([item.scale for item in graph.parameters])
-    noisy = tuple(k for k, item in enumerate(graph.inputs) if item.noise > 0)
+    noisy = tuple(k for k, item in enumerate(graph.inputs) if item.noise > 0 or all_inputs)
     n_x, n_b, n_p = plant.x.numel(), plant.b.numel(), plant.theta.numel()
     v = ca.SX.sym("v", n_x + n_b + n_p + len(noisy))
     x, b, factors, noise = ca.vertsplit(v, [0, n_x, n_x + n_b, n_x + n_b + n_p, v.numel()])

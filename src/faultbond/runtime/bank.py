@@ -1,44 +1,48 @@
-"""The bank: one joint filter per hypothesis and start, begun at the alarm from what was known before the change.
+"""The bank: lanes for every hypothesis, begun at the alarm, and how well each explains what came since.
 
-The onset is not known, so every lane is begun at several places before the alarm, from the healthy filter as it stood
-there; up to its onset a lane's likelihood is that of the healthy plant, after it its own. All onsets have thus seen the
-same samples, and the likelihood of a lane is the mean over its onsets (a change-point mixture); from the alarm on, the
-best onset of each lane goes on. Reasons and figures: docs/decisions/006-onset-mixture.md.
+Steps of parameters run in lanes of `faultbond.runtime.stepped`, all other kinds of fault in lanes with a slot, of
+`faultbond.runtime.slotted`.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
-from faultbond.spec import Engine, EngineSpec, pack, unpack
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
+from faultbond.runtime.slots import plan_slots
+from faultbond.runtime.slotted import advance_slots, begin_slots
+from faultbond.runtime.stepped import Trail, advance_steps, begin_steps, renew_steps
+from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
 
-ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
-ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
-_LOWEST = -1e300  # likelihood of a lane that is no number
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trail:
-    """The last samples and healthy lanes, oldest first: `samples` (n, n_sample), `lanes` (n, n_numbers)."""
+class Bank:
+    """All lanes: `steps` (n_numbers, n), `slots` (n_numbers of slot lanes, m); `misfit` of both, in this order."""
 
-    samples: FloatArray
-    lanes: FloatArray
+    steps: FloatArray
+    slots: FloatArray
+    misfit: Misfit
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mixture:
-    """Lanes over several onsets: the numbers of the best onset of each, its likelihood, and that of all together."""
-
-    lanes: FloatArray
-    best: FloatArray
-    total: FloatArray
+    @property
+    def likelihoods(self) -> FloatArray:
+        """Log-likelihoods of all lanes, steps first."""
+        return np.concatenate([self.steps[-1], self.slots[-1]])
 
 
-def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, plan: LanePlan | None = None) -> FloatArray:
-    """Give the lanes of all hypotheses, having seen all samples of the trail.
+def no_bank(spec: EngineSpec) -> Bank:
+    """Give a bank of zeros, of the right size."""
+    n, m = plan_lanes(spec).n_lanes, plan_slots(spec).n_lanes
+    return Bank(
+        steps=np.zeros((spec.n_numbers, n)),
+        slots=np.zeros((spec.slotted.n_numbers, m)),
+        misfit=no_misfit(spec, n + m, 0),
+    )
+
+
+def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak: FloatArray, index: int) -> Bank:
+    """Give the bank, having seen all samples of the trail.
 
     Parameters
     ----------
@@ -47,178 +51,27 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, plan
         Its last sample is that of the alarm.
     change : int
         Index in the trail of the onset that the detector estimates; one of the onsets tried.
-    plan : LanePlan
-        The lanes to begin; those of the specification if not given.
-
-    Returns
-    -------
-    float array, shape (n_numbers, n_lanes)
+    peak : float array, shape (n_inputs,)
+        Largest size of each input so far, SI.
+    index : int
+        Number of the sample of the alarm.
     """
-    chosen = plan_lanes(spec) if plan is None else plan
-    samples = _relinearised(spec, trail.samples)
-
-    def begun(onset: int) -> FloatArray:
-        before = trail.lanes[onset - 1]
-        lanes = _begin_lanes(spec, engine, chosen, _forget_slow_errors(spec, before), samples[onset])
-        lanes[-1] = before[-1]
-        return engine.advance(lanes, _without_step(spec, samples[onset:]))[0]
-
-    mixture: Mixture | None = None
-    for onset, width in _onsets(len(trail.samples) - 1, change):
-        mixture = _mix(mixture, begun(onset), width)
-    return _reduced(spec, mixture)
+    steps = begin_steps(spec, engine, trail, change)
+    slots = begin_slots(spec, engine, trail, change, peak)
+    return Bank(steps=steps, slots=slots, misfit=no_misfit(spec, steps.shape[1] + slots.shape[1], index))
 
 
-def advance_bank(spec: EngineSpec, engine: Engine, bank: FloatArray, packed: FloatArray) -> FloatArray:
-    """Give the lanes after one more packed sample, shape (n_sample,)."""
-    return engine.advance(bank, _relinearised(spec, packed[None, :]))[0]
+def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, index: int) -> Bank:
+    """Give the bank after one more packed sample, shape (n_sample,), with the number `index`."""
+    steps, one = advance_steps(spec, engine, bank.steps, packed)
+    slots, two = advance_slots(spec, engine, bank.slots, packed)
+    innovations = np.concatenate([one, two], axis=1)
+    return Bank(steps=steps, slots=slots, misfit=add_misfit(spec, bank.misfit, packed, innovations, index))
 
 
-def _relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
-    """Let filters that may be far from the truth linearise twice, and learn from innovations of any size."""
-    again = samples.copy()
-    again[:, spec.sample_fields["again"]] = 1.0
-    again[:, spec.sample_fields["bound"]] = 0.0
-    return again
-
-
-def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
-    """Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
-
-    A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
-    nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier.
-    """
-    plan = plan_lanes(spec)
-    best, worst = extremes(plan, bank[-1])
-    starts = found_lanes(spec, plan, bank, best, trail.lanes[0][spec.parameter_slice])
-    again = begin_bank(spec, engine, trail, len(trail.samples) - 1, starts)
-    better = _likelihoods(again) > _likelihoods(bank[:, worst])
-    renewed = bank.copy()
-    renewed[:, worst[better]] = again[:, better]
-    return renewed
-
-
-def _begin_lanes(
-    spec: EngineSpec, engine: Engine, plan: LanePlan, healthy: FloatArray, sample: FloatArray
-) -> FloatArray:
-    """Give lanes predicted to the sample of the onset, before its measurements.
-
-    The fault came at some moment since the sample before, so the states lie between those of a fault from that sample
-    on (`early`) and of one that comes only now (`late`).
-    """
-    blind = sample[None, :].copy()
-    blind[:, spec.sample_fields["use"]] = 0.0
-    early, _ = engine.advance(suspect_lanes(spec, plan, healthy), blind)
-    later, _ = engine.advance(healthy[:, None], blind)
-    late = suspect_lanes(spec, plan, later[:, 0])
-    n_x = len(spec.states)
-    half = np.nan_to_num(0.5 * (early[:n_x] - late[:n_x]), nan=0.0, posinf=0.0, neginf=0.0)
-    late[:n_x] += half
-    for i in range(n_x):
-        for j in range(i, n_x):
-            late[_place(spec, i, j)] += half[i] * half[j]
-    return late
-
-
-def _place(spec: EngineSpec, i: int, j: int) -> int:
-    """Place of the covariance of i and j >= i in a lane."""
-    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i
-
-
-def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
-    """Let no time pass before the first of these samples: the lanes stand there already."""
-    still = samples.copy()
-    still[0, spec.sample_fields["dt"]] = 0.0
-    still[0, spec.sample_fields["kick"]] = 0.0
-    return still
-
-
-def _onsets(alarm: int, change: int) -> list[tuple[int, float]]:
-    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far back."""
-    places, back = {change, alarm}, 1
-    while back < alarm:
-        places.add(alarm - back)
-        back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
-    chosen = sorted(place for place in places if place >= 1) or [alarm]
-    edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
-    return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
-
-
-def _likelihoods(lanes: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(lanes[-1]), lanes[-1], _LOWEST)
-
-
-def _mix(mixture: Mixture | None, lanes: FloatArray, width: float) -> Mixture:
-    """Add lanes of one more onset to the mixture."""
-    likelihood = _likelihoods(lanes)
-    if mixture is None:
-        return Mixture(lanes=lanes, best=likelihood, total=likelihood + np.log(width))
-    better = likelihood > mixture.best
-    return Mixture(
-        lanes=np.where(better, lanes, mixture.lanes),
-        best=np.where(better, likelihood, mixture.best),
-        total=np.logaddexp(mixture.total, likelihood + np.log(width)),
-    )
-
-
-def _reduced(spec: EngineSpec, mixture: Mixture | None) -> FloatArray:
-    """Give the best onset of each lane, with the mean likelihood over the onsets."""
-    if mixture is None:
-        raise AssertionError("there is always an onset to try")
-    lanes = mixture.lanes.copy()
-    lanes[-1] = mixture.total - np.log(spec.thresholds.history_samples)
-    return lanes
-
-
-def _forget_slow_errors(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
-    """Begin the slow errors anew: near the alarm they have already taken up part of the fault."""
-    fresh = numbers.copy()
-    full = unpack(spec, fresh[spec.covariance_slice])
-    slow = spec.slow_slice
-    fresh[slow] = 0.0
-    full[slow, :] = 0.0
-    full[:, slow] = 0.0
-    full[slow, slow] = np.diag([error.sd**2 for error in spec.slow_errors])
-    fresh[spec.covariance_slice] = pack(full)
-    return fresh
-
-
-def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> FloatArray:
-    """Give one lane per start: the suspects wide about their start, the rest as in `healthy` (n_numbers,)."""
-    n, n_lanes = spec.n_joint, plan.n_lanes
-    means = np.repeat(healthy[:n, None], n_lanes, axis=1)
-    full = np.repeat(unpack(spec, healthy[spec.covariance_slice])[:, :, None], n_lanes, axis=2)
-    for index, parameter in enumerate(spec.parameters):
-        lanes = np.flatnonzero(plan.suspected[index])
-        k = spec.parameter_slice.start + index
-        value, sd = plan.values[index, lanes], plan.sds[index, lanes]
-        size = 1.0 if parameter.healthy == 0.0 else abs(healthy[k])
-        full[k, :, lanes] = 0.0
-        full[:, k, lanes] = 0.0
-        full[k, k, lanes] = (sd * size) ** 2
-        start = healthy[k] + value if parameter.healthy == 0.0 else healthy[k] * value
-        means[k, lanes] = np.clip(start, parameter.lower, parameter.upper)
-    for state in range(len(spec.states)):
-        _jump(spec, plan, state, means, full)
-    rows, columns = np.triu_indices(n)
-    rest = np.repeat(healthy[n + spec.n_packed :, None], n_lanes, axis=1)
-    return np.concatenate([means, full[rows, columns], rest])
-
-
-def _jump(spec: EngineSpec, plan: LanePlan, state: int, means: FloatArray, full: FloatArray) -> None:
-    """Let the effort or flow of a store jump with its suspects where its content goes on; changes `means`, `full`.
-
-    The state x becomes x * factor**exponent, and as uncertain as the factor makes it. It is left uncorrelated with the
-    factor: linear correlation over so wide a start would fix the factor, wrongly, at the first measurement of x.
-    """
-    for index, exponent in spec.states[state].jumps:
-        lanes = np.flatnonzero(plan.jumps[:, state] & plan.suspected[index])
-        if spec.parameters[index].healthy == 0.0 or not len(lanes):
-            continue
-        k = spec.parameter_slice.start + index
-        scale = plan.values[index, lanes] ** exponent
-        full[state, :, lanes] *= scale[:, None]
-        full[:, state, lanes] *= scale
-        means[state, lanes] *= scale
-        slope = exponent * means[state, lanes] / means[k, lanes]
-        full[state, state, lanes] += slope**2 * full[k, k, lanes]
+def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, index: int) -> Bank:
+    """Begin lanes of steps again from what the bank has found; see `renew_steps`."""
+    steps = renew_steps(spec, engine, trail, bank.steps)
+    renewed = np.zeros(bank.misfit.sums.shape[2], dtype=bool)
+    renewed[: steps.shape[1]] = np.any(steps != bank.steps, axis=0)
+    return Bank(steps=steps, slots=bank.slots, misfit=begin_again(bank.misfit, renewed, index))

@@ -2,18 +2,35 @@
 
 from dataclasses import dataclass
 
-from faultbond.types import FloatArray
+from faultbond.types import FaultKind, FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forecast:
+    """When a drifting value reaches a limit (SI): early, median and late time (5 %, 50 %, 95 %), s; None: never."""
+
+    limit: float
+    time: float | None
+    earliest: float | None
+    latest: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Suspect:
-    """One parameter of a candidate set; SI."""
+    """One parameter of a candidate set, or what is wrong with a sensor or input, such as `flow.bias`; SI.
+
+    nominal: None where there is none, as of the value at which a sensor is stuck. rate, rate_sd: of a drift, per
+    second. forecasts: when the drift reaches the limits that the model file gives.
+    """
 
     parameter: str
     component: str
-    nominal: float
+    nominal: float | None
     estimate: float
     sd: float
+    rate: float | None = None
+    rate_sd: float | None = None
+    forecasts: tuple[Forecast, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,12 +38,17 @@ class Candidate:
     """A tested set of suspects with its posterior probability; `group`: cannot be told from the best.
 
     blocks: suspected parts that have no parameter, such as gates; they behave in a way that is not known.
+    kind: the likeliest kind of fault, to which the estimates belong. kinds: the probability of each kind, given that
+    this is the set. present: False while a fault that comes and goes is gone.
     """
 
     suspects: tuple[Suspect, ...]
     probability: float
     group: bool
     blocks: tuple[str, ...] = ()
+    kind: FaultKind = FaultKind.STEP
+    kinds: tuple[tuple[FaultKind, float], ...] = ()
+    present: bool = True
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -50,11 +72,22 @@ class Detection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Unexplained:
+    """Where the best candidate does not fit: `signal` is off by `sd` standard deviations from `since` to `until`, s."""
+
+    signal: str
+    sd: float
+    since: float
+    until: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """Ranked candidates at a time, best first."""
+    """Ranked candidates at a time, best first; `unexplained`: that none of the modelled faults explains the data."""
 
     time: float
     candidates: tuple[Candidate, ...]
+    unexplained: Unexplained | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

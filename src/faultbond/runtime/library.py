@@ -19,6 +19,12 @@ class CompiledEngine:
     library: ctypes.CDLL
     n_innovations: int
     compiler: str
+    slot_engine: "CompiledEngine | None" = None
+
+    @property
+    def slot(self) -> "CompiledEngine":
+        """The engine of lanes with a slot; itself, if it is that."""
+        return self.slot_engine or self
 
     @property
     def title(self) -> str:
@@ -44,8 +50,8 @@ class CompiledEngine:
         return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
 
 
-def load_engine(path: Path, n_innovations: int, compiler: str) -> CompiledEngine:
-    """Load a compiled engine.
+def load_engine(path: Path, n_innovations: int, compiler: str, slot: CompiledEngine | None = None) -> CompiledEngine:
+    """Load a compiled engine; `slot` is that of lanes with a slot.
 
     Raises
     ------
@@ -57,4 +63,4 @@ def load_engine(path: Path, n_innovations: int, compiler: str) -> CompiledEngine
     except OSError as problem:
         raise GenerationError(f"{path}: the compiled engine cannot be loaded ({problem}); remove it") from problem
     library.faultbond_advance.restype = None
-    return CompiledEngine(library, n_innovations, compiler)
+    return CompiledEngine(library, n_innovations, compiler, slot)

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from faultbond.runtime.bank import Trail, advance_bank, begin_bank, renew_bank
-from faultbond.runtime.history import Detection, Diagnosis
-from faultbond.runtime.lanes import plan_lanes
-from faultbond.runtime.ranking import rank
+from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
+from faultbond.runtime.history import Detection, Diagnosis, Unexplained
+from faultbond.runtime.misfit import Misfit
+from faultbond.runtime.ranking import leading_lane, rank
 from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.stepped import Trail
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
@@ -26,6 +27,7 @@ CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow
 
 
 Changes = dict[str, Any]  # fields of the state, by name
+_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted")
 
 
 class Status(Enum):
@@ -64,12 +66,19 @@ class Report:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
-    """Numbers only, of fixed size; -1: not yet."""
+    """Numbers only, of fixed size; -1: not yet.
+
+    What was accepted as the new normal: a sensor's reading is `reading_gain` times the true one plus `reading_offset`,
+    with `reading_noise` times the declared variance (inf: it is no longer used); `input_offset` is added to an input
+    (SI), and parameters move on at `rates` (factors per second).
+    """
 
     index: int  # samples seen
     begun: int  # first sample with a value of every input
     running: int  # 1 once the filter runs
     alarm: int  # sample of the alarm
+    detections: int  # alarms so far
+    accepted: int  # sample at which a diagnosis was accepted last
     time: float
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input
@@ -81,7 +90,21 @@ class State:
     trail_samples: FloatArray
     trail_lanes: FloatArray
     trail_times: FloatArray
-    bank: FloatArray
+    steps: FloatArray  # lanes of the bank
+    slots: FloatArray
+    misfit: FloatArray
+    misfit_since: FloatArray
+    rejected: FloatArray  # (n_hypotheses,): 1 where a person has ruled it out
+    reading_gain: FloatArray
+    reading_offset: FloatArray
+    reading_noise: FloatArray
+    input_offset: FloatArray
+    rates: FloatArray
+
+    @property
+    def bank(self) -> Bank:
+        """The bank."""
+        return Bank(steps=self.steps, slots=self.slots, misfit=Misfit(sums=self.misfit, since=self.misfit_since))
 
     def save(self) -> dict[str, FloatArray]:
         """Give all numbers by name, for `numpy.savez`."""
@@ -90,7 +113,7 @@ class State:
     @staticmethod
     def restore(saved: dict[str, FloatArray]) -> "State":
         """Give the state that `save` wrote."""
-        numbers: dict[str, Any] = {name: int(saved[name]) for name in ("index", "begun", "running", "alarm")}
+        numbers: dict[str, Any] = {name: int(saved[name]) for name in _COUNTS}
         numbers["time"] = float(saved["time"])
         return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
 
@@ -103,6 +126,8 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         begun=-1,
         running=0,
         alarm=-1,
+        detections=0,
+        accepted=-1,
         time=t0,
         held=np.full(n_u, np.nan),
         peak=np.zeros(n_u),
@@ -114,8 +139,24 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         trail_samples=np.zeros((depth, spec.n_sample)),
         trail_lanes=np.zeros((depth, spec.n_numbers)),
         trail_times=np.zeros(depth),
-        bank=np.zeros((spec.n_numbers, plan_lanes(spec).n_lanes)),
+        rejected=np.zeros(spec.n_hypotheses),
+        reading_gain=np.ones(n_y),
+        reading_offset=np.zeros(n_y),
+        reading_noise=np.ones(n_y),
+        input_offset=np.zeros(n_u),
+        rates=np.zeros(len(spec.parameters)),
+        **bank_fields(no_bank(spec)),
     )
+
+
+def bank_fields(bank: Bank) -> Changes:
+    """Give a bank as fields of the state."""
+    return {
+        "steps": bank.steps,
+        "slots": bank.slots,
+        "misfit": bank.misfit.sums,
+        "misfit_since": bank.misfit.since,
+    }
 
 
 def _depth(spec: EngineSpec) -> int:
@@ -138,6 +179,7 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     state, report : State, Report
         Nothing raises on data; what was missing shows in the report's status and nan values.
     """
+    sample = _corrected(state, sample)
     u = np.where(np.isfinite(sample.u), sample.u, state.held)
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
@@ -148,11 +190,30 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     state = replace(state, trail_samples=samples, trail_times=times, time=sample.time, **changes)
     if not state.running:
         return _gather(spec, engine, state)
+    state = _drifted(spec, state, float(packed[0]))
     lane, innovations = engine.advance(state.lane, packed[None, :])
     if not np.all(np.isfinite(lane)):
         lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
         return lost, _silent(spec, Status.LOST)
     return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
+
+
+def _corrected(state: State, sample: Sample) -> Sample:
+    """Give a sample without the faults of instruments that were accepted; a sensor that is out of use is missing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        y = (sample.y - state.reading_offset) / state.reading_gain
+    return replace(sample, u=sample.u + state.input_offset, y=np.where(np.isfinite(state.reading_noise), y, np.nan))
+
+
+def _drifted(spec: EngineSpec, state: State, dt: float) -> State:
+    """Let parameters move on whose drift was accepted."""
+    if not np.any(state.rates):
+        return state
+    moved = {}
+    for name in ("lane", "steps", "slots"):
+        moved[name] = getattr(state, name).copy()
+        moved[name][spec.parameter_slice] += state.rates[:, None] * dt
+    return replace(state, **moved)
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -185,7 +246,9 @@ def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) 
     packed[place["u"]] = u
     packed[place["y"]] = np.where(present, sample.y, 0.0)
     packed[place["use"]] = present
-    packed[place["scale"]] = np.where(_blanked(spec, since), spec.thresholds.blank_factor, 1.0)
+    packed[place["scale"]] = np.where(
+        _blanked(spec, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
+    )
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
@@ -272,13 +335,14 @@ def _judge(
     state = replace(state, **_remembered(state, lane), **sums)
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
-        bank = advance_bank(spec, engine, bank, packed)
+        bank = advance_bank(spec, engine, bank, packed, state.index)
         if state.index - alarm in RENEWALS:
-            bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank)
+            bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank, state.index)
     elif warm:
         detection, change = _detect(spec, state)
         if detection is not None:
-            alarm, bank = state.index, begin_bank(spec, engine, *_cut_trail(state, change))
+            alarm, trail = state.index, _cut_trail(state, change)
+            bank = begin_bank(spec, engine, *trail, state.peak, state.index)
     due = alarm >= 0 and (state.index - alarm) % DIAGNOSIS_EVERY == 0
     report = _report(
         spec,
@@ -287,16 +351,17 @@ def _judge(
         packed,
         innovations,
         detection=detection,
-        diagnosis=rank(spec, state.time, bank) if due else None,
+        diagnosis=conclude(spec, replace(state, **bank_fields(bank))) if due else None,
     )
-    return replace(state, alarm=alarm, bank=bank, index=state.index + 1), report
+    count = state.detections + (detection is not None)
+    return replace(state, alarm=alarm, detections=count, index=state.index + 1, **bank_fields(bank)), report
 
 
 def _accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
     """Two-sided CUSUM of the normalised innovations; missing and blanked values leave it as it is."""
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
-    use = (packed[place["use"]] > 0) & (packed[place["scale"]] == 1.0)
+    use = (packed[place["use"]] > 0) & (packed[place["scale"]] < settings.blank_factor)
     grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
     cusum = np.where(use, grown, state.cusum)
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
@@ -315,7 +380,7 @@ def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
         return None, 0
     leading = int(np.argmax(peak))
     side = int(np.argmax(state.cusum[:, leading]))
-    oldest = max(state.begun, state.index - settings.history_samples)
+    oldest = max(state.begun, state.accepted + 1, state.index - settings.history_samples)
     change = int(np.clip(state.cusum_start[side, leading], oldest, state.index))
     signals = [output.name for k, output in enumerate(spec.outputs) if crossed[k]] or [spec.outputs[leading].name]
     return Detection(
@@ -329,11 +394,34 @@ def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
 def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
     """Give the trail up to now, oldest first, and the place of the onset in it."""
     depth = len(state.trail_times)
-    oldest = max(state.begun, state.index - depth + 1)
+    oldest = max(state.begun, state.accepted, state.index - depth + 1)
     chosen = np.arange(oldest, state.index + 1) % depth
     return Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen]), change - oldest
 
 
+def conclude(spec: EngineSpec, state: State) -> Diagnosis:
+    """Give the diagnosis of now, after a detection."""
+    lane = leading_lane(spec, state.bank)
+    return replace(rank(spec, state.time, state.bank), unexplained=_unexplained(spec, state, lane))
+
+
+def _unexplained(spec: EngineSpec, state: State, lane: int) -> Unexplained | None:
+    """Tell where the best lane does not fit, if the detector would raise an alarm on it."""
+    sums = state.misfit[:, :, lane]
+    side, signal = np.unravel_index(int(np.argmax(sums)), sums.shape)
+    if sums[side, signal] <= spec.thresholds.cusum_limit:
+        return None
+    length = state.index - int(state.misfit_since[side, signal, lane])
+    depth = len(state.trail_times)
+    since = state.trail_times[(state.index - min(length, depth - 1)) % depth]
+    return Unexplained(
+        signal=spec.outputs[signal].name,
+        sd=float(sums[side, signal] / max(length, 1) + spec.thresholds.cusum_drift),
+        since=float(since),
+        until=state.time,
+    )
+
+
 def finish(spec: EngineSpec, state: State) -> Diagnosis | None:
     """Give the last diagnosis, if a fault was detected."""
-    return rank(spec, state.time, state.bank) if state.alarm >= 0 else None
+    return conclude(spec, state) if state.alarm >= 0 else None

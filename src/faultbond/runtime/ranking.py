@@ -1,64 +1,123 @@
 """Ranking: posterior probabilities of the hypotheses, their estimates, and which cannot yet be told apart.
 
-score = mean likelihood over the starts (in logarithm) - cost per suspect * size; posterior = exp(score) normalised;
-hypotheses within 3 nats of the best are one group. Source: Magill, IEEE Trans. Automatic Control 10 (1965).
+score = likelihood averaged over kinds of fault and starts (in logarithm) - cost per suspect * size; posterior =
+exp(score) normalised; hypotheses within 3 nats of the best are one group. Source: Magill, IEEE Trans. Automatic Control
+10 (1965).
 """
+
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from faultbond.runtime.history import Candidate, Diagnosis, Suspect
-from faultbond.runtime.lanes import LanePlan, plan_lanes
+from faultbond.runtime.bank import Bank
+from faultbond.runtime.estimates import slot_suspects, step_suspects
+from faultbond.runtime.history import Candidate, Diagnosis
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.slots import plan_slots
 from faultbond.spec import EngineSpec
-from faultbond.types import FloatArray
+from faultbond.types import FaultKind, FloatArray, IntArray
 
 MAX_CANDIDATES = 100
+_LOWEST = -1e300  # likelihood of a lane that is no number
+_KINDS = tuple(FaultKind)
 
 
-def scores(spec: EngineSpec, plan: LanePlan, likelihoods: FloatArray) -> FloatArray:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaneTable:
+    """Of each lane, steps first: its hypothesis, index of its kind among all kinds, prior weight (in logarithm).
+
+    sizes: suspects in each hypothesis.
+    """
+
+    hypothesis: IntArray
+    kind: IntArray
+    weight: FloatArray
+    sizes: FloatArray
+
+
+@lru_cache(maxsize=8)
+def lane_table(spec: EngineSpec) -> LaneTable:
+    """Give the hypotheses, kinds and weights of all lanes; starts of a hypothesis weigh the same."""
+    steps, slots = plan_lanes(spec), plan_slots(spec)
+    counts = np.bincount(steps.hypothesis, minlength=len(spec.hypotheses))
+    kinds = [_KINDS.index(FaultKind.STEP)] * steps.n_lanes + [_KINDS.index(lane.kind) for lane in slots.lanes]
+    return LaneTable(
+        hypothesis=np.concatenate([steps.hypothesis, slots.hypothesis]),
+        kind=np.array(kinds, dtype=np.intp),
+        weight=np.concatenate([-np.log(counts[steps.hypothesis]), slots.weight]),
+        sizes=np.concatenate([steps.sizes, np.ones(len(spec.instruments))]),
+    )
+
+
+def by_kind(spec: EngineSpec, likelihoods: FloatArray) -> FloatArray:
+    """Give the weighted likelihood, in logarithm, of each hypothesis and kind, shape (n_hypotheses, n_kinds)."""
+    table = lane_table(spec)
+    total = np.full((spec.n_hypotheses, len(_KINDS)), -np.inf)
+    finite = np.where(np.isfinite(likelihoods), likelihoods, _LOWEST)
+    np.logaddexp.at(total, (table.hypothesis, table.kind), finite + table.weight)
+    return total
+
+
+def scores(spec: EngineSpec, likelihoods: FloatArray) -> FloatArray:
     """Give the score of each hypothesis, shape (n_hypotheses,), from the log-likelihoods of all lanes."""
-    finite = np.where(np.isfinite(likelihoods), likelihoods, -1e300)
-    top = np.maximum.reduceat(finite, plan.first)
-    weights = np.exp(np.maximum(finite - top[plan.hypothesis], -700.0))
-    counts = np.diff(np.append(plan.first, len(finite)))
-    mean = top + np.log(np.add.reduceat(weights, plan.first) / counts)
-    return np.asarray(mean - spec.thresholds.cost_per_suspect * plan.sizes)
+    return _scores(spec, by_kind(spec, likelihoods))
 
 
-def rank(spec: EngineSpec, time: float, lanes: FloatArray) -> Diagnosis:
-    """Give the ranked candidates of a bank, shape (n_numbers, n_lanes), best first."""
-    plan = plan_lanes(spec)
-    score = scores(spec, plan, lanes[-1])
+def _scores(spec: EngineSpec, kinds: FloatArray) -> FloatArray:
+    cost = spec.thresholds.cost_per_suspect * lane_table(spec).sizes
+    return np.asarray(np.logaddexp.reduce(kinds, axis=1) - cost)
+
+
+def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:
+    """Give the ranked candidates of a bank, best first."""
+    likelihoods = bank.likelihoods
+    kinds = by_kind(spec, likelihoods)
+    score = _scores(spec, kinds)
     weight = np.exp(score - score.max())
     probability = weight / weight.sum()
     order = np.argsort(-score, kind="stable")[:MAX_CANDIDATES]
+    group = score >= score.max() - spec.thresholds.group_nats
+    best = best_lanes(spec, likelihoods)
     candidates = tuple(
-        Candidate(
-            suspects=_suspects(spec, plan, lanes, int(k)),
-            probability=float(probability[k]),
-            group=bool(score[k] >= score.max() - spec.thresholds.group_nats),
-        )
-        for k in order
+        _candidate(spec, time, bank, int(best[k]), float(probability[k]), bool(group[k]), kinds[k]) for k in order
     )
     return Diagnosis(time=time, candidates=candidates)
 
 
-def _suspects(spec: EngineSpec, plan: LanePlan, lanes: FloatArray, hypothesis: int) -> tuple[Suspect, ...]:
-    """Estimates of the best start."""
-    first = plan.first[hypothesis]
-    own = slice(first, first + int(np.sum(plan.hypothesis == hypothesis)))
-    best = first + int(np.argmax(np.nan_to_num(lanes[-1, own], nan=-np.inf, posinf=-np.inf)))
-    suspects = []
-    for index in spec.hypotheses[hypothesis]:
-        parameter = spec.parameters[index]
-        k = spec.parameter_slice.start + index
-        diagonal = spec.n_joint + k * spec.n_joint - k * (k - 1) // 2
-        suspects.append(
-            Suspect(
-                parameter=parameter.name,
-                component=parameter.component,
-                nominal=parameter.nominal,
-                estimate=float(parameter.scale * lanes[k, best]),
-                sd=float(abs(parameter.scale) * np.sqrt(max(lanes[diagonal, best], 0.0))),
-            )
-        )
-    return tuple(suspects)
+def leading_lane(spec: EngineSpec, bank: Bank) -> int:
+    """Give the lane that tells of the best candidate; lanes of steps come first."""
+    return int(best_lanes(spec, bank.likelihoods)[np.argmax(scores(spec, bank.likelihoods))])
+
+
+def best_lanes(spec: EngineSpec, likelihoods: FloatArray) -> IntArray:
+    """Give the likeliest lane of each hypothesis among those of its likeliest kind, shape (n_hypotheses,)."""
+    table = lane_table(spec)
+    leading = np.argmax(by_kind(spec, likelihoods), axis=1)
+    finite = np.where(np.isfinite(likelihoods), likelihoods, _LOWEST) + table.weight
+    finite = np.where(table.kind == leading[table.hypothesis], finite, -np.inf)
+    order = np.lexsort((-finite, table.hypothesis))
+    first = np.searchsorted(table.hypothesis[order], np.arange(spec.n_hypotheses))
+    return np.asarray(order[first], dtype=np.intp)
+
+
+def _candidate(
+    spec: EngineSpec, time: float, bank: Bank, lane: int, probability: float, group: bool, kinds: FloatArray
+) -> Candidate:
+    """Give a candidate with the estimates of its best lane."""
+    steps = bank.steps.shape[1]
+    shares = np.exp(kinds - np.logaddexp.reduce(kinds))
+    order = [int(k) for k in np.argsort(-shares, kind="stable") if np.isfinite(kinds[k])]
+    if lane < steps:
+        chosen = spec.hypotheses[plan_lanes(spec).hypothesis[lane]]
+        suspects, present = step_suspects(spec, bank.steps[:, lane], chosen), True
+    else:
+        suspects, present = slot_suspects(spec, bank.slots, lane - steps, time)
+    return Candidate(
+        suspects=suspects,
+        probability=probability,
+        group=group,
+        kind=_KINDS[order[0]],
+        kinds=tuple((_KINDS[k], float(shares[k])) for k in order),
+        present=present,
+    )

@@ -1,6 +1,8 @@
 """From a bond graph to a specification and a running engine."""
 
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
+from itertools import repeat
 
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import StepModel, build_step_model
@@ -28,15 +30,21 @@ def build_engine(graph: BondGraph, *, compiled: bool = True) -> tuple[EngineSpec
     graph : the plant
     compiled : whether to use a C compiler if there is one; otherwise CasADi's virtual machine runs the same graph
     """
-    model = build_model(graph)
+    plant = build_plant(graph)
+    model = build_step_model(plant)
     spec = build_spec(model)
-    function = build_filter(spec, model)
+    plain = build_filter(spec, model)
+    slot = build_filter(spec.slotted, build_step_model(plant, all_inputs=True))
     compiler = find_compiler() if compiled else None
     if compiler is None:
-        return spec, VirtualMachine(function)
+        return spec, VirtualMachine(plain, VirtualMachine(slot))
     template = files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+    sources = [emit_filter(function, template) for function in (plain, slot)]
     try:
-        library = compile_library(emit_filter(function, template), compiler)
+        with ThreadPoolExecutor() as pool:
+            libraries = list(pool.map(compile_library, sources, repeat(compiler)))
     except GenerationError:
-        return spec, VirtualMachine(function)  # a broken compiler is as good as none
-    return spec, load_engine(library, 2 * len(spec.outputs), compiler[0])
+        return spec, VirtualMachine(plain, VirtualMachine(slot))  # a broken compiler is as good as none
+    n_innovations = 2 * len(spec.outputs)
+    second = load_engine(libraries[1], n_innovations, compiler[0])
+    return spec, load_engine(libraries[0], n_innovations, compiler[0], second)

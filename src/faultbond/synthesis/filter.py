@@ -6,6 +6,8 @@ readings are not linear. The log-likelihood is that of the first iteration. Thes
 squares on propagated signals; the joint filter replaces it, since that estimate is biased by noise in the regressors.
 """
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
@@ -17,19 +19,26 @@ LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
 def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
-    """Give the function (lane, sample) -> (lane, innovations) of one sample of one lane."""
+    """Give the function (lane, sample) -> (lane, innovations) of one sample of one lane.
+
+    Parameters
+    ----------
+    spec : what a lane holds
+    model : the plant in discrete time; with an error of every input where lanes have a slot
+    """
     lane = ca.SX.sym("lane", spec.n_numbers)
     sample = ca.SX.sym("sample", spec.n_sample)
     fields = {name: sample[place] for name, place in spec.sample_fields.items()}
+    view = View(spec=spec, model=model, roles={name: lane[place] for name, place in spec.role_fields.items()})
     mean = lane[: spec.n_joint]
     covariance = _unpack(lane[spec.covariance_slice], spec.n_joint)
-    first_loop = spec.n_joint + spec.n_packed
-    implicit, likelihood = lane[first_loop:-1], lane[-1]
+    implicit, likelihood = lane[spec.loop_slice], lane[-1]
 
-    mean, covariance, implicit = _time_update(spec, model, mean, covariance, implicit, fields)
-    mean, covariance, implicit, gain, innovations = _measurement_update(spec, model, mean, covariance, implicit, fields)
+    mean, covariance, implicit = _time_update(view, mean, covariance, implicit, fields)
+    mean, covariance, implicit, gain, innovations = _measurement_update(view, mean, covariance, implicit, fields)
     packed = [covariance[i, j] for i in range(spec.n_joint) for j in range(i, spec.n_joint)]
-    result = ca.vertcat(mean, *packed, implicit, likelihood + gain)
+    roles = lane[spec.loop_slice.stop : -1]
+    result = ca.vertcat(mean, *packed, implicit, roles, likelihood + gain)
     return ca.Function(
         "filter_step",
         [lane, sample],
@@ -38,6 +47,65 @@ def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
         ["lane_next", "innovations"],
         {"cse": True},
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """The plant as a lane sees it: values and slopes by the joint vector z, with the fault in the slot at work."""
+
+    spec: EngineSpec
+    model: StepModel
+    roles: dict[str, ca.SX]  # empty without a slot
+
+    def predict(self, z: ca.SX, u: ca.SX, implicit: ca.SX, dt: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Give the states after `dt`, their slopes by z, and the implicit signals."""
+        x, slope, implicit = self.model.predict(self._joint(z), u, implicit, dt)
+        return x, self._slope(slope), implicit
+
+    def measure(self, z: ca.SX, u: ca.SX, implicit: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Give the readings, their slopes by z, and the implicit signals."""
+        plain, by, implicit = self.model.measure(self._joint(z), u, implicit)
+        slope = self._slope(by)
+        if not self.roles:
+            return plain, slope, implicit
+        place, n_y = self.spec.slot_slice.start, len(self.spec.outputs)
+        size = z[place]
+        factor = self.roles["reads"] + self.roles["gain"] * size
+        reading = plain * factor + self.roles["bias"] * size
+        own = ca.SX(n_y, self.spec.n_joint)
+        own[:, place] = self.roles["bias"] + self.roles["gain"] * plain
+        return reading, ca.diag(factor) @ slope + own, implicit
+
+    def noise(self, output: int) -> ca.SX:
+        """Give the noise variance of an output."""
+        declared = self.spec.outputs[output].noise ** 2
+        return declared * self.roles["noise"][output] if self.roles else ca.SX(declared)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the readings are linear in z, so that a second update says nothing new."""
+        return self.model.measure_is_linear and not self.roles
+
+    def _joint(self, z: ca.SX) -> ca.SX:
+        """Give the vector v of the step model."""
+        if not self.roles:
+            return z
+        spec = self.spec
+        size = z[spec.slot_slice.start]
+        factors = _clipped(spec, z[spec.parameter_slice] + self.roles["theta"] * size)
+        errors = self.roles["input"] * size
+        for k, index in enumerate(spec.noisy_inputs):
+            errors[index] = errors[index] + z[spec.noise_slice.start + k]
+        return ca.vertcat(z[: spec.parameter_slice.start], factors, errors)
+
+    def _slope(self, slope: ca.SX) -> ca.SX:
+        """Give slopes by z of what has these slopes by v."""
+        if not self.roles:
+            return slope
+        spec, first = self.spec, self.spec.slot_slice.start
+        by_errors = slope[:, first:]
+        by_size = slope[:, spec.parameter_slice] @ self.roles["theta"] + by_errors @ self.roles["input"]
+        return ca.horzcat(slope[:, :first], by_size, ca.SX(slope.shape[0], 1), by_errors[:, list(spec.noisy_inputs)])
 
 
 def _unpack(packed: ca.SX, n: int) -> ca.SX:
@@ -52,12 +120,13 @@ def _unpack(packed: ca.SX, n: int) -> ca.SX:
 
 
 def _time_update(
-    spec: EngineSpec, model: StepModel, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+    view: View, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """From the previous sample to this one; the input was held at `u_before`."""
+    spec = view.spec
     n_x, n_b = len(spec.states), len(spec.slow_errors)
     dt = fields["dt"]
-    x_next, slope, implicit = model.predict(mean, fields["u_before"], implicit, dt)
+    x_next, slope, implicit = view.predict(mean, fields["u_before"], implicit, dt)
     n = spec.n_joint
     transition = ca.SX(n, n)  # sparse on purpose: structural zeros cost nothing
     transition[:n_x, :] = slope
@@ -70,14 +139,19 @@ def _time_update(
         decay = ca.exp(-dt / error.memory)
         transition[n_x + k, n_x + k] = decay
         noise[n_x + k, n_x + k] = error.sd**2 * (1 - decay * decay) + fields["kick"][k]
-    for k in range(spec.parameter_slice.start, spec.parameter_slice.stop):
+    for k in range(spec.parameter_slice.start, spec.slot_slice.stop):
         transition[k, k] = 1
+    slot = mean[spec.slot_slice]
+    if spec.slot:
+        transition[spec.slot_slice.start, spec.slot_slice.start + 1] = dt
+        slot = ca.vertcat(slot[0] + dt * slot[1], slot[1])
     for k, index in zip(range(spec.noise_slice.start, n), spec.noisy_inputs, strict=True):
         noise[k, k] = spec.inputs[index].noise ** 2
     moved = ca.vertcat(
         x_next,
         *(mean[n_x + k] * transition[n_x + k, n_x + k] for k in range(n_b)),
         mean[spec.parameter_slice],
+        slot,
         ca.SX.zeros(len(spec.noisy_inputs)),
     )
     spread = (transition @ covariance) @ transition.T + noise
@@ -85,7 +159,7 @@ def _time_update(
 
 
 def _measurement_update(
-    spec: EngineSpec, model: StepModel, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+    view: View, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
     """Update with all sensors, one after the other; missing ones have use = 0.
 
@@ -93,18 +167,18 @@ def _measurement_update(
     The healthy lane does not: after a fault the first result lies far off, and there the readings depend on parameters
     along which the covariance is still wide, so that a second update would explain any fault away.
     """
-    reading, slope, implicit = model.measure(mean, fields["u"], implicit)
-    innovations = _marginal_innovations(spec, fields, reading, slope, covariance)
-    guess, spread, likelihood = _sequential(spec, fields, mean, covariance, reading, slope)
-    guess = _clip(spec, guess)
-    if model.measure_is_linear:
+    reading, slope, implicit = view.measure(mean, fields["u"], implicit)
+    innovations = _marginal_innovations(view, fields, reading, slope, covariance)
+    guess, spread, likelihood = _sequential(view, fields, mean, covariance, reading, slope)
+    guess = _clip(view.spec, guess)
+    if view.is_linear:
         return guess, spread, implicit, likelihood, innovations
-    reading, slope, better = model.measure(guess, fields["u"], implicit)
+    reading, slope, better = view.measure(guess, fields["u"], implicit)
     expected = reading + slope @ (mean - guess)
-    second, spread_2, _ = _sequential(spec, fields, mean, covariance, expected, slope)
+    second, spread_2, _ = _sequential(view, fields, mean, covariance, expected, slope)
     again = fields["again"] > 0
     return (
-        ca.if_else(again, _clip(spec, second), guess),
+        ca.if_else(again, _clip(view.spec, second), guess),
         ca.if_else(again, spread_2, spread),
         ca.if_else(again, better, implicit) if implicit.numel() else implicit,
         likelihood,
@@ -113,30 +187,30 @@ def _measurement_update(
 
 
 def _marginal_innovations(
-    spec: EngineSpec, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
+    view: View, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
 ) -> ca.SX:
     """Differences and variances of each sensor by itself, as CUSUM and plots want them."""
     variances = []
-    for j, output in enumerate(spec.outputs):
+    for j in range(len(view.spec.outputs)):
         row = slope[j, :]
-        variances.append(row @ covariance @ row.T + output.noise**2 * fields["scale"][j])
+        variances.append(row @ covariance @ row.T + view.noise(j) * fields["scale"][j])
     return ca.vertcat(fields["y"] - expected, *variances)
 
 
 def _sequential(
-    spec: EngineSpec, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
+    view: View, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Scalar updates; gives mean, covariance and the gain in log-likelihood.
 
     Once warm, the healthy lane learns from an innovation only up to a bound (Huber's): a fault, or a wild value, must
     not drag it along before the alarm. Lanes of the bank take all.
     """
-    shift = ca.SX.zeros(spec.n_joint)
+    shift = ca.SX.zeros(view.spec.n_joint)
     likelihood = ca.SX(0)
-    for j, output in enumerate(spec.outputs):
+    for j, output in enumerate(view.spec.outputs):
         row = slope[j, :]
         cross = covariance @ row.T
-        variance = row @ cross + output.noise**2 * fields["scale"][j]
+        variance = row @ cross + view.noise(j) * fields["scale"][j]
         innovation = fields["y"][j] - expected[j] - row @ shift
         use = fields["use"][j]
         weight = cross * (use / variance)
@@ -151,13 +225,16 @@ def _sequential(
 
 def _clip(spec: EngineSpec, mean: ca.SX) -> ca.SX:
     """Keep parameters in their range."""
-    first = spec.parameter_slice.start
-    entries = ca.vertsplit(mean)
+    place = spec.parameter_slice
+    return ca.vertcat(mean[: place.start], _clipped(spec, mean[place]), mean[place.stop :])
+
+
+def _clipped(spec: EngineSpec, factors: ca.SX) -> ca.SX:
+    """Keep factors in the range of their parameters."""
+    entries = ca.vertsplit(factors)
     for k, parameter in enumerate(spec.parameters):
-        entry = entries[first + k]
         if np.isfinite(parameter.lower):
-            entry = ca.fmax(entry, parameter.lower)
+            entries[k] = ca.fmax(entries[k], parameter.lower)
         if np.isfinite(parameter.upper):
-            entry = ca.fmin(entry, parameter.upper)
-        entries[first + k] = entry
-    return ca.vertcat(*entries)
+            entries[k] = ca.fmin(entries[k], parameter.upper)
+    return ca.vertcat(*entries) if entries else factors

@@ -13,11 +13,17 @@ class VirtualMachine:
     """Engine that interprets the filter graph, all lanes at once per sample."""
 
     function: ca.Function
+    slot_engine: "VirtualMachine | None" = None
 
     @property
     def title(self) -> str:
         """What it is, in words."""
         return "CasADi virtual machine (no C compiler used)"
+
+    @property
+    def slot(self) -> "VirtualMachine":
+        """The engine of lanes with a slot; itself, if it is that."""
+        return self.slot_engine or self
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes over a block of samples; see `Engine.advance`."""

@@ -124,6 +124,7 @@ def _parameter(item: Parameter) -> ParameterSpec:
         suspect=item.suspect,
         unit=item.unit.text,
         unit_factor=item.unit.factor,
+        limits=item.limits,
     )
 
 
@@ -136,6 +137,9 @@ def _input(item: Input) -> InputSpec:
         settling=item.settling,
         step=max(100.0 * _STEP_PART if percent else 0.0, noise),
         step_part=0.0 if percent else _STEP_PART,
+        suspect=item.suspect,
+        unit=item.unit.text,
+        unit_factor=item.unit.factor,
     )
 
 
@@ -147,4 +151,5 @@ def _output(item: Sensor, direct: tuple[int, ...]) -> OutputSpec:
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
+        suspect=item.suspect,
     )

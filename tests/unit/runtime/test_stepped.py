@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made import plant, recorded, run
 
-from faultbond.runtime.bank import Trail, begin_bank, renew_bank, suspect_lanes
+from faultbond.runtime.stepped import Trail, begin_steps, renew_steps, suspect_lanes
 from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.start import healthy_lane
@@ -160,7 +160,7 @@ def test_onsets_are_mixed() -> None:
     healthy = np.repeat(wide_lane(toy)[:, None], n, axis=1).T
     healthy[:, -1] = generator.normal(0.0, 5.0, n)  # likelihood of the healthy plant up to each sample
     healthy[:, 0] = np.arange(n)
-    found = begin_bank(toy, engine, Trail(samples=samples, lanes=healthy), 3)
+    found = begin_steps(toy, engine, Trail(samples=samples, lanes=healthy), 3)
     plan = plan_lanes(toy)
     for lane in range(plan.n_lanes):
         trials = []
@@ -186,10 +186,10 @@ def test_bank_has_seen_every_sample() -> None:
     rows = np.arange(state.begun, state.index) % depth
     trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
     kept = trail.samples.copy(), trail.lanes.copy()
-    bank = begin_bank(spec, engine, trail, 118)
+    bank = begin_steps(spec, engine, trail, 118)
     assert np.array_equal(trail.samples, kept[0])
     assert np.array_equal(trail.lanes, kept[1])
-    shorter = begin_bank(spec, engine, Trail(samples=trail.samples[:-1], lanes=trail.lanes[:-1]), 118)
+    shorter = begin_steps(spec, engine, Trail(samples=trail.samples[:-1], lanes=trail.lanes[:-1]), 118)
     assert np.all(np.isfinite(bank))
     assert np.all(bank[-1] != shorter[-1])
     for lane in bank.T:
@@ -206,8 +206,8 @@ def test_renewal_replaces_the_least_likely_lane_only() -> None:
     depth = len(state.trail_times)
     rows = np.arange(state.begun, state.index) % depth
     trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
-    bank = begin_bank(spec, engine, trail, 118)
-    renewed = renew_bank(spec, engine, trail, bank)
+    bank = begin_steps(spec, engine, trail, 118)
+    renewed = renew_steps(spec, engine, trail, bank)
     plan = plan_lanes(spec)
     changed = np.flatnonzero(np.any(renewed != bank, axis=0))
     assert len(changed) > 0

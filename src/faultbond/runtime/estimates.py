@@ -1,0 +1,120 @@
+"""What a lane has found: values of its suspects with their standard deviations, in SI."""
+
+from math import sqrt
+
+import numpy as np
+
+from faultbond.runtime.forecast import forecast
+from faultbond.runtime.history import Forecast, Suspect
+from faultbond.runtime.slots import SlotLane, plan_slots
+from faultbond.runtime.slotted import place
+from faultbond.spec import EngineSpec
+from faultbond.types import FaultKind, FloatArray
+
+
+def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -> tuple[Suspect, ...]:
+    """Give the suspects of a lane (n_numbers,) without a slot."""
+    suspects = []
+    for index in chosen:
+        parameter = spec.parameters[index]
+        k = spec.parameter_slice.start + index
+        suspects.append(
+            Suspect(
+                parameter=parameter.name,
+                component=parameter.component,
+                nominal=parameter.nominal,
+                estimate=float(parameter.scale * lane[k]),
+                sd=float(abs(parameter.scale) * sqrt(max(lane[place(spec, k, k)], 0.0))),
+            )
+        )
+    return tuple(suspects)
+
+
+def slot_suspects(spec: EngineSpec, slots: FloatArray, lane: int, time: float) -> tuple[tuple[Suspect, ...], bool]:
+    """Give the suspect of a lane with a slot, and whether its fault is there now."""
+    plan = plan_slots(spec)
+    item = plan.lanes[lane]
+    if item.parameter < 0:
+        return (_instrument(spec, slots, lane, item),), True
+    shown = slots[:, lane] if item.acts else slots[:, lane - 1]  # while it is gone, the other lane of the pair tells
+    return (_moved(spec, item, shown, time),), item.acts
+
+
+def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> Suspect:
+    """Give a parameter that is its healthy value and what the slot adds."""
+    wide, parameter = spec.slotted, spec.parameters[item.parameter]
+    k, size = wide.parameter_slice.start + item.parameter, wide.slot_slice.start
+    rate, scale = size + 1, parameter.scale
+    estimate = float(scale * (lane[k] + lane[size]))
+    variance = lane[place(wide, k, k)] + 2.0 * lane[place(wide, k, size)] + lane[place(wide, size, size)]
+    if item.kind is not FaultKind.DRIFT:
+        return Suspect(
+            parameter=parameter.name,
+            component=parameter.component,
+            nominal=parameter.nominal,
+            estimate=estimate,
+            sd=float(abs(scale) * sqrt(max(variance, 0.0))),
+        )
+    moving = float(scale * lane[rate])
+    both = lane[place(wide, k, rate)] + lane[place(wide, size, rate)]
+    spread = tuple(float(value * scale**2) for value in (variance, both, lane[place(wide, rate, rate)]))
+    return Suspect(
+        parameter=parameter.name,
+        component=parameter.component,
+        nominal=parameter.nominal,
+        estimate=estimate,
+        sd=sqrt(max(spread[0], 0.0)),
+        rate=moving,
+        rate_sd=sqrt(max(spread[2], 0.0)),
+        forecasts=_forecasts(parameter.limits, time, estimate, moving, (spread[0], spread[1], spread[2])),
+    )
+
+
+def _forecasts(
+    limits: tuple[float, ...], time: float, value: float, rate: float, covariance: tuple[float, float, float]
+) -> tuple[Forecast, ...]:
+    return tuple(forecast(time, limit, value, rate, covariance) for limit in limits)
+
+
+def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) -> Suspect:
+    """Give what is wrong with a sensor or an input."""
+    wide, numbers = spec.slotted, slots[:, lane]
+    size = wide.slot_slice.start
+    name = spec.inputs[item.input].name if item.input >= 0 else spec.outputs[item.output].name
+    unit = 1.0 if item.input >= 0 or item.kind is FaultKind.GAIN else spec.outputs[item.output].noise
+    value, sd = float(unit * numbers[size]), float(unit * sqrt(max(numbers[place(wide, size, size)], 0.0)))
+    rate = rate_sd = nominal = None
+    word = FaultKind.BIAS.value
+    match item.kind:
+        case FaultKind.BIAS:
+            nominal = 0.0
+        case FaultKind.DRIFT:
+            nominal, rate = 0.0, float(unit * numbers[size + 1])
+            rate_sd = float(unit * sqrt(max(numbers[place(wide, size + 1, size + 1)], 0.0)))
+        case FaultKind.GAIN:
+            nominal, value, word = 1.0, 1.0 + value, "gain"
+        case FaultKind.STUCK:
+            word = "stuck"
+        case FaultKind.NOISE:
+            nominal, word = unit, "noise"
+            value, sd = _scatter(spec, slots, lane, unit)
+    return Suspect(
+        parameter=f"{name}.{word}", component=name, nominal=nominal, estimate=value, sd=sd, rate=rate, rate_sd=rate_sd
+    )
+
+
+def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, declared: float) -> tuple[float, float]:
+    """Give the noise sd of a sensor and its spread, from how likely each of the noises tried is."""
+    plan = plan_slots(spec)
+    chosen = [
+        k
+        for k, item in enumerate(plan.lanes)
+        if item.hypothesis == plan.lanes[lane].hypothesis and item.kind is FaultKind.NOISE
+    ]
+    likelihood = slots[-1, chosen]
+    weight = np.exp(likelihood - np.max(likelihood))
+    weight /= weight.sum()
+    noises = declared * np.sqrt([plan.lanes[k].noise for k in chosen])
+    mean = float(weight @ noises)
+    step = float(np.min(np.diff(noises))) / sqrt(12.0)  # the grid of noises is coarse
+    return mean, sqrt(float(weight @ (noises - mean) ** 2) + step**2)

@@ -1,0 +1,177 @@
+"""Which lanes have a slot, and what each has in it: drifts, faults that come and go, faults of sensors and inputs.
+
+A lane's roles (see `faultbond.spec`) are constants, so faults of all kinds run through the same code. The widths and
+weights of the starts are those of docs/method.md, "Kinds of fault".
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import log
+
+import numpy as np
+
+from faultbond.runtime.lanes import starts_of
+from faultbond.spec import EngineSpec, ParameterSpec
+from faultbond.types import FaultKind, FloatArray, IntArray
+
+RARE = log(0.2)  # prior weight of a drift, and of a fault that comes and goes, beside a step
+FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
+BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
+GAIN = 0.3  # sd of the relative error of a sensor's gain
+STUCK_NOISES = (0.01, 1.0)  # noise variance of a sensor that is stuck, in that declared
+STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
+NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
+INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotLane:
+    """What one lane has in its slot, and on what it acts.
+
+    hypothesis : index among the hypotheses of the specification
+    parameter, input, output : index of what is at fault, or -1
+    acts : False while a fault that comes and goes is gone
+    size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
+        in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
+    noise : noise variance of the sensor, in that declared
+    weight : logarithm of the prior weight
+    """
+
+    hypothesis: int
+    kind: FaultKind
+    parameter: int = -1
+    input: int = -1
+    output: int = -1
+    acts: bool = True
+    size: float = 0.0
+    size_sd: float = 0.0
+    rate_sd: float = 0.0
+    noise: float = 1.0
+    weight: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotPlan:
+    """Lanes with a slot: first those that begin at an onset, then, from `switched` on, pairs (fault there, fault gone).
+
+    roles : (n_roles, n_lanes)
+    hypothesis, weight : (n_lanes,)
+    """
+
+    lanes: tuple[SlotLane, ...]
+    roles: FloatArray
+    hypothesis: IntArray
+    weight: FloatArray
+    switched: int
+
+    @property
+    def n_lanes(self) -> int:
+        """Number of lanes."""
+        return len(self.lanes)
+
+
+@lru_cache(maxsize=8)
+def plan_slots(spec: EngineSpec) -> SlotPlan:
+    """Give the lanes with a slot of a specification."""
+    singles = [(k, chosen[0]) for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1]
+    from_onset = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
+    for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
+        make = _sensor_faults if instrument.is_output else _input_faults
+        from_onset += make(instrument.index, k)
+    switched = [lane for k, index in singles for lane in _switching(spec.parameters[index], index, k)]
+    lanes = (*from_onset, *switched)
+    return SlotPlan(
+        lanes=lanes,
+        roles=np.stack([_roles(spec, lane) for lane in lanes], axis=1)
+        if lanes
+        else np.zeros((spec.slotted.n_roles, 0)),
+        hypothesis=np.array([lane.hypothesis for lane in lanes], dtype=np.intp),
+        weight=np.array([lane.weight for lane in lanes], dtype=np.float64),
+        switched=len(from_onset),
+    )
+
+
+def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give a drift that begins at the onset, and drifts that have already gone some way."""
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
+    starts = starts_of(item, 1)
+    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=RARE - log(2.0))
+    for start in starts:
+        yield replace(
+            lane,
+            size=start.value - item.healthy,
+            size_sd=start.sd,
+            rate_sd=item.change / OLD,
+            weight=RARE - log(2.0 * len(starts)),
+        )
+
+
+def _switching(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give pairs of lanes: the fault is there, the fault is gone."""
+    starts = starts_of(item, 1)
+    for start in starts:
+        there = SlotLane(
+            hypothesis=hypothesis,
+            kind=FaultKind.INTERMITTENT,
+            parameter=index,
+            size=start.value - item.healthy,
+            size_sd=start.sd,
+            weight=RARE - log(len(starts)),
+        )
+        yield there
+        yield replace(there, acts=False)
+
+
+def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the faults of a sensor; the kinds weigh the same."""
+
+    def lanes(kind: FaultKind, *starts: tuple[float, float, float]) -> Iterator[SlotLane]:
+        for size_sd, rate_sd, noise in starts:
+            yield SlotLane(
+                hypothesis=hypothesis,
+                kind=kind,
+                output=index,
+                size_sd=size_sd,
+                rate_sd=rate_sd,
+                noise=noise,
+                weight=-log(5.0 * len(starts)),
+            )
+
+    yield from lanes(FaultKind.BIAS, *((sd, 0.0, 1.0) for sd in BIASES))
+    yield from lanes(FaultKind.DRIFT, (1.0, BIASES[0] / FRESH, 1.0), (BIASES[0], BIASES[0] / OLD, 1.0))
+    yield from lanes(FaultKind.GAIN, (GAIN, 0.0, 1.0))
+    yield from lanes(FaultKind.STUCK, *((sd, 0.0, noise) for sd in STUCK_AT for noise in STUCK_NOISES))
+    yield from lanes(FaultKind.NOISE, *((0.0, 0.0, noise) for noise in NOISES))
+
+
+def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the faults of an input."""
+    for sd in INPUT_BIASES:
+        yield SlotLane(
+            hypothesis=hypothesis, kind=FaultKind.BIAS, input=index, size_sd=sd, weight=-log(len(INPUT_BIASES))
+        )
+
+
+def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
+    """Give the roles of a lane, shape (n_roles,)."""
+    wide = spec.slotted
+    first = wide.loop_slice.stop
+    place = {name: where.start - first for name, where in wide.role_fields.items()}
+    roles = np.zeros(wide.n_roles)
+    for name in ("reads", "noise"):
+        roles[place[name] : place[name] + len(spec.outputs)] = 1.0
+    if lane.parameter >= 0:
+        roles[place["theta"] + lane.parameter] = float(lane.acts)
+    if lane.input >= 0:
+        roles[place["input"] + lane.input] = 1.0
+    if lane.output >= 0:
+        noise = spec.outputs[lane.output].noise
+        roles[place["reads"] + lane.output] = float(lane.kind is not FaultKind.STUCK)
+        roles[place["gain"] + lane.output] = float(lane.kind is FaultKind.GAIN)
+        roles[place["bias"] + lane.output] = noise * (lane.kind in _ADDED)
+        roles[place["noise"] + lane.output] = lane.noise
+    return roles
+
+
+_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK)

@@ -1,0 +1,178 @@
+"""Lanes with a slot: begun at the alarm, carried on sample by sample.
+
+Drifts and faults of instruments begin at the onsets that the bank tries (`faultbond.runtime.stepped`). A fault that
+comes and goes needs no onset: each of its pairs of lanes, fault there and fault gone, begins healthy at the oldest
+sample kept, and before each sample every lane of a pair becomes the mixture of both, as likely as the fault is to come
+or go.
+Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models).
+"""
+
+from collections.abc import Sequence
+from math import log, log1p
+
+import numpy as np
+
+from faultbond.runtime.slots import SlotPlan, plan_slots
+from faultbond.runtime.stepped import Mixture, Trail, forget_slow_errors, mix, mixed, onsets, relinearised
+from faultbond.spec import Engine, EngineSpec, pack, unpack
+from faultbond.types import FaultKind, FloatArray, IntArray
+
+SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
+_LOWEST = -1e300  # likelihood of a lane that is no number
+
+
+def begin_slots(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak: FloatArray) -> FloatArray:
+    """Give the lanes with a slot, having seen all samples of the trail.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    trail : Trail
+        Its last sample is that of the alarm.
+    change : int
+        Index in the trail of the onset that the detector estimates.
+    peak : float array, shape (n_inputs,)
+        Largest size of each input so far, SI.
+
+    Returns
+    -------
+    float array, shape (n_numbers of slot lanes, n_lanes)
+    """
+    plan = plan_slots(spec)
+    if not plan.n_lanes:
+        return np.zeros((spec.slotted.n_numbers, 0))
+    samples = relinearised(spec, trail.samples)
+    from_onset = _from_onsets(spec, engine, plan, trail, samples, change, peak)
+    return np.concatenate([from_onset, _switched(spec, engine, plan, trail, samples, peak)], axis=1)
+
+
+def advance_slots(
+    spec: EngineSpec, engine: Engine, slots: FloatArray, packed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Give lanes and innovations after one more packed sample, shape (n_sample,)."""
+    if not slots.shape[1]:
+        return slots, np.zeros((2 * len(spec.outputs), 0))
+    switched = plan_slots(spec).switched
+    ready = np.concatenate([slots[:, :switched], interacted(spec, slots[:, switched:])], axis=1)
+    lanes, innovations = engine.slot.advance(ready, relinearised(spec, packed[None, :]))
+    return lanes, innovations[0]
+
+
+def _from_onsets(
+    spec: EngineSpec,
+    engine: Engine,
+    plan: SlotPlan,
+    trail: Trail,
+    samples: FloatArray,
+    change: int,
+    peak: FloatArray,
+) -> FloatArray:
+    chosen = range(plan.switched)
+    mixture: Mixture | None = None
+    for onset, width in onsets(len(samples) - 1, change):
+        healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
+        lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak)
+        lanes[-1] = trail.lanes[onset - 1, -1]
+        mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
+    return mixed(spec, mixture)
+
+
+def _switched(
+    spec: EngineSpec, engine: Engine, plan: SlotPlan, trail: Trail, samples: FloatArray, peak: FloatArray
+) -> FloatArray:
+    chosen = range(plan.switched, plan.n_lanes)
+    healthy = forget_slow_errors(spec, trail.lanes[0])
+    lanes = slot_lanes(spec, plan, chosen, healthy, samples[:1], peak)
+    lanes[-1] = trail.lanes[0, -1]
+    lanes[-1, 0::2] = _LOWEST  # healthy so far
+    for sample in samples[1:]:
+        lanes = engine.slot.advance(interacted(spec, lanes), sample[None, :])[0]
+    return lanes
+
+
+def slot_lanes(
+    spec: EngineSpec,
+    plan: SlotPlan,
+    chosen: Sequence[int],
+    healthy: FloatArray,
+    seen: FloatArray,
+    peak: FloatArray,
+) -> FloatArray:
+    """Give chosen lanes of a plan, begun from a healthy lane (n_numbers,) after the samples `seen` (n, n_sample)."""
+    wide = spec.slotted
+    lane = widened(spec, healthy)
+    lanes = np.repeat(lane[:, None], len(chosen), axis=1)
+    lanes[wide.loop_slice.stop : -1] = plan.roles[:, list(chosen)]
+    size, rate = wide.slot_slice.start, wide.slot_slice.start + 1
+    dt = spec.sample_time or float(np.mean(seen[:, spec.sample_fields["dt"]])) or 1.0
+    for column, index in enumerate(chosen):
+        item = plan.lanes[index]
+        unit = 1.0
+        if item.parameter >= 0 and spec.parameters[item.parameter].healthy:
+            unit = healthy[spec.parameter_slice.start + item.parameter]
+        elif item.input >= 0:
+            unit = peak[item.input] or 1.0
+        start = item.size * unit
+        if item.kind is FaultKind.STUCK:
+            start = _last_reading(spec, seen, item.output) / spec.outputs[item.output].noise
+        lanes[size, column] = start
+        lanes[place(wide, size, size), column] = (item.size_sd * unit) ** 2
+        lanes[place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
+    return lanes
+
+
+def _last_reading(spec: EngineSpec, seen: FloatArray, output: int) -> float:
+    """Give the last value of a sensor; 0 if it has had none."""
+    fields = spec.sample_fields
+    used = np.flatnonzero(seen[:, fields["use"].start + output])
+    return float(seen[used[-1], fields["y"].start + output]) if len(used) else 0.0
+
+
+def place(spec: EngineSpec, i: int, j: int) -> int:
+    """Give the place of the covariance of i and j >= i in a lane."""
+    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i
+
+
+def widened(spec: EngineSpec, lane: FloatArray) -> FloatArray:
+    """Give a lane (n_numbers,) as one with an empty slot; its roles are zero."""
+    wide, own = spec.slotted, shared(spec)
+    result = np.zeros(wide.n_numbers)
+    result[own] = lane[: spec.n_joint]
+    full = np.zeros((wide.n_joint, wide.n_joint))
+    full[np.ix_(own, own)] = unpack(spec, lane[spec.covariance_slice])
+    result[wide.covariance_slice] = pack(full)
+    result[wide.loop_slice] = lane[spec.loop_slice]
+    return result
+
+
+def shared(spec: EngineSpec) -> IntArray:
+    """Give the places in z of a slot lane of what a lane without a slot holds too."""
+    wide = spec.slotted
+    return np.concatenate([np.arange(wide.slot_slice.start), np.arange(wide.slot_slice.stop, wide.n_joint)])
+
+
+def interacted(spec: EngineSpec, lanes: FloatArray) -> FloatArray:
+    """Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode."""
+    there, gone = lanes[:, 0::2], lanes[:, 1::2]
+    stay, switch = log1p(-SWITCHING), log(SWITCHING)
+    one, two = (np.where(np.isfinite(item[-1]), item[-1], _LOWEST) for item in (there, gone))
+    result = lanes.copy()
+    for k, (own, other) in enumerate(((one, two), (two, one))):
+        total = np.logaddexp(own + stay, other + switch)
+        weight = np.exp(own + stay - total)
+        first, second = (there, gone) if k == 0 else (gone, there)
+        result[:, k::2] = _merged(spec.slotted, first, second, weight)
+        result[-1, k::2] = total
+    return result
+
+
+def _merged(spec: EngineSpec, first: FloatArray, second: FloatArray, weight: FloatArray) -> FloatArray:
+    """Give the mean and covariance of mixtures; roles are those of `first`. A lane of weight 0 may hold anything."""
+    n = spec.n_joint
+    with np.errstate(invalid="ignore", over="ignore"):
+        mixture = np.where(weight > 0.0, weight * first, 0.0) + np.where(weight < 1.0, (1.0 - weight) * second, 0.0)
+        apart = np.where((weight > 0.0) & (weight < 1.0), first[:n] - second[:n], 0.0)
+    rows, columns = np.triu_indices(n)
+    mixture[spec.covariance_slice] += weight * (1.0 - weight) * apart[rows] * apart[columns]
+    mixture[spec.loop_slice.stop :] = first[spec.loop_slice.stop :]
+    return mixture
