@@ -24,7 +24,10 @@ MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 RECORDS = {
     "run": "model model_sha256 method version sample_time explain_anything",
     "detection": "time sample change_time signals",
-    "diagnosis": "time candidates components parameters nominal estimate sd probability group",
+    "diagnosis": (
+        "time candidates unexplained signal since until components parameters nominal estimate sd probability group "
+        "kind kinds present rate rate_sd forecasts limit earliest latest"
+    ),
     "end": "time samples watched detections missing late duplicate",
     "analyse": (
         "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.types import Method
 
 Record = dict[str, object]
@@ -49,6 +49,7 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
         "record": "diagnosis",
         "time": diagnosis.time,
         "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
+        "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
     }
 
 
@@ -81,10 +82,27 @@ def end_record(
 def _candidate(candidate: Candidate) -> Record:
     return {
         "components": list(candidate.components),
-        "parameters": {
-            suspect.parameter: {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
-            for suspect in candidate.suspects
-        },
+        "parameters": {suspect.parameter: _suspect(suspect) for suspect in candidate.suspects},
         "probability": candidate.probability,
         "group": candidate.group,
+        "kind": candidate.kind.value if candidate.kinds else None,
+        "kinds": {kind.value: share for kind, share in candidate.kinds},
+        "present": candidate.present,
     }
+
+
+def _suspect(suspect: Suspect) -> Record:
+    """Give the value of a suspect; a rate only where it drifts."""
+    value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
+    if suspect.rate is None:
+        return value
+    forecasts = [_forecast(item) for item in suspect.forecasts]
+    return value | {"rate": suspect.rate, "rate_sd": suspect.rate_sd, "forecasts": forecasts}
+
+
+def _forecast(item: Forecast) -> Record:
+    return {"limit": item.limit, "time": item.time, "earliest": item.earliest, "latest": item.latest}
+
+
+def _unexplained(found: Unexplained) -> Record:
+    return {"signal": found.signal, "sd": found.sd, "since": found.since, "until": found.until}

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
-from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.bank import no_bank
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.runtime.ranking import rank
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.spec import EngineSpec, InputSpec, OutputSpec, ParameterSpec, StateSpec, Thresholds
-from faultbond.types import Method
+from faultbond.types import FaultKind, Method
 
 
 def parameter(name: str, owner: str) -> ParameterSpec:
@@ -80,15 +80,75 @@ def test_a_detection() -> None:
 def test_a_diagnosis() -> None:
     """Each candidate has its components, each once, and its parameters with nominal, estimate and sd in SI."""
     pair = tuple(Suspect(parameter=n, component="K", nominal=2.0, estimate=3.0, sd=0.1) for n in ("K1", "K2"))
-    diagnosis = Diagnosis(time=20.0, candidates=(Candidate(suspects=pair, probability=0.75, group=True),))
+    found = Candidate(suspects=pair, probability=0.75, group=True, kinds=((FaultKind.STEP, 1.0),))
     numbers = {"nominal": 2.0, "estimate": 3.0, "sd": 0.1}
-    assert diagnosis_record(diagnosis) == {
+    assert diagnosis_record(Diagnosis(time=20.0, candidates=(found,))) == {
         "record": "diagnosis",
         "time": 20.0,
         "candidates": [
-            {"components": ["K"], "parameters": {"K1": numbers, "K2": numbers}, "probability": 0.75, "group": True}
+            {
+                "components": ["K"],
+                "parameters": {"K1": numbers, "K2": numbers},
+                "probability": 0.75,
+                "group": True,
+                "kind": "step",
+                "kinds": {"step": 1.0},
+                "present": True,
+            }
         ],
+        "unexplained": None,
     }
+
+
+def candidates(*found: Candidate) -> list[dict[str, object]]:
+    """Give the members of a diagnosis record as a program reads them."""
+    record = json.loads(json.dumps(diagnosis_record(Diagnosis(time=20.0, candidates=found))))
+    listed: list[dict[str, object]] = record["candidates"]
+    return listed
+
+
+def test_a_drift_has_its_rate_and_forecasts() -> None:
+    """Only a value that moves has a rate; a limit that is never reached has no latest time."""
+    limit = Forecast(limit=4.0, time=90.0, earliest=50.0, latest=None)
+    moving = Suspect(
+        parameter="K1", component="K", nominal=2.0, estimate=3.0, sd=0.1, rate=0.01, rate_sd=0.002, forecasts=(limit,)
+    )
+    kinds = ((FaultKind.DRIFT, 0.9), (FaultKind.STEP, 0.1))
+    record = candidates(Candidate(suspects=(moving,), probability=1.0, group=True, kind=FaultKind.DRIFT, kinds=kinds))
+    assert record[0]["kind"] == "drift"
+    assert record[0]["kinds"] == {"drift": 0.9, "step": 0.1}
+    assert record[0]["parameters"] == {
+        "K1": {
+            "nominal": 2.0,
+            "estimate": 3.0,
+            "sd": 0.1,
+            "rate": 0.01,
+            "rate_sd": 0.002,
+            "forecasts": [{"limit": 4.0, "time": 90.0, "earliest": 50.0, "latest": None}],
+        }
+    }
+
+
+def test_a_fault_of_a_sensor() -> None:
+    """Its component is the sensor; where there is no healthy value to compare with, nominal is null."""
+    stuck = Suspect(parameter="V_C.stuck", component="V_C", nominal=None, estimate=3.0, sd=0.1)
+    kinds = ((FaultKind.STUCK, 1.0),)
+    record = candidates(Candidate(suspects=(stuck,), probability=1.0, group=True, kind=FaultKind.STUCK, kinds=kinds))
+    assert record[0]["components"] == ["V_C"]
+    assert record[0]["parameters"] == {"V_C.stuck": {"nominal": None, "estimate": 3.0, "sd": 0.1}}
+
+
+def test_a_network_without_time_has_no_kinds() -> None:
+    """Kinds of fault differ in time; a network without time knows none."""
+    record = candidates(Candidate(suspects=(), blocks=("A",), probability=1.0, group=True))
+    assert (record[0]["kind"], record[0]["kinds"]) == (None, {})
+
+
+def test_what_no_fault_explains_is_in_the_diagnosis() -> None:
+    """Signal, size in standard deviations and the time over which the best candidate is off."""
+    off = Unexplained(signal="V_C", sd=3.5, since=12.0, until=19.0)
+    record = diagnosis_record(Diagnosis(time=20.0, candidates=(), unexplained=off))
+    assert record["unexplained"] == {"signal": "V_C", "sd": 3.5, "since": 12.0, "until": 19.0}
 
 
 def test_the_last_record() -> None:
@@ -99,12 +159,15 @@ def test_the_last_record() -> None:
 
 
 def test_probabilities_of_all_tested_sets_sum_to_one() -> None:
-    """A ranked bank gives every set, best first, with probabilities that sum to 1 and a group that has the best."""
-    lanes = np.zeros((SPEC.n_numbers, plan_lanes(SPEC).n_lanes))
-    lanes[-1] = np.linspace(-9.0, -3.0, lanes.shape[1])
-    record = json.loads(json.dumps(diagnosis_record(rank(SPEC, 1.0, lanes))))
+    """A ranked bank gives every set, best first, with probabilities and shares of kinds that sum to 1."""
+    bank = no_bank(SPEC)
+    bank.steps[-1] = np.linspace(-9.0, -3.0, bank.steps.shape[1])
+    bank.slots[-1] = np.linspace(-9.0, -3.0, bank.slots.shape[1])
+    record = json.loads(json.dumps(diagnosis_record(rank(SPEC, 1.0, bank))))
     probabilities = [candidate["probability"] for candidate in record["candidates"]]
-    assert len(probabilities) == len(SPEC.hypotheses)
+    assert len(probabilities) == SPEC.n_hypotheses
     assert probabilities == sorted(probabilities, reverse=True)
-    assert sum(probabilities) == 1.0 or abs(sum(probabilities) - 1.0) < 1e-12
+    assert abs(sum(probabilities) - 1.0) < 1e-12
+    assert all(abs(sum(candidate["kinds"].values()) - 1.0) < 1e-12 for candidate in record["candidates"])
+    assert all(candidate["kind"] == next(iter(candidate["kinds"])) for candidate in record["candidates"])
     assert record["candidates"][0]["group"] is True
