@@ -1,5 +1,6 @@
 """One simulated run, and what the monitor makes of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -58,11 +59,17 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Watched:
+class Watched:
+    """What a monitor made of a recording; `cusum` and `slow` as in `Outcome`."""
+
     detection: Detection | None
     diagnoses: tuple[Diagnosis, ...]
     cusum: float
     slow: float
+
+
+# specification, engine, recording, onset (s; None: no fault), and for how many s after the alarm
+Watch = Callable[[EngineSpec, Engine, Simulation, float | None, float], Watched]
 
 
 @cache
@@ -71,33 +78,7 @@ def engine_of(folder: str) -> tuple[EngineSpec, Engine]:
     return build_engine(load_model(EXAMPLES / folder / "model.yaml"))
 
 
-def play(scenario: Scenario, seed: int) -> Outcome:
-    """Simulate one run and watch it."""
-    onset = float(np.random.default_rng([seed, 7]).uniform(*scenario.onset)) if scenario.faults else None
-    faults = [Fault(parameter=name, factor=factor, start=onset or 0.0) for name, factor in scenario.faults]
-    plant = effort_or_flow_goes_on(scenario.folder) if scenario.goes_on else None
-    recording = case(scenario.folder, seed, faults, seconds=scenario.seconds, plant=plant).recording
-    spec, engine = engine_of(scenario.folder)
-    watched = _watch(spec, engine, recording, onset, max(scenario.looks, default=0.0))
-    alarm = watched.detection.time if watched.detection is not None else None
-    begin = _opening(spec, recording, onset or 0.0) if scenario.from_opening else onset
-    early = alarm is not None and (onset is None or alarm < onset)
-    counts = alarm is not None and begin is not None and not early
-    return Outcome(
-        key=scenario.key,
-        seed=seed,
-        onset=onset,
-        counted_from=begin,
-        alarm=alarm,
-        delay=max(alarm - begin, 0.0) if counts and alarm is not None and begin is not None else None,
-        early=early,
-        cusum=watched.cusum,
-        slow=watched.slow,
-        readings=_readings(scenario, spec, recording, alarm, watched.diagnoses) if counts and alarm is not None else (),
-    )
-
-
-def _watch(spec: EngineSpec, engine: Engine, recording: Simulation, onset: float | None, until: float) -> _Watched:
+def watch(spec: EngineSpec, engine: Engine, recording: Simulation, onset: float | None, until: float) -> Watched:
     """Pass a recording through the monitor, up to `until` seconds after the alarm."""
     state, detection = init(spec), None
     diagnoses: list[Diagnosis] = []
@@ -117,7 +98,33 @@ def _watch(spec: EngineSpec, engine: Engine, recording: Simulation, onset: float
     last = finish(spec, state)
     if last is not None:
         diagnoses.append(last)
-    return _Watched(detection=detection, diagnoses=tuple(diagnoses), cusum=cusum, slow=slow)
+    return Watched(detection=detection, diagnoses=tuple(diagnoses), cusum=cusum, slow=slow)
+
+
+def play(scenario: Scenario, seed: int, watch: Watch = watch) -> Outcome:
+    """Simulate one run and watch it, with our monitor or another."""
+    onset = float(np.random.default_rng([seed, 7]).uniform(*scenario.onset)) if scenario.faults else None
+    faults = [Fault(parameter=name, factor=factor, start=onset or 0.0) for name, factor in scenario.faults]
+    plant = effort_or_flow_goes_on(scenario.folder) if scenario.goes_on else None
+    recording = case(scenario.folder, seed, faults, seconds=scenario.seconds, plant=plant).recording
+    spec, engine = engine_of(scenario.folder)
+    watched = watch(spec, engine, recording, onset, max(scenario.looks, default=0.0))
+    alarm = watched.detection.time if watched.detection is not None else None
+    begin = _opening(spec, recording, onset or 0.0) if scenario.from_opening else onset
+    early = alarm is not None and (onset is None or alarm < onset)
+    counts = alarm is not None and begin is not None and not early
+    return Outcome(
+        key=scenario.key,
+        seed=seed,
+        onset=onset,
+        counted_from=begin,
+        alarm=alarm,
+        delay=max(alarm - begin, 0.0) if counts and alarm is not None and begin is not None else None,
+        early=early,
+        cusum=watched.cusum,
+        slow=watched.slow,
+        readings=_readings(scenario, spec, recording, alarm, watched.diagnoses) if counts and alarm is not None else (),
+    )
 
 
 def _opening(spec: EngineSpec, recording: Simulation, onset: float) -> float | None:

@@ -37,7 +37,7 @@ def test_level_follows_its_reference() -> None:
 
 @pytest.mark.parametrize("fault", ["", *three_tank.ASKED])
 def test_bond_graph_is_the_published_plant(fault: str) -> None:
-    """Fed with the same flow, finely sampled, the bond graph records what the published equations give, to 2 % of noise."""
+    """Fed with the same flow, finely sampled, the bond graph records what the published equations give."""
     faults = [SCRIPT["RAMP"][fault]] if fault else []
     given = SCRIPT["record"](GRAPH, None, faults)
     fine = np.linspace(0.0, 20.0, 4001)
