@@ -3,7 +3,7 @@
 Nobody made faults on this rig, but its demand valves switch at known times. Where the model is not told of a switching,
 the switching is a leak (or the end of one) of known time, place and size.
 
-    FAULTBOND_DATA=FOLDER python benchmarks/watersafe.py [--json FILE]
+    FAULTBOND_DATA=FOLDER python -m benchmarks.watersafe [--json FILE] [--markdown FILE]
 
 FOLDER/watersafe/ holds `watersafe.csv` and `events.csv`; see examples/watersafe/README.md.
 """
@@ -11,23 +11,18 @@ FOLDER/watersafe/ holds `watersafe.csv` and `events.csv`; see examples/watersafe
 import argparse
 import csv
 import json
-import os
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from faultbond.io import Grid, GridPoint, columns_of, on_grid, read_rows
-from faultbond.model.text import load_model
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
-from faultbond.runtime.monitor import Sample, State, finish, init, step
-from faultbond.spec import Engine, EngineSpec
-from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
+from benchmarks.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
+from faultbond.io.grid import GridPoint
+from faultbond.runtime.history import Candidate, Diagnosis
 
-MODELS = Path(__file__).resolve().parents[1] / "examples" / "watersafe"
+MODELS = EXAMPLES / "watersafe"
 OUTLETS = ("VA_C1", "VA_C2", "VA_C3", "VA_C4")
 CM3 = 1e-6  # m3
 SETTLED = 10.0  # s from a closing of C4 to the start of a window
@@ -35,6 +30,9 @@ HIDDEN = 300.0  # s for which a switching is hidden, unless the valve switches a
 LARGE = 9.8  # cm3/s; smaller switchings are within the rig's own balance error of 1 to 3 cm3/s over hours
 BEFORE = 10  # rows whose median is the flow before a switching
 STARTS_EVERY = 500  # rows between the starts of healthy runs
+WINDOW_HEADER = ("opened at", "alarm after", "onset", "first", "probability", "outflow", "or the area until")
+HEALTHY_HEADER = ("from", "LS_A1", "LS_A2", "LS_A3", "LS_A4", "limit", "alarm")
+HIDDEN_HEADER = ("switchings", "detected", "median", "90 %", "right tank", "right leak first", "leak in the group")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,29 +49,6 @@ class Switching:
     def tank(self) -> str:
         """Number of the tank."""
         return self.valve[-1]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plant:
-    """A model with its engine, and the recording on its grid."""
-
-    spec: EngineSpec
-    engine: Engine
-    points: tuple[GridPoint, ...]
-
-    def rows(self, begin: float, end: float = np.inf) -> slice:
-        """Give the rows from `begin` to before `end`, s."""
-        times = [point.time for point in self.points]
-        return slice(int(np.searchsorted(times, begin)), int(np.searchsorted(times, end)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
-    """What a run brought; `highest`: largest CUSUM of each sensor before the alarm."""
-
-    detection: Detection | None
-    diagnoses: tuple[Diagnosis, ...]
-    highest: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +70,7 @@ class Healthy:
 
     start: float
     alarm: float | None
-    highest: tuple[float, ...]
+    cusum: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,207 +119,207 @@ def read_switchings(path: Path) -> tuple[Switching, ...]:
     )
 
 
-def read_plant(model: Path, recording: Path) -> Plant:
-    """Build the engine of a model and read a recording for it."""
-    graph = load_model(model)
-    spec, engine = build_engine(graph)
-    points = on_grid(read_rows(recording, columns_of(graph)), Grid(spec.sample_time))
-    return Plant(spec=spec, engine=engine, points=tuple(points))
+def rows_of(points: Sequence[GridPoint], begin: float, end: float = np.inf) -> slice:
+    """Give the rows from `begin` to before `end`, s."""
+    times = [point.time for point in points]
+    return slice(int(np.searchsorted(times, begin)), int(np.searchsorted(times, end)))
 
 
-def states(plant: Plant) -> Iterator[State]:
-    """Pass the whole recording through the monitor; gives the state before each point."""
-    state = init(plant.spec)
-    for point in plant.points:
-        yield state
-        state, _ = step(plant.spec, plant.engine, state, sample_of(point))
+def candidate(diagnosis: Diagnosis, *parameters: str) -> Candidate | None:
+    """Give the candidate with these parameters, if it is in the list."""
+    return next((item for item in diagnosis.candidates if item.parameters == parameters), None)
 
 
-def sample_of(point: GridPoint) -> Sample:
-    """Give what the monitor takes of a grid point."""
-    return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
-
-
-def watch(plant: Plant, points: Sequence[GridPoint], state: State) -> Outcome:
-    """Pass points through the monitor."""
-    detection, diagnoses = None, []
-    highest = np.zeros(len(plant.spec.outputs))
-    for point in points:
-        state, report = step(plant.spec, plant.engine, state, sample_of(point))
-        if detection is None:
-            highest = np.fmax(highest, report.cusum)
-        detection = report.detection or detection
-        if report.diagnosis is not None:
-            diagnoses.append(report.diagnosis)
-    last = finish(plant.spec, state)
-    if last is not None and (not diagnoses or diagnoses[-1].time < last.time):
-        diagnoses.append(last)
-    return Outcome(detection=detection, diagnoses=tuple(diagnoses), highest=highest)
-
-
-def candidate(diagnosis: Diagnosis, *parameters: str) -> Candidate:
-    """Give the candidate with these parameters."""
-    return next(item for item in diagnosis.candidates if item.parameters == parameters)
-
-
-def windows(plant: Plant, switchings: Sequence[Switching]) -> Iterator[Window]:
+def windows(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Window]:
     """Watch tank 4 alone, from each closing of C4 through its next opening to the closing after that."""
     own = [item for item in switchings if item.valve == "VA_C4"]
     for closing, opening, following in zip(own, own[1:], [*own[2:], None], strict=False):
         if opening.opening[1] < opening.opening[0]:
             continue
         end = following.time if following is not None else np.inf
-        found = watch(plant, plant.points[plant.rows(closing.end + SETTLED, end)], init(plant.spec))
-        yield _window(opening, found)
+        yield _window(opening, rig.watch(points[rows_of(points, closing.end + SETTLED, end)]))
 
 
 def _window(opening: Switching, found: Outcome) -> Window:
     if found.detection is None:
         return Window(opening=opening.time, delay=None, onset=None)
     last = found.diagnoses[-1]
-    undecided = [
-        item.time - opening.time
-        for item in found.diagnoses
-        if candidate(item, "Q4").group and candidate(item, "A4").group
-    ]
+    outlet = candidate(last, "Q4")
+    undecided = [item.time - opening.time for item in found.diagnoses if _listed(item, "Q4") and _listed(item, "A4")]
     return Window(
         opening=opening.time,
         delay=found.detection.time - opening.time,
         onset=found.detection.change_time - opening.time,
         best=last.candidates[0].parameters,
         probability=last.candidates[0].probability,
-        outflow=candidate(last, "Q4").suspects[0].estimate / CM3,
+        outflow=None if outlet is None else outlet.suspects[0].estimate / CM3,
         undecided_until=max(undecided, default=None),
     )
 
 
-def healthy(plant: Plant) -> Iterator[Healthy]:
+def _listed(diagnosis: Diagnosis, *parameters: str) -> bool:
+    """Whether a set is among those that cannot be told from the best."""
+    found = candidate(diagnosis, *parameters)
+    return found is not None and found.group
+
+
+def healthy(rig: Rig, points: Sequence[GridPoint]) -> Iterator[Healthy]:
     """Watch all tanks with nothing hidden, from the first row on and from later ones."""
-    for first in range(0, len(plant.points), STARTS_EVERY):
-        found = watch(plant, plant.points[first:], init(plant.spec))
-        yield Healthy(
-            start=plant.points[first].time,
-            alarm=found.detection.time if found.detection is not None else None,
-            highest=tuple(float(value) for value in found.highest),
-        )
+    for first in range(0, len(points), STARTS_EVERY):
+        found = rig.watch(points[first:])
+        cusum = tuple(float(value) for value in found.cusum)
+        yield Healthy(start=points[first].time, alarm=found.alarm, cusum=cusum)
 
 
-def hidden(plant: Plant, switchings: Sequence[Switching]) -> Iterator[Hidden]:
+def hidden(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Hidden]:
     """Hide each switching of an outlet valve from the model, one at a time."""
-    firsts = {plant.rows(item.time).start for item in switchings}
-    before = {row: state for row, state in enumerate(states(plant)) if row in firsts}
+    firsts = {rows_of(points, item.time).start for item in switchings}
+    before = {row: state for row, state in enumerate(rig.states(points)) if row in firsts}
     for item in switchings:
         again = (other.time for other in switchings if other.valve == item.valve and other.time > item.time)
-        rows = plant.rows(item.time, min(item.time + HIDDEN, next(again, np.inf)))
-        points = hide(plant, f"demand{item.tank}", rows)
-        yield _hidden(item, watch(plant, points, before[rows.start]))
+        rows = rows_of(points, item.time, min(item.time + HIDDEN, next(again, np.inf)))
+        changed = hide(rig, points, f"demand{item.tank}", rows)
+        yield _hidden(item, rig.watch(changed, before[rows.start]))
 
 
-def hide(plant: Plant, name: str, rows: slice) -> tuple[GridPoint, ...]:
+def hide(rig: Rig, points: Sequence[GridPoint], name: str, rows: slice) -> tuple[GridPoint, ...]:
     """Give rows in which an input stays at its value before them."""
-    k = [item.name for item in plant.spec.inputs].index(name)
-    held = np.nanmedian([point.u[k] for point in plant.points[max(rows.start - BEFORE, 0) : rows.start]])
-    return tuple(
-        replace(point, u=np.where(np.arange(len(point.u)) == k, held, point.u)) for point in plant.points[rows]
-    )
+    k = [item.name for item in rig.spec.inputs].index(name)
+    held = np.nanmedian([point.u[k] for point in points[max(rows.start - BEFORE, 0) : rows.start]])
+    return tuple(replace(point, u=np.where(np.arange(len(point.u)) == k, held, point.u)) for point in points[rows])
 
 
 def _hidden(item: Switching, found: Outcome) -> Hidden:
-    if found.detection is None:
+    if found.alarm is None:
         return Hidden(time=item.time, valve=item.valve, change=item.change, delay=None)
     last = found.diagnoses[-1]
-    best, leak = last.candidates[0].parameters, candidate(last, f"L{item.tank}")
+    best, leak = last.candidates[0], candidate(last, f"L{item.tank}")
     return Hidden(
         time=item.time,
         valve=item.valve,
         change=item.change,
-        delay=found.detection.time - item.time,
-        best=best,
-        right_tank=all(name[-1] == item.tank for name in best),
-        right_leak=best == leak.parameters,
-        leak_listed=leak.group,
-        leak=leak.suspects[0].estimate / CM3,
+        delay=found.alarm - item.time,
+        best=best.parameters,
+        right_tank=all(name[-1] == item.tank for name in best.components),
+        right_leak=leak is not None and best.parameters == leak.parameters,
+        leak_listed=leak is not None and leak.group,
+        leak=None if leak is None else leak.suspects[0].estimate / CM3,
     )
 
 
 def measure(folder: Path) -> Results:
     """Measure everything on the recording in a folder."""
     switchings = read_switchings(folder / "events.csv")
-    recording = folder / "watersafe.csv"
-    tanks = read_plant(MODELS / "tanks.yaml", recording)
+    tank4, tanks = build_rig(MODELS / "tank4.yaml"), build_rig(MODELS / "tanks.yaml")
+    points = tanks.read(folder / "watersafe.csv")
     return Results(
         limit=tanks.spec.thresholds.cusum_limit,
-        windows=tuple(windows(read_plant(MODELS / "tank4.yaml", recording), switchings)),
-        healthy=tuple(healthy(tanks)),
-        hidden=tuple(hidden(tanks, switchings)),
+        windows=tuple(windows(tank4, tank4.read(folder / "watersafe.csv"), switchings)),
+        healthy=tuple(healthy(tanks, points)),
+        hidden=tuple(hidden(tanks, points, switchings)),
     )
 
 
-def show(results: Results) -> None:
-    """Print the results for people."""
-    print("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s (times after the opening)")
-    print(f"{'opening':>8} {'alarm':>7} {'onset':>7} {'best':>6} {'prob.':>7} {'outflow':>8} {'or area until':>14}")
-    for row in results.windows:
-        print(
-            f"{row.opening:6.0f} s {_seconds(row.delay)} {_seconds(row.onset)} {'+'.join(row.best) or '-':>6} "
-            f"{_number(row.probability, 3)} {_number(row.outflow, 1):>8} {_seconds(row.undecided_until):>14}"
+def tables(results: Results) -> tuple[tuple[str, Sequence[str], list[tuple[str, ...]]], ...]:
+    """Give the tables, each with its title and header."""
+    return (
+        ("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s", WINDOW_HEADER, _window_rows(results)),
+        ("All tanks, nothing hidden: largest CUSUM of each level", HEALTHY_HEADER, _healthy_rows(results)),
+        ("All tanks, one switching hidden", HIDDEN_HEADER, _hidden_rows(results)),
+    )
+
+
+def _window_rows(results: Results) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{row.opening:.0f} s",
+            *(_number(value, 0, " s") for value in (row.delay, row.onset)),
+            ", ".join(row.best) or "-",
+            _number(row.probability, 3),
+            _number(row.outflow, 1, " cm3/s"),
+            _number(row.undecided_until, 0, " s"),
         )
-    print(f"\nAll tanks, nothing hidden: largest CUSUM of each sensor (limit {results.limit:g})")
-    for start in results.healthy:
-        alarm = "no alarm" if start.alarm is None else f"FALSE ALARM at {start.alarm:.0f} s"
-        print(f"from {start.start:5.0f} s {' '.join(f'{value:6.1f}' for value in start.highest)}  {alarm}")
-    print("\nAll tanks, one switching hidden")
+        for row in results.windows
+    ]
+
+
+def _healthy_rows(results: Results) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{row.start:.0f} s",
+            *(f"{value:.1f}" for value in row.cusum),
+            f"{results.limit:.3g}",
+            "none" if row.alarm is None else f"at {row.alarm:.0f} s",
+        )
+        for row in results.healthy
+    ]
+
+
+def _hidden_rows(results: Results) -> list[tuple[str, ...]]:
     large = [row for row in results.hidden if row.large]
-    for missed in large:
-        if missed.delay is None:
-            print(f"missed: {missed.valve} at {missed.time:.0f} s, {_number(missed.change, 1).strip()} cm3/s")
-    for title, rows in (
-        (f"from {LARGE} cm3/s", large),
-        ("  opened", [row for row in large if (row.change or 0.0) > 0]),
-        ("  closed", [row for row in large if (row.change or 0.0) < 0]),
-        ("smaller", [row for row in results.hidden if not row.large]),
-    ):
-        print(f"{title:18} {summary(rows)}")
+    return [
+        _summary(title, rows)
+        for title, rows in (
+            (f"{LARGE} cm3/s and more", large),
+            ("of these opened", [row for row in large if (row.change or 0.0) > 0]),
+            ("of these closed", [row for row in large if (row.change or 0.0) < 0]),
+            ("smaller", [row for row in results.hidden if not row.large]),
+        )
+    ]
 
 
-def summary(rows: Sequence[Hidden]) -> str:
+def _summary(title: str, rows: Sequence[Hidden]) -> tuple[str, ...]:
     """Say how many of the hidden switchings were found."""
     found = [row for row in rows if row.delay is not None]
-    counts = f"{len(found)} of {len(rows)} detected"
-    if not found:
-        return counts
     delays = [row.delay for row in found if row.delay is not None]
     return (
-        f"{counts}, after {np.median(delays):.0f} s (median; 90 %: {np.quantile(delays, 0.9):.0f} s), "
-        f"right tank {sum(row.right_tank for row in found)}, right leak first {sum(row.right_leak for row in found)}, "
-        f"in the group {sum(row.leak_listed for row in found)}"
+        title,
+        f"{len(found)} of {len(rows)}",
+        _number(float(np.median(delays)) if delays else None, 0, " s"),
+        _number(float(np.quantile(delays, 0.9)) if delays else None, 0, " s"),
+        str(sum(row.right_tank for row in found)),
+        str(sum(row.right_leak for row in found)),
+        str(sum(row.leak_listed for row in found)),
     )
 
 
-def _seconds(value: float | None) -> str:
-    return f"{'-':>7}" if value is None else f"{value:5.0f} s"
+def exceptions(results: Results) -> list[str]:
+    """Name each large switching that was missed, or taken for something else than a leak of its tank."""
+    lines = []
+    for row in results.hidden:
+        if not row.large or row.right_leak:
+            continue
+        what = f"{row.valve} at {row.time:.0f} s by {_number(row.change, 1, ' cm3/s')}"
+        lines.append(f"{what}: missed" if row.delay is None else f"{what}: {', '.join(row.best)} first")
+    return lines
 
 
-def _number(value: float | None, places: int) -> str:
-    return f"{'-':>7}" if value is None else f"{value:7.{places}f}"
+def _number(value: float | None, places: int, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.{places}f}{unit}"
 
 
-def main() -> None:
-    """Measure and print."""
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure, print, write."""
     parser = argparse.ArgumentParser(description="Faults found on the WaterSafe rig.")
-    parser.add_argument("--json", metavar="FILE", help="write all results to FILE; `-` is standard output")
-    wanted = parser.parse_args()
-    if "FAULTBOND_DATA" not in os.environ:
-        print("FAULTBOND_DATA is not set: nothing to measure", file=sys.stderr)
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write all results to FILE")
+    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the tables into the page FILE")
+    chosen = parser.parse_args(argv)
+    folder = data_folder()
+    if folder is None:
         return
-    results = measure(Path(os.environ["FAULTBOND_DATA"]) / "watersafe")
-    text = json.dumps(asdict(results), indent=1)
-    if wanted.json == "-":
-        print(text)
-        return
-    if wanted.json:
-        Path(wanted.json).write_text(text + "\n", encoding="utf-8")
-    show(results)
+    results = measure(folder / "watersafe")
+    shown, note = tables(results), f"{today()}; {machine()}"
+    falls = exceptions(results) or ["none"]
+    for title, header, rows in shown:
+        print(f"{title}\n{as_text(header, rows)}\n")
+    print("Not first:", *falls, f"\n{note}", sep="\n")
+    if chosen.json is not None:
+        report = {"note": note} | asdict(results)
+        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if chosen.markdown is not None:
+        parts = [f"{title}\n\n{as_markdown(header, rows)}" for title, header, rows in shown]
+        text = "\n\n".join(("`python -m benchmarks.watersafe`", f"{note}.", *parts, f"Not first: {'; '.join(falls)}."))
+        write_part(chosen.markdown, "watersafe", text)
 
 
 if __name__ == "__main__":
