@@ -11,7 +11,8 @@ from benchmarks.scenarios import END, Scenario
 from benchmarks.variants import effort_or_flow_goes_on
 from faultbond.model.text import load_model
 from faultbond.runtime.history import Candidate, Detection, Diagnosis
-from faultbond.runtime.monitor import Sample, finish, init, step
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation
 from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine

@@ -24,7 +24,8 @@ from benchmarks.plants import EXAMPLES, case
 from faultbond.analysis.smallest import smallest_faults
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import Sample, State, init, step
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
 from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine, build_model

@@ -18,7 +18,7 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import Sample
+from faultbond.runtime.state import Sample
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.structure.causality import assign_causality
 from faultbond.structure.components import SAMPLE_TIME, build_components, frame_name

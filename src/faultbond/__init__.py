@@ -16,7 +16,8 @@ from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import dump_model, load_model, parse_model
 from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
-from faultbond.runtime.monitor import Report, Sample, State, Status, finish, init, step
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Report, Sample, State, Status, init
 from faultbond.spec import Engine, EngineSpec
 
 __all__ = [

@@ -162,7 +162,7 @@ class EngineSpec:
     @cached_property
     def n_joint(self) -> int:
         """Length of the joint vector z."""
-        return self.slot_slice.stop + len(self.noisy_inputs)
+        return int(self.slot_slice.stop) + len(self.noisy_inputs)
 
     @cached_property
     def noisy_inputs(self) -> tuple[int, ...]:
@@ -187,7 +187,7 @@ class EngineSpec:
     @cached_property
     def n_numbers(self) -> int:
         """Numbers per lane."""
-        return self.loop_slice.stop + self.n_roles + 1
+        return int(self.loop_slice.stop) + self.n_roles + 1
 
     @cached_property
     def slow_slice(self) -> slice:
@@ -239,7 +239,7 @@ class EngineSpec:
     @cached_property
     def n_roles(self) -> int:
         """Number of roles."""
-        return self.role_fields["noise"].stop - self.loop_slice.stop if self.slot else 0
+        return int(self.role_fields["noise"].stop - self.loop_slice.stop) if self.slot else 0
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
@@ -318,3 +318,8 @@ def unpack(spec: EngineSpec, packed: FloatArray) -> FloatArray:
 def pack(full: FloatArray) -> FloatArray:
     """Give the upper triangle of a symmetric matrix, row by row."""
     return full[np.triu_indices(full.shape[0])]
+
+
+def covariance_place(spec: EngineSpec, i: int, j: int) -> int:
+    """Give the place in a lane of the covariance of i and j >= i."""
+    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i

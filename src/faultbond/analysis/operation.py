@@ -17,7 +17,8 @@ from faultbond.analysis.batch import Batch
 from faultbond.analysis.rest import Stand, at_rest, reference, reference_levels, times
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import RecordingError, StructureError
-from faultbond.runtime.monitor import START_PATIENCE, Sample, init, step
+from faultbond.runtime.monitor import START_PATIENCE, step
+from faultbond.runtime.state import Sample, init
 from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import BoolArray, FloatArray
 

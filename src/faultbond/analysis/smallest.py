@@ -25,7 +25,7 @@ from faultbond.analysis.faulty import Case, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, RecordingError
-from faultbond.runtime.monitor import Sample
+from faultbond.runtime.state import Sample
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray, IntArray
 

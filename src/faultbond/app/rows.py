@@ -9,7 +9,7 @@ from pathlib import Path
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT
-from faultbond.runtime.monitor import Sample
+from faultbond.runtime.state import Sample
 
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
 

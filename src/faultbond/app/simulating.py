@@ -16,8 +16,9 @@ from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import START_SAMPLES, init, step
+from faultbond.runtime.monitor import START_SAMPLES, step
 from faultbond.runtime.start import solve_start
+from faultbond.runtime.state import init
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

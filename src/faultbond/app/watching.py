@@ -17,8 +17,9 @@ from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import State, Status, finish, init, step
+from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.runtime.state import State, Status, init
 from faultbond.runtime.trace import Trace
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice, Method, TimeGrid

@@ -7,7 +7,7 @@ from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, ranking, stepped
+from faultbond.runtime import lanes, monitor, packing, ranking, stepped
 from faultbond.spec import EngineSpec
 from faultbond.structure.sequence import Loop
 from faultbond.synthesis.specify import PROCESS_NOISE
@@ -78,7 +78,7 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         **asdict(spec.thresholds),
         "start_samples": monitor.START_SAMPLES,
         "diagnosis_every": monitor.DIAGNOSIS_EVERY,
-        "change_memory": monitor.CHANGE_MEMORY,
+        "change_memory": packing.CHANGE_MEMORY,
         "start_patience": monitor.START_PATIENCE,
         "first_renewal": monitor.RENEWALS[0],
         "last_renewal": monitor.RENEWALS[-1],

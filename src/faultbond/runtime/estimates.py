@@ -7,8 +7,7 @@ import numpy as np
 from faultbond.runtime.forecast import forecast
 from faultbond.runtime.history import Forecast, Suspect
 from faultbond.runtime.slots import SlotLane, plan_slots
-from faultbond.runtime.slotted import place
-from faultbond.spec import EngineSpec
+from faultbond.spec import EngineSpec, covariance_place
 from faultbond.types import FaultKind, FloatArray
 
 
@@ -24,7 +23,7 @@ def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -
                 component=parameter.component,
                 nominal=parameter.nominal,
                 estimate=float(parameter.scale * lane[k]),
-                sd=float(abs(parameter.scale) * sqrt(max(lane[place(spec, k, k)], 0.0))),
+                sd=float(abs(parameter.scale) * sqrt(max(lane[covariance_place(spec, k, k)], 0.0))),
             )
         )
     return tuple(suspects)
@@ -46,7 +45,11 @@ def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> S
     k, size = wide.parameter_slice.start + item.parameter, wide.slot_slice.start
     rate, scale = size + 1, parameter.scale
     estimate = float(scale * (lane[k] + lane[size]))
-    variance = lane[place(wide, k, k)] + 2.0 * lane[place(wide, k, size)] + lane[place(wide, size, size)]
+    variance = (
+        lane[covariance_place(wide, k, k)]
+        + 2.0 * lane[covariance_place(wide, k, size)]
+        + lane[covariance_place(wide, size, size)]
+    )
     if item.kind is not FaultKind.DRIFT:
         return Suspect(
             parameter=parameter.name,
@@ -56,8 +59,8 @@ def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> S
             sd=float(abs(scale) * sqrt(max(variance, 0.0))),
         )
     moving = float(scale * lane[rate])
-    both = lane[place(wide, k, rate)] + lane[place(wide, size, rate)]
-    spread = tuple(float(value * scale**2) for value in (variance, both, lane[place(wide, rate, rate)]))
+    both = lane[covariance_place(wide, k, rate)] + lane[covariance_place(wide, size, rate)]
+    spread = tuple(float(value * scale**2) for value in (variance, both, lane[covariance_place(wide, rate, rate)]))
     return Suspect(
         parameter=parameter.name,
         component=parameter.component,
@@ -82,7 +85,7 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) 
     size = wide.slot_slice.start
     name = spec.inputs[item.input].name if item.input >= 0 else spec.outputs[item.output].name
     unit = 1.0 if item.input >= 0 or item.kind is FaultKind.GAIN else spec.outputs[item.output].noise
-    value, sd = float(unit * numbers[size]), float(unit * sqrt(max(numbers[place(wide, size, size)], 0.0)))
+    value, sd = float(unit * numbers[size]), float(unit * sqrt(max(numbers[covariance_place(wide, size, size)], 0.0)))
     rate = rate_sd = nominal = None
     word = FaultKind.BIAS.value
     match item.kind:
@@ -90,7 +93,7 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) 
             nominal = 0.0
         case FaultKind.DRIFT:
             nominal, rate = 0.0, float(unit * numbers[size + 1])
-            rate_sd = float(unit * sqrt(max(numbers[place(wide, size + 1, size + 1)], 0.0)))
+            rate_sd = float(unit * sqrt(max(numbers[covariance_place(wide, size + 1, size + 1)], 0.0)))
         case FaultKind.GAIN:
             nominal, value, word = 1.0, 1.0 + value, "gain"
         case FaultKind.STUCK:

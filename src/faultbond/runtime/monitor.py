@@ -1,166 +1,28 @@
-"""The on-line part: `init` and `step`, pure functions on a state of numbers. No clock, file or socket.
+"""The on-line part: `step`, a pure function on a state of numbers. No clock, file or socket.
 
 Each sample passes the healthy filter; a CUSUM per sensor (Page 1954) and the slow errors decide on an alarm; from the
 alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal algorithms.
 """
 
-from dataclasses import dataclass, fields, replace
-from enum import Enum
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
+from faultbond.runtime.alarm import accumulated, detect, slow_ratios
+from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained
-from faultbond.runtime.misfit import Misfit
-from faultbond.runtime.ranking import leading_lane, rank
+from faultbond.runtime.packing import corrected, pack_sample
+from faultbond.runtime.ranking import lane_table, leading_lane, rank
 from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.state import Changes, Report, Sample, State, Status, bank_fields
 from faultbond.runtime.stepped import Trail
-from faultbond.spec import Engine, EngineSpec
-from faultbond.types import BoolArray, FloatArray
+from faultbond.spec import Engine, EngineSpec, covariance_place
+from faultbond.types import FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
 RENEWALS = (30, 100, 200)  # samples after the alarm at which the bank begins again from what it has found
 DIAGNOSIS_EVERY = 20  # samples between diagnoses
-CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
-
-
-Changes = dict[str, Any]  # fields of the state, by name
-_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted")
-
-
-class Status(Enum):
-    """What the monitor is doing; the value is the message."""
-
-    WAITING = "waiting for a first value of every input"
-    STARTING = "gathering samples to solve the start"
-    WARMING = "learning the parameters; alarms are off"
-    WATCHING = "watching"
-    DIAGNOSING = "a fault was detected; the bank is running"
-    LOST = "the healthy filter lost the plant; it starts anew"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sample:
-    """One grid point: `time` and `dt` since the one before (s), `u` (n_inputs,), `y` (n_outputs,); SI; nan: missing."""
-
-    time: float
-    dt: float
-    u: FloatArray
-    y: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Report:
-    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd."""
-
-    status: Status
-    expected: FloatArray
-    variance: FloatArray
-    cusum: FloatArray
-    slow: FloatArray
-    detection: Detection | None = None
-    diagnosis: Diagnosis | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
-    """Numbers only, of fixed size; -1: not yet.
-
-    What was accepted as the new normal: a sensor's reading is `reading_gain` times the true one plus `reading_offset`,
-    with `reading_noise` times the declared variance (inf: it is no longer used); `input_offset` is added to an input
-    (SI), and parameters move on at `rates` (factors per second).
-    """
-
-    index: int  # samples seen
-    begun: int  # first sample with a value of every input
-    running: int  # 1 once the filter runs
-    alarm: int  # sample of the alarm
-    detections: int  # alarms so far
-    accepted: int  # sample at which a diagnosis was accepted last
-    time: float
-    held: FloatArray  # last input values
-    peak: FloatArray  # largest size of each input
-    since_step: FloatArray  # s since the last step of each input
-    change: FloatArray  # change of each input that is still felt
-    lane: FloatArray  # healthy filter
-    cusum: FloatArray  # (2, n_outputs): up, down
-    cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
-    trail_samples: FloatArray
-    trail_lanes: FloatArray
-    trail_times: FloatArray
-    steps: FloatArray  # lanes of the bank
-    slots: FloatArray
-    misfit: FloatArray
-    misfit_since: FloatArray
-    rejected: FloatArray  # (n_hypotheses,): 1 where a person has ruled it out
-    reading_gain: FloatArray
-    reading_offset: FloatArray
-    reading_noise: FloatArray
-    input_offset: FloatArray
-    rates: FloatArray
-
-    @property
-    def bank(self) -> Bank:
-        """The bank."""
-        return Bank(steps=self.steps, slots=self.slots, misfit=Misfit(sums=self.misfit, since=self.misfit_since))
-
-    def save(self) -> dict[str, FloatArray]:
-        """Give all numbers by name, for `numpy.savez`."""
-        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
-
-    @staticmethod
-    def restore(saved: dict[str, FloatArray]) -> "State":
-        """Give the state that `save` wrote."""
-        numbers: dict[str, Any] = {name: int(saved[name]) for name in _COUNTS}
-        numbers["time"] = float(saved["time"])
-        return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
-
-
-def init(spec: EngineSpec, t0: float = 0.0) -> State:
-    """Give the state before the first sample, at time `t0` (s)."""
-    n_u, n_y, depth = len(spec.inputs), len(spec.outputs), _depth(spec)
-    return State(
-        index=0,
-        begun=-1,
-        running=0,
-        alarm=-1,
-        detections=0,
-        accepted=-1,
-        time=t0,
-        held=np.full(n_u, np.nan),
-        peak=np.zeros(n_u),
-        since_step=np.full(n_u, np.inf),
-        change=np.zeros(n_u),
-        lane=np.zeros((spec.n_numbers, 1)),
-        cusum=np.zeros((2, n_y)),
-        cusum_start=np.zeros((2, n_y)),
-        trail_samples=np.zeros((depth, spec.n_sample)),
-        trail_lanes=np.zeros((depth, spec.n_numbers)),
-        trail_times=np.zeros(depth),
-        rejected=np.zeros(spec.n_hypotheses),
-        reading_gain=np.ones(n_y),
-        reading_offset=np.zeros(n_y),
-        reading_noise=np.ones(n_y),
-        input_offset=np.zeros(n_u),
-        rates=np.zeros(len(spec.parameters)),
-        **bank_fields(no_bank(spec)),
-    )
-
-
-def bank_fields(bank: Bank) -> Changes:
-    """Give a bank as fields of the state."""
-    return {
-        "steps": bank.steps,
-        "slots": bank.slots,
-        "misfit": bank.misfit.sums,
-        "misfit_since": bank.misfit.since,
-    }
-
-
-def _depth(spec: EngineSpec) -> int:
-    return spec.thresholds.history_samples + 2
 
 
 def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, Report]:
@@ -179,11 +41,11 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     state, report : State, Report
         Nothing raises on data; what was missing shows in the report's status and nan values.
     """
-    sample = _corrected(state, sample)
+    sample = corrected(state, sample)
     u = np.where(np.isfinite(sample.u), sample.u, state.held)
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
-    packed, changes = _pack_sample(spec, state, sample, u)
+    packed, changes = pack_sample(spec, state, sample, u)
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
@@ -198,21 +60,18 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
 
 
-def _corrected(state: State, sample: Sample) -> Sample:
-    """Give a sample without the faults of instruments that were accepted; a sensor that is out of use is missing."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        y = (sample.y - state.reading_offset) / state.reading_gain
-    return replace(sample, u=sample.u + state.input_offset, y=np.where(np.isfinite(state.reading_noise), y, np.nan))
-
-
 def _drifted(spec: EngineSpec, state: State, dt: float) -> State:
     """Let parameters move on whose drift was accepted."""
     if not np.any(state.rates):
         return state
     moved = {}
-    for name in ("lane", "steps", "slots"):
-        moved[name] = getattr(state, name).copy()
-        moved[name][spec.parameter_slice] += state.rates[:, None] * dt
+    for name, layout in (("lane", spec), ("steps", spec), ("slots", spec.slotted)):
+        lanes = getattr(state, name).copy()
+        lanes[spec.parameter_slice] += state.rates[:, None] * dt
+        for k in np.flatnonzero(state.wander):
+            index = spec.parameter_slice.start + int(k)
+            lanes[covariance_place(layout, index, index)] += (state.wander[k] * dt) ** 2
+        moved[name] = lanes
     return replace(state, **moved)
 
 
@@ -221,48 +80,6 @@ def _silent(spec: EngineSpec, status: Status) -> Report:
     return Report(
         status=status, expected=nothing, variance=nothing, cusum=nothing, slow=np.full(len(spec.slow_errors), np.nan)
     )
-
-
-def _pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
-    """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
-
-    Gives the packed sample, and what changes in the state.
-    """
-    first = not np.all(np.isfinite(state.held))
-    before = u if first else state.held
-    dt = 0.0 if first else sample.dt
-    moved = u - before
-    peak = np.maximum(state.peak, np.abs(u))
-    limits = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
-    stepped = (np.abs(moved) > limits) & ~first
-    since = np.where(stepped, 0.0, state.since_step + dt)
-    change = state.change * np.exp(-dt / CHANGE_MEMORY) + moved
-    released = 1.0 - np.exp(-2.0 * dt / CHANGE_MEMORY)  # adds up to 1 over the memory of a step
-    present = np.isfinite(sample.y)
-    packed = np.zeros(spec.n_sample)
-    place = spec.sample_fields
-    packed[place["dt"]] = dt
-    packed[place["u_before"]] = before
-    packed[place["u"]] = u
-    packed[place["y"]] = np.where(present, sample.y, 0.0)
-    packed[place["use"]] = present
-    packed[place["scale"]] = np.where(
-        _blanked(spec, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
-    )
-    packed[place["kick"]] = [
-        released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
-    ]
-    begun = state.index if state.begun < 0 else state.begun
-    if state.index - begun >= spec.thresholds.warm_up_samples:
-        packed[place["bound"]] = spec.thresholds.learning_bound
-    return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
-
-
-def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
-    """Whether a step of an input that reaches a sensor directly is still settling, per output."""
-    settling = np.array([item.settling for item in spec.inputs])
-    moving = since_step < settling
-    return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)
 
 
 def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
@@ -316,14 +133,10 @@ def _report(
         expected=measured - innovations[:n_y],
         variance=innovations[n_y:] - blank,
         cusum=state.cusum.max(axis=0),
-        slow=_slow_ratios(spec, state),
+        slow=slow_ratios(spec, state),
         detection=detection,
         diagnosis=diagnosis,
     )
-
-
-def _slow_ratios(spec: EngineSpec, state: State) -> FloatArray:
-    return np.asarray(state.lane[spec.slow_slice, 0] / spec.slow_sizes)
 
 
 def _judge(
@@ -331,7 +144,7 @@ def _judge(
 ) -> tuple[State, Report]:
     """Update the statistics, raise the alarm, run the bank."""
     warm = state.index - state.begun >= spec.thresholds.warm_up_samples
-    sums = _accumulated(spec, state, packed, innovations) if warm else {}
+    sums = accumulated(spec, state, packed, innovations) if warm else {}
     state = replace(state, **_remembered(state, lane), **sums)
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
@@ -339,7 +152,7 @@ def _judge(
         if state.index - alarm in RENEWALS:
             bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank, state.index)
     elif warm:
-        detection, change = _detect(spec, state)
+        detection, change = detect(spec, state)
         if detection is not None:
             alarm, trail = state.index, _cut_trail(state, change)
             bank = begin_bank(spec, engine, *trail, state.peak, state.index)
@@ -357,40 +170,6 @@ def _judge(
     return replace(state, alarm=alarm, detections=count, index=state.index + 1, **bank_fields(bank)), report
 
 
-def _accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
-    """Two-sided CUSUM of the normalised innovations; missing and blanked values leave it as it is."""
-    settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
-    score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
-    use = (packed[place["use"]] > 0) & (packed[place["scale"]] < settings.blank_factor)
-    grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
-    cusum = np.where(use, grown, state.cusum)
-    asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
-    start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
-    return {"cusum": cusum, "cusum_start": start}
-
-
-def _detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
-    """Give the detection, if a statistic crossed, and the sample of the estimated onset."""
-    settings = spec.thresholds
-    peak = state.cusum.max(axis=0)
-    crossed = peak > settings.cusum_limit
-    ratios = np.abs(_slow_ratios(spec, state))
-    slow = any(error.alarms and ratios[k] > settings.slow_error_limit for k, error in enumerate(spec.slow_errors))
-    if not crossed.any() and not slow:
-        return None, 0
-    leading = int(np.argmax(peak))
-    side = int(np.argmax(state.cusum[:, leading]))
-    oldest = max(state.begun, state.accepted + 1, state.index - settings.history_samples)
-    change = int(np.clip(state.cusum_start[side, leading], oldest, state.index))
-    signals = [output.name for k, output in enumerate(spec.outputs) if crossed[k]] or [spec.outputs[leading].name]
-    return Detection(
-        time=state.time,
-        sample=state.index,
-        change_time=float(state.trail_times[change % len(state.trail_times)]),
-        signals=tuple(signals),
-    ), change
-
-
 def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
     """Give the trail up to now, oldest first, and the place of the onset in it."""
     depth = len(state.trail_times)
@@ -401,8 +180,18 @@ def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
 
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     """Give the diagnosis of now, after a detection."""
-    lane = leading_lane(spec, state.bank)
-    return replace(rank(spec, state.time, state.bank), unexplained=_unexplained(spec, state, lane))
+    bank = _without(spec, state)
+    return replace(rank(spec, state.time, bank), unexplained=_unexplained(spec, state, leading_lane(spec, bank)))
+
+
+def _without(spec: EngineSpec, state: State) -> Bank:
+    """Give the bank without the hypotheses that were rejected."""
+    if not np.any(state.rejected):
+        return state.bank
+    out = state.rejected[lane_table(spec).hypothesis] > 0
+    steps, slots, n = state.steps.copy(), state.slots.copy(), state.steps.shape[1]
+    steps[-1, out[:n]] = slots[-1, out[n:]] = -np.inf
+    return replace(state.bank, steps=steps, slots=slots)
 
 
 def _unexplained(spec: EngineSpec, state: State, lane: int) -> Unexplained | None:

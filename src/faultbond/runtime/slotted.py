@@ -14,7 +14,7 @@ import numpy as np
 
 from faultbond.runtime.slots import SlotPlan, plan_slots
 from faultbond.runtime.stepped import Mixture, Trail, forget_slow_errors, mix, mixed, onsets, relinearised
-from faultbond.spec import Engine, EngineSpec, pack, unpack
+from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
@@ -116,8 +116,8 @@ def slot_lanes(
         if item.kind is FaultKind.STUCK:
             start = _last_reading(spec, seen, item.output) / spec.outputs[item.output].noise
         lanes[size, column] = start
-        lanes[place(wide, size, size), column] = (item.size_sd * unit) ** 2
-        lanes[place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
+        lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2
+        lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
     return lanes
 
 
@@ -126,11 +126,6 @@ def _last_reading(spec: EngineSpec, seen: FloatArray, output: int) -> float:
     fields = spec.sample_fields
     used = np.flatnonzero(seen[:, fields["use"].start + output])
     return float(seen[used[-1], fields["y"].start + output]) if len(used) else 0.0
-
-
-def place(spec: EngineSpec, i: int, j: int) -> int:
-    """Give the place of the covariance of i and j >= i in a lane."""
-    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i
 
 
 def widened(spec: EngineSpec, lane: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
-from faultbond.spec import Engine, EngineSpec, pack, unpack
+from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FloatArray
 
 ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
@@ -121,13 +121,8 @@ def _begin_lanes(
     late[:n_x] += half
     for i in range(n_x):
         for j in range(i, n_x):
-            late[_place(spec, i, j)] += half[i] * half[j]
+            late[covariance_place(spec, i, j)] += half[i] * half[j]
     return late
-
-
-def _place(spec: EngineSpec, i: int, j: int) -> int:
-    """Place of the covariance of i and j >= i in a lane."""
-    return spec.n_joint + i * spec.n_joint - i * (i - 1) // 2 + j - i
 
 
 def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from array import array
 import numpy as np
 
 from faultbond.runtime.history import Detection, Diagnosis, History
-from faultbond.runtime.monitor import Report, Sample
+from faultbond.runtime.state import Report, Sample
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 

@@ -1,0 +1,199 @@
+"""Accepting and rejecting a candidate: what a person, or a rule, makes of a diagnosis.
+
+An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
+instrument is corrected from then on, and the alarms are on again. A rejected one is out until the next alarm.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from faultbond.errors import FaultbondError
+from faultbond.runtime.bank import no_bank
+from faultbond.runtime.history import Candidate, Diagnosis
+from faultbond.runtime.monitor import conclude
+from faultbond.runtime.ranking import best_lanes
+from faultbond.runtime.slots import SlotLane, plan_slots
+from faultbond.runtime.slotted import shared
+from faultbond.runtime.state import State, bank_fields
+from faultbond.spec import EngineSpec, pack, unpack
+from faultbond.types import FaultKind, FloatArray
+
+WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
+SURE = 0.95  # probability from which a rule accepts, if nothing else is said
+SURE_SAMPLES = 60  # for which a candidate has been alone in its group before a rule accepts it
+
+
+def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
+    """Give the index of the hypothesis with these components, or parameters, or of this sensor or input.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is none, or several.
+    """
+    wanted = frozenset(components)
+    found = [
+        k
+        for k, chosen in enumerate(spec.hypotheses)
+        if wanted
+        in (
+            frozenset(spec.parameters[i].component for i in chosen),
+            frozenset(spec.parameters[i].name for i in chosen),
+        )
+    ]
+    found += [k for k, item in enumerate(spec.instruments, len(spec.hypotheses)) if wanted == {item.name}]
+    if len(found) == 1:
+        return found[0]
+    words = ", ".join(components)
+    if found:
+        raise FaultbondError(f"{words}: several hypotheses have these components. Name their parameters instead.")
+    raise FaultbondError(
+        f"{words}: no hypothesis has just these components. Name those of one candidate of the diagnosis."
+    )
+
+
+def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Candidate]:
+    """Take a hypothesis as the new healthy model; give the state and the candidate as it stood.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is no alarm to explain.
+    """
+    candidate = candidate_of(spec, state, hypothesis)
+    lane = int(best_lanes(spec, state.bank.likelihoods)[hypothesis])
+    steps = state.steps.shape[1]
+    if lane < steps:
+        changed, healthy = state, state.steps[:, lane]
+    else:
+        item = plan_slots(spec).lanes[lane - steps]
+        changed, healthy = _absorbed(spec, state, item, state.slots[:, lane - steps])
+    last = state.index - 1
+    trail = state.trail_lanes.copy()
+    trail[last % len(trail)] = healthy
+    accepted = replace(
+        changed,
+        alarm=-1,
+        accepted=last,
+        lane=healthy[:, None].copy(),
+        trail_lanes=trail,
+        cusum=np.zeros_like(state.cusum),
+        cusum_start=np.full_like(state.cusum_start, last),
+        rejected=np.zeros_like(state.rejected),
+        **bank_fields(no_bank(spec)),
+    )
+    return accepted, candidate
+
+
+def reject(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Candidate]:
+    """Rule a hypothesis out until the next alarm; the others share its probability.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is no alarm to explain, or nothing would be left.
+    """
+    candidate = candidate_of(spec, state, hypothesis)
+    rejected = state.rejected.copy()
+    rejected[hypothesis] = 1.0
+    if np.all(rejected > 0):
+        raise FaultbondError(f"{', '.join(candidate.components)}: the last hypothesis cannot be rejected.")
+    return replace(state, rejected=rejected), candidate
+
+
+def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
+    """Give the candidate of a hypothesis as it stands now.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is no alarm to explain.
+    """
+    if state.alarm < 0:
+        raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
+    names = hypothesis_names(spec, hypothesis)
+    found = (item for item in conclude(spec, state).candidates if names == candidate_names(item))
+    candidate = next(found, None)
+    if candidate is None:
+        raise FaultbondError(f"{', '.join(sorted(names))}: rejected, or not among the candidates that are listed.")
+    return candidate
+
+
+def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
+    """Give the parameters of a hypothesis, or its sensor or input."""
+    if hypothesis < len(spec.hypotheses):
+        return frozenset(spec.parameters[i].name for i in spec.hypotheses[hypothesis])
+    return frozenset({spec.instruments[hypothesis - len(spec.hypotheses)].name})
+
+
+def candidate_names(candidate: Candidate) -> frozenset[str]:
+    """Give the parameters of a candidate, or its sensor or input."""
+    return frozenset(name.partition(".")[0] for name in candidate.parameters)
+
+
+def is_sure(diagnosis: Diagnosis, level: float) -> bool:
+    """Whether the best candidate is likely enough, alone in its group, and explains the data."""
+    best = diagnosis.candidates[0]
+    alone = sum(item.group for item in diagnosis.candidates) == 1
+    return best.probability >= level and alone and diagnosis.unexplained is None
+
+
+def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) -> tuple[State, FloatArray]:
+    """Give the state and the healthy lane with what a slot holds made part of the plant or its instruments."""
+    wide = spec.slotted
+    size, rate = (float(value) for value in lane[wide.slot_slice])
+    if item.parameter >= 0:
+        return _absorbed_parameter(spec, state, item, lane, rate)
+    changed = state
+    if item.input >= 0:
+        offset = state.input_offset.copy()
+        offset[item.input] += size
+        changed = replace(state, input_offset=offset)
+    else:
+        changed = _absorbed_sensor(spec, state, item, size)
+    return changed, _narrowed(spec, lane, np.zeros(wide.n_joint), -1)
+
+
+def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float) -> State:
+    """Correct a sensor, or do without it where it no longer follows the plant or drifts."""
+    j = item.output
+    gain, offset, noise = state.reading_gain.copy(), state.reading_offset.copy(), state.reading_noise.copy()
+    match item.kind:
+        case FaultKind.BIAS:
+            offset[j] += gain[j] * size * spec.outputs[j].noise
+        case FaultKind.GAIN:
+            gain[j] *= 1.0 + size
+        case FaultKind.NOISE:
+            noise[j] *= item.noise
+        case _:
+            noise[j] = np.inf
+    return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise)
+
+
+def _absorbed_parameter(
+    spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray, rate: float
+) -> tuple[State, FloatArray]:
+    """Let a parameter be what it and the slot add up to, and go on as it drifts."""
+    wide, changed = spec.slotted, state
+    weights = np.zeros(wide.n_joint)
+    weights[wide.slot_slice.start] = float(item.acts)
+    if item.kind is FaultKind.DRIFT:
+        rates, wander = state.rates.copy(), state.wander.copy()
+        rates[item.parameter] += rate
+        wander[item.parameter] = abs(WANDER * rate)
+        changed = replace(state, rates=rates, wander=wander)
+    return changed, _narrowed(spec, lane, weights, item.parameter)
+
+
+def _narrowed(spec: EngineSpec, lane: FloatArray, weights: FloatArray, parameter: int) -> FloatArray:
+    """Give a lane without its slot; `weights` (n_joint of slot lanes) times z is added to a parameter."""
+    wide, own = spec.slotted, shared(spec)
+    take = np.zeros((spec.n_joint, wide.n_joint))
+    take[np.arange(len(own)), own] = 1.0
+    if parameter >= 0:
+        take[spec.parameter_slice.start + parameter] += weights
+    covariance = take @ unpack(wide, lane[wide.covariance_slice]) @ take.T
+    mean = take @ lane[: wide.n_joint]
+    return np.concatenate([mean, pack(covariance), lane[wide.loop_slice], lane[-1:]])

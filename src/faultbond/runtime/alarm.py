@@ -1,0 +1,50 @@
+"""The alarm: a two-sided CUSUM of the innovations of each sensor, and slow errors that leave their declared size.
+
+Source: Page, Biometrika 41 (1954) 100.
+"""
+
+import numpy as np
+
+from faultbond.runtime.history import Detection
+from faultbond.runtime.state import Changes, State
+from faultbond.spec import EngineSpec
+from faultbond.types import FloatArray
+
+
+def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
+    """Two-sided CUSUM of the normalised innovations; missing and blanked values leave it as it is."""
+    settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
+    score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
+    use = (packed[place["use"]] > 0) & (packed[place["scale"]] < settings.blank_factor)
+    grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
+    cusum = np.where(use, grown, state.cusum)
+    asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
+    start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
+    return {"cusum": cusum, "cusum_start": start}
+
+
+def detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
+    """Give the detection, if a statistic crossed, and the sample of the estimated onset."""
+    settings = spec.thresholds
+    peak = state.cusum.max(axis=0)
+    crossed = peak > settings.cusum_limit
+    ratios = np.abs(slow_ratios(spec, state))
+    slow = any(error.alarms and ratios[k] > settings.slow_error_limit for k, error in enumerate(spec.slow_errors))
+    if not crossed.any() and not slow:
+        return None, 0
+    leading = int(np.argmax(peak))
+    side = int(np.argmax(state.cusum[:, leading]))
+    oldest = max(state.begun, state.accepted + 1, state.index - settings.history_samples)
+    change = int(np.clip(state.cusum_start[side, leading], oldest, state.index))
+    signals = [output.name for k, output in enumerate(spec.outputs) if crossed[k]] or [spec.outputs[leading].name]
+    return Detection(
+        time=state.time,
+        sample=state.index,
+        change_time=float(state.trail_times[change % len(state.trail_times)]),
+        signals=tuple(signals),
+    ), change
+
+
+def slow_ratios(spec: EngineSpec, state: State) -> FloatArray:
+    """Give the slow errors in units of their declared sd."""
+    return np.asarray(state.lane[spec.slow_slice, 0] / spec.slow_sizes)

@@ -1,0 +1,60 @@
+"""A sample as the engine takes it: inputs held, steps blanked, missing values off, accepted faults corrected."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from faultbond.runtime.state import Changes, Sample, State
+from faultbond.spec import EngineSpec
+from faultbond.types import BoolArray, FloatArray
+
+CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
+
+
+def corrected(state: State, sample: Sample) -> Sample:
+    """Give a sample without the faults of instruments that were accepted; a sensor that is out of use is missing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        y = (sample.y - state.reading_offset) / state.reading_gain
+    return replace(sample, u=sample.u + state.input_offset, y=np.where(np.isfinite(state.reading_noise), y, np.nan))
+
+
+def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
+    """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
+
+    Gives the packed sample, and what changes in the state.
+    """
+    first = not np.all(np.isfinite(state.held))
+    before = u if first else state.held
+    dt = 0.0 if first else sample.dt
+    moved = u - before
+    peak = np.maximum(state.peak, np.abs(u))
+    limits = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
+    stepped = (np.abs(moved) > limits) & ~first
+    since = np.where(stepped, 0.0, state.since_step + dt)
+    change = state.change * np.exp(-dt / CHANGE_MEMORY) + moved
+    released = 1.0 - np.exp(-2.0 * dt / CHANGE_MEMORY)  # adds up to 1 over the memory of a step
+    present = np.isfinite(sample.y)
+    packed = np.zeros(spec.n_sample)
+    place = spec.sample_fields
+    packed[place["dt"]] = dt
+    packed[place["u_before"]] = before
+    packed[place["u"]] = u
+    packed[place["y"]] = np.where(present, sample.y, 0.0)
+    packed[place["use"]] = present
+    packed[place["scale"]] = np.where(
+        _blanked(spec, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
+    )
+    packed[place["kick"]] = [
+        released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
+    ]
+    begun = state.index if state.begun < 0 else state.begun
+    if state.index - begun >= spec.thresholds.warm_up_samples:
+        packed[place["bound"]] = spec.thresholds.learning_bound
+    return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
+
+
+def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
+    """Whether a step of an input that reaches a sensor directly is still settling, per output."""
+    settling = np.array([item.settling for item in spec.inputs])
+    moving = since_step < settling
+    return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)

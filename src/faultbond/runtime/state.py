@@ -1,0 +1,151 @@
+"""What the monitor remembers, takes and gives: numbers only, of fixed size, so that it can be saved at any sample."""
+
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from faultbond.runtime.bank import Bank, no_bank
+from faultbond.runtime.history import Detection, Diagnosis
+from faultbond.runtime.misfit import Misfit
+from faultbond.spec import EngineSpec
+from faultbond.types import FloatArray
+
+Changes = dict[str, Any]  # fields of the state, by name
+_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted")
+
+
+class Status(Enum):
+    """What the monitor is doing; the value is the message."""
+
+    WAITING = "waiting for a first value of every input"
+    STARTING = "gathering samples to solve the start"
+    WARMING = "learning the parameters; alarms are off"
+    WATCHING = "watching"
+    DIAGNOSING = "a fault was detected; the bank is running"
+    LOST = "the healthy filter lost the plant; it starts anew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sample:
+    """One grid point: `time` and `dt` since the one before (s), `u` (n_inputs,), `y` (n_outputs,); SI; nan: missing."""
+
+    time: float
+    dt: float
+    u: FloatArray
+    y: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Report:
+    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd."""
+
+    status: Status
+    expected: FloatArray
+    variance: FloatArray
+    cusum: FloatArray
+    slow: FloatArray
+    detection: Detection | None = None
+    diagnosis: Diagnosis | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Numbers only, of fixed size; -1: not yet.
+
+    What was accepted as the new normal: a sensor's reading is `reading_gain` times the true one plus `reading_offset`,
+    with `reading_noise` times the declared variance (inf: it is no longer used); `input_offset` is added to an input
+    (SI), and parameters move on at `rates` (factors per second), give or take `wander`.
+    """
+
+    index: int  # samples seen
+    begun: int  # first sample with a value of every input
+    running: int  # 1 once the filter runs
+    alarm: int  # sample of the alarm
+    detections: int  # alarms so far
+    accepted: int  # sample at which a diagnosis was accepted last
+    time: float
+    held: FloatArray  # last input values
+    peak: FloatArray  # largest size of each input
+    since_step: FloatArray  # s since the last step of each input
+    change: FloatArray  # change of each input that is still felt
+    lane: FloatArray  # healthy filter
+    cusum: FloatArray  # (2, n_outputs): up, down
+    cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
+    trail_samples: FloatArray
+    trail_lanes: FloatArray
+    trail_times: FloatArray
+    steps: FloatArray  # lanes of the bank
+    slots: FloatArray
+    misfit: FloatArray
+    misfit_since: FloatArray
+    rejected: FloatArray  # (n_hypotheses,): 1 where a person has ruled it out
+    reading_gain: FloatArray
+    reading_offset: FloatArray
+    reading_noise: FloatArray
+    input_offset: FloatArray
+    rates: FloatArray
+    wander: FloatArray
+
+    @property
+    def bank(self) -> Bank:
+        """The bank."""
+        return Bank(steps=self.steps, slots=self.slots, misfit=Misfit(sums=self.misfit, since=self.misfit_since))
+
+    def save(self) -> dict[str, FloatArray]:
+        """Give all numbers by name, for `numpy.savez`."""
+        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+
+    @staticmethod
+    def restore(saved: dict[str, FloatArray]) -> "State":
+        """Give the state that `save` wrote."""
+        numbers: dict[str, Any] = {name: int(saved[name]) for name in _COUNTS}
+        numbers["time"] = float(saved["time"])
+        return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
+
+
+def init(spec: EngineSpec, t0: float = 0.0) -> State:
+    """Give the state before the first sample, at time `t0` (s)."""
+    n_u, n_y, depth = len(spec.inputs), len(spec.outputs), _depth(spec)
+    return State(
+        index=0,
+        begun=-1,
+        running=0,
+        alarm=-1,
+        detections=0,
+        accepted=-1,
+        time=t0,
+        held=np.full(n_u, np.nan),
+        peak=np.zeros(n_u),
+        since_step=np.full(n_u, np.inf),
+        change=np.zeros(n_u),
+        lane=np.zeros((spec.n_numbers, 1)),
+        cusum=np.zeros((2, n_y)),
+        cusum_start=np.zeros((2, n_y)),
+        trail_samples=np.zeros((depth, spec.n_sample)),
+        trail_lanes=np.zeros((depth, spec.n_numbers)),
+        trail_times=np.zeros(depth),
+        rejected=np.zeros(spec.n_hypotheses),
+        reading_gain=np.ones(n_y),
+        reading_offset=np.zeros(n_y),
+        reading_noise=np.ones(n_y),
+        input_offset=np.zeros(n_u),
+        rates=np.zeros(len(spec.parameters)),
+        wander=np.zeros(len(spec.parameters)),
+        **bank_fields(no_bank(spec)),
+    )
+
+
+def bank_fields(bank: Bank) -> Changes:
+    """Give a bank as fields of the state."""
+    return {
+        "steps": bank.steps,
+        "slots": bank.slots,
+        "misfit": bank.misfit.sums,
+        "misfit_since": bank.misfit.since,
+    }
+
+
+def _depth(spec: EngineSpec) -> int:
+    return spec.thresholds.history_samples + 2
