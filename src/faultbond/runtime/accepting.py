@@ -22,7 +22,7 @@ from faultbond.types import FaultKind, FloatArray
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
 SURE = 0.95  # probability from which a rule accepts, if nothing else is said
-SURE_SAMPLES = 60  # for which a candidate has been alone in its group before a rule accepts it
+SURE_SAMPLES = 200  # for which a candidate has been the sure one before a rule accepts it
 
 
 def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
@@ -134,10 +134,10 @@ def candidate_names(candidate: Candidate) -> frozenset[str]:
 
 
 def is_sure(diagnosis: Diagnosis, level: float) -> bool:
-    """Whether the best candidate is likely enough, alone in its group, and explains the data."""
+    """Whether the best candidate and its kind are likely enough, it is alone in its group, and explains the data."""
     best = diagnosis.candidates[0]
     alone = sum(item.group for item in diagnosis.candidates) == 1
-    return best.probability >= level and alone and diagnosis.unexplained is None
+    return best.probability * best.kinds[0][1] >= level and alone and diagnosis.unexplained is None
 
 
 def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) -> tuple[State, FloatArray]:
