@@ -7,7 +7,9 @@ import pytest
 from made import plant, recorded, run
 
 from faultbond.runtime import monitor
+from faultbond.runtime.bank import Bank
 from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
@@ -17,15 +19,21 @@ FAULT = Fault(parameter="R", factor=2.0, start=2.4)
 
 @dataclass(frozen=True)
 class Recorder:
-    """An engine that keeps what it was asked: (number of lanes, samples)."""
+    """An engine that keeps what it was asked: (number of lanes, samples), apart for lanes with a slot."""
 
     inner: Engine
     calls: list[tuple[int, FloatArray]] = field(default_factory=list)
+    slot_calls: list[tuple[int, FloatArray]] = field(default_factory=list)
 
     @property
     def title(self) -> str:
         """What it is."""
         return "recorder"
+
+    @property
+    def slot(self) -> "Recorder":
+        """A recorder of lanes with a slot."""
+        return Recorder(self.inner.slot, self.slot_calls)
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Keep and pass on."""
@@ -33,23 +41,25 @@ class Recorder:
         return self.inner.advance(lanes, samples)
 
 
-def asked(rows: int) -> tuple[EngineSpec, monitor.State, list[tuple[int, FloatArray]]]:
+def asked(rows: int) -> tuple[EngineSpec, monitor.State, Recorder]:
     """Run a motor with a fault; give what the engine was asked."""
     _, spec, engine = plant("dc_motor")
     recorder = Recorder(engine)
     state, _ = run(spec, recorder, recorded("dc_motor", rows, FAULT))
     assert state.alarm >= 0
-    return spec, state, recorder.calls
+    return spec, state, recorder
 
 
 def test_bank_linearises_twice_without_bound() -> None:
     """Every sample that lanes of the bank see asks for a second update and sets no bound on innovations."""
-    spec, _, calls = asked(300)
+    spec, _, recorder = asked(300)
     place = spec.sample_fields
-    bank = [samples for lanes, samples in calls if lanes == plan_lanes(spec).n_lanes]
-    assert len(bank) > 100
-    assert all(np.all(samples[:, place["again"]] == 1.0) for samples in bank)
-    assert all(np.all(samples[:, place["bound"]] == 0.0) for samples in bank)
+    steps = [samples for lanes, samples in recorder.calls if lanes == plan_lanes(spec).n_lanes]
+    slots = [samples for _, samples in recorder.slot_calls]
+    for bank in (steps, slots):
+        assert len(bank) > 100
+        assert all(np.all(samples[:, place["again"]] == 1.0) for samples in bank)
+        assert all(np.all(samples[:, place["bound"]] == 0.0) for samples in bank)
 
 
 def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
@@ -67,11 +77,13 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bank begins again exactly at the samples that are set for it, counted from the alarm."""
     renewed = []
 
-    def renew(*arguments: object) -> object:
-        renewed.append(len(arguments))
-        return arguments[-1]
+    def renew(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, index: int) -> Bank:
+        del spec, engine, trail
+        renewed.append(index)
+        return bank
 
     monkeypatch.setattr(monitor, "renew_bank", renew)
     _, spec, engine = plant("dc_motor")
     state, _ = run(spec, engine, recorded("dc_motor", 400, FAULT))
-    assert len(renewed) == sum(state.alarm + wait < state.index for wait in monitor.RENEWALS) > 1
+    assert renewed == [state.alarm + wait for wait in monitor.RENEWALS if state.alarm + wait < state.index]
+    assert len(renewed) > 1

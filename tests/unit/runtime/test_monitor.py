@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from made import differing, plant, recorded, run
 
-from faultbond.runtime.monitor import START_SAMPLES, Report, State, Status, finish, init, step
+from faultbond.runtime.monitor import START_SAMPLES, finish, step
+from faultbond.runtime.state import Report, State, Status, init
 from faultbond.simulate import Fault
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
@@ -277,6 +278,11 @@ class Disturbed:
         """What it is."""
         return "disturbed"
 
+    @property
+    def slot(self) -> "Disturbed":
+        """The same: lanes of any length go on as they are."""
+        return self
+
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Leave the lanes."""
         shape = (len(samples), len(self.innovations), lanes.shape[1])
@@ -391,6 +397,11 @@ class Lossy:
     def title(self) -> str:
         """What it is."""
         return "lossy"
+
+    @property
+    def slot(self) -> Engine:
+        """Lanes with a slot are not lost."""
+        return self.inner.slot
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Run the inner engine, and lose everything now and then."""

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from made import plant, recorded, run
 
-from faultbond.runtime.stepped import Trail, begin_steps, renew_steps, suspect_lanes
 from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.monitor import finish
+from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
+from faultbond.runtime.stepped import Trail, begin_steps, renew_steps, suspect_lanes
 from faultbond.simulate import Fault
 from faultbond.spec import EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
 from faultbond.types import FloatArray
@@ -37,9 +38,15 @@ def test_hypotheses_do_not_see_each_other(name: str, fault: Fault, kept: tuple[i
     assert part.alarm == full.alarm
     assert np.array_equal(part.lane, full.lane)
     for new, old in enumerate(kept):
-        here = part.bank[:, plan_lanes(less).hypothesis == new]
-        there = full.bank[:, plan_lanes(spec).hypothesis == old]
+        here = part.steps[:, plan_lanes(less).hypothesis == new]
+        there = full.steps[:, plan_lanes(spec).hypothesis == old]
         assert np.all(np.isfinite(there[-1]))
+        assert np.array_equal(here, there)
+    shift = len(less.hypotheses) - len(spec.hypotheses)
+    pairs = [*enumerate(kept), *((k + shift, k) for k in range(len(spec.hypotheses), spec.n_hypotheses))]
+    for new, old in pairs:
+        here = part.slots[:, plan_slots(less).hypothesis == new]
+        there = full.slots[:, plan_slots(spec).hypothesis == old]
         assert np.array_equal(here, there)
     assert [r.detection for r in part_reports] == [r.detection for r in reports]
 
@@ -136,6 +143,11 @@ class ToyEngine:
     def title(self) -> str:
         """What it is."""
         return "toy"
+
+    @property
+    def slot(self) -> "ToyEngine":
+        """The same for lanes with a slot."""
+        return ToyEngine(self.spec.slotted)
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Add up."""
