@@ -1,8 +1,16 @@
 """What a run saw, sample by sample, kept for people: the report and the terminal. Not needed by the engine."""
 
 from dataclasses import dataclass
+from enum import Enum
 
 from faultbond.types import FaultKind, FloatArray
+
+
+class Decider(Enum):
+    """Who accepted or rejected a candidate; the value is the word in records."""
+
+    PERSON = "person"
+    RULE = "rule"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +98,15 @@ class Diagnosis:
     unexplained: Unexplained | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accepted:
+    """A candidate, as it stood, that became the healthy model at `time`; alarms since then are of other faults."""
+
+    time: float
+    candidate: Candidate
+    by: Decider
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class History:
     """Traces of one run for plotting, SI, one row per grid point.
@@ -97,8 +114,9 @@ class History:
     time (T,); measured, expected, expected_sd (T, n_outputs), nan where missing; inputs (T, n_inputs).
     cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`.
     slow (T, n_slow): those slow errors that can alarm, in units of their declared sd, limit `slow_limit`.
-    After the detection `expected` goes on as the healthy model sees the plant.
-    diagnoses: all Diagnosis records in order.
+    After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
+    detections, diagnoses, accepted: all records in order. Of a run that went on from another one there are also what
+    that one accepted, and its last detection if it was still open.
     """
 
     time: FloatArray
@@ -113,3 +131,11 @@ class History:
     slow_names: tuple[str, ...]
     detections: tuple[Detection, ...]
     diagnoses: tuple[Diagnosis, ...]
+    accepted: tuple[Accepted, ...] = ()
+
+    @property
+    def open(self) -> Detection | None:
+        """The detection that nothing was accepted for yet."""
+        last = self.detections[-1] if self.detections else None
+        decided = last is not None and any(item.time >= last.time for item in self.accepted)
+        return None if decided else last

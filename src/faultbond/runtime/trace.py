@@ -1,10 +1,11 @@
 """Collects what a run sees, sample by sample, into a `History`."""
 
 from array import array
+from collections.abc import Sequence
 
 import numpy as np
 
-from faultbond.runtime.history import Detection, Diagnosis, History
+from faultbond.runtime.history import Accepted, Detection, Diagnosis, History
 from faultbond.runtime.state import Report, Sample
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
@@ -34,6 +35,7 @@ class Trace:
         self._stride = 1
         self._passed = 0  # diagnoses seen
         self._last: Diagnosis | None = None
+        self._accepted: list[Accepted] = []
 
     def add(self, sample: Sample, report: Report) -> None:
         """Take one sample and what the monitor said of it."""
@@ -64,6 +66,15 @@ class Trace:
             del self._diagnoses[1::2]
             self._stride *= 2
 
+    def before(self, detections: Sequence[Detection], accepted: Sequence[Accepted]) -> None:
+        """Take what is known from a run that this one goes on from."""
+        self._detections += detections
+        self._accepted += accepted
+
+    def accept(self, accepted: Accepted) -> None:
+        """Take what became the healthy model."""
+        self._accepted.append(accepted)
+
     def history(self) -> History:
         """Give all that was kept."""
         rows = np.array(self._numbers).reshape(-1, self._width)
@@ -82,6 +93,7 @@ class Trace:
             slow_names=tuple(error.name for error in self._spec.slow_errors if error.alarms),
             detections=tuple(self._detections),
             diagnoses=self._kept(),
+            accepted=tuple(self._accepted),
         )
 
     def _kept(self) -> tuple[Diagnosis, ...]:
