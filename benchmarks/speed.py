@@ -21,8 +21,9 @@ from benchmarks.plants import EXAMPLES, case
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.lanes import plan_lanes
-from faultbond.runtime.monitor import Sample, Status, init, step
+from faultbond.runtime.bank import Bank, advance_bank, no_bank
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import Sample, Status, init
 from faultbond.simulate import Inputs, simulate, sines
 from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
@@ -82,8 +83,8 @@ def latency(folder: str) -> Latency:
     bank, ratio = _bank(spec, (compiled, virtual), given)
     return Latency(
         model=folder,
-        hypotheses=len(spec.hypotheses),
-        lanes=plan_lanes(spec).n_lanes,
+        hypotheses=spec.n_hypotheses,
+        lanes=len(no_bank(spec).likelihoods),
         watching=_middle_and_tail(watching),
         diagnosing=_middle_and_tail(diagnosing),
         bank=bank,
@@ -104,11 +105,11 @@ def ladder(sections: int) -> Ladder:
     return Ladder(
         components=2 * sections,
         states=len(spec.states),
-        hypotheses=len(spec.hypotheses),
-        lanes=plan_lanes(spec).n_lanes,
+        hypotheses=spec.n_hypotheses,
+        lanes=len(no_bank(spec).likelihoods),
         build=built,
         bank=bank,
-        per_second=len(spec.hypotheses) / bank,
+        per_second=spec.n_hypotheses / bank,
         bank_ratio=ratio,
     )
 
@@ -150,15 +151,18 @@ def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: list[Sample])
     """Give the median time per sample of the bank on the first engine, and how many times as long the second takes."""
     state = play_through(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
     packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
-    whole = _rate(engines[0], state.bank, packed, DIAGNOSED // 2)
-    return whole, _rate(engines[1], state.bank, packed, MACHINE_SAMPLES) / whole
+    compiled, virtual = (
+        _rate(spec, engine, state.bank, packed, count)
+        for engine, count in zip(engines, (DIAGNOSED // 2, MACHINE_SAMPLES), strict=True)
+    )
+    return compiled, virtual / compiled
 
 
-def _rate(engine: Engine, lanes: FloatArray, packed: FloatArray, count: int) -> float:
+def _rate(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, count: int) -> float:
     taken = []
-    for _ in range(count):
+    for index in range(count):
         begin = time.thread_time()
-        engine.advance(lanes, packed[None, :])
+        advance_bank(spec, engine, bank, packed, index)
         taken.append(time.thread_time() - begin)
     return float(np.median(taken))
 

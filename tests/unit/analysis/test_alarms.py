@@ -6,7 +6,8 @@ from plants import example
 
 from faultbond.analysis.alarms import Detector, Trial, accumulated, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
-from faultbond.runtime.monitor import Sample, init, step
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine

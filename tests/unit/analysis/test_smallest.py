@@ -10,7 +10,8 @@ from plants import circuit, example, stated
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import ModelError, RecordingError
-from faultbond.runtime.monitor import Sample, State, init, step
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
 from faultbond.simulate.truth import healthy_parameters
 from faultbond.spec import Engine, EngineSpec

@@ -8,7 +8,8 @@ import numpy as np
 
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import Report, Sample, State, init, step
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine

@@ -9,6 +9,7 @@ from made import plant, recorded, run
 from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.state import State
 from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault
 from faultbond.spec import Engine, EngineSpec
@@ -41,7 +42,7 @@ class Recorder:
         return self.inner.advance(lanes, samples)
 
 
-def asked(rows: int) -> tuple[EngineSpec, monitor.State, Recorder]:
+def asked(rows: int) -> tuple[EngineSpec, State, Recorder]:
     """Run a motor with a fault; give what the engine was asked."""
     _, spec, engine = plant("dc_motor")
     recorder = Recorder(engine)

@@ -118,7 +118,7 @@ def test_kinds_of_a_set(seed: int, spread: float) -> None:
     sets = [*plan.hypothesis, *plan_slots(SPEC).hypothesis]
     for item in rank(SPEC, 0.0, bank).candidates:
         own = [lane for lane, k in enumerate(sets) if k == index[item.components]]
-        parts = {kind: 0.0 for kind in (kinds[lane] for lane in own)}
+        parts = dict.fromkeys((kinds[lane] for lane in own), 0.0)
         for lane in own:
             parts[kinds[lane]] += float(np.exp(likelihoods[lane] + weights[lane] + 300.0))
         total = sum(parts.values())

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from made import TANK_START, plant, recorded, run, samples_of
 
-from faultbond.runtime.monitor import START_SAMPLES, Sample, Status
+from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.state import Sample, Status
 from faultbond.simulate import Inputs, simulate
 from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import FloatArray

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from faultbond.runtime.history import Detection, Diagnosis
-from faultbond.runtime.monitor import Report, Sample, Status
+from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
 from faultbond.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
 

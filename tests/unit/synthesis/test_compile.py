@@ -53,7 +53,7 @@ def some_steps(spec: EngineSpec, engine: Engine) -> FloatArray:
 
 @needs_compiler
 def test_second_build_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
-    """The same model is compiled once, for lanes with a slot and without; the second engine comes from the cache and gives the same numbers."""
+    """A model is compiled once for each sort of lane; the second engine comes from the cache, with the same numbers."""
     script, log = counting_compiler(tmp_path)
     monkeypatch.setenv("CC", str(script))
     first, second = (some_steps(*build_engine(load_model(RC))) for _ in range(2))
@@ -83,7 +83,7 @@ def run_in_process(number: int) -> tuple[str, list[float]]:
 
 @needs_compiler
 def test_several_processes_at_once(cache: Path) -> None:
-    """Four processes that find an empty cache at the same time all get a working engine, and one library of each kind remains."""
+    """Four processes that find an empty cache all get a working engine, and one library a sort of lane remains."""
     with multiprocessing.get_context("spawn").Pool(4) as pool:
         found = pool.map(run_in_process, range(4), chunksize=1)
     assert {name for name, _ in found} == {CompiledEngine.__name__}
