@@ -28,7 +28,7 @@ RECORDS = {
         "time candidates unexplained signal since until components parameters nominal estimate sd probability group "
         "kind kinds present rate rate_sd forecasts limit earliest latest"
     ),
-    "end": "time samples watched detections missing late duplicate",
+    "end": ("time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen"),
     "analyse": (
         "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "
         "group_reasons near_groups on_data detectable isolable by_causality tests structural_sensors routes "
@@ -38,6 +38,12 @@ RECORDS = {
         "second always words target question components observations equations closed_form refusal steps samples "
         "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
         "size in_noise classes near choices input level change hold before after"
+    ),
+    "fit": (
+        "model model_sha256 version output recordings recording samples readings first last prediction_error "
+        "simulation_error parameters name component nominal estimate sd sd_from_data_alone inflation accuracy "
+        "determined at_end_of_range noise sensor declared found whiteness white statistic lags p spread mean "
+        "correlation words alike widened log_likelihood log_likelihood_before starts reached settled"
     ),
     "trace": "model targets ending expanded distinct steps observations",
     "code": "model form text",

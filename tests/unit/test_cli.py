@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.app import Imperfections, Wishes
+from faultbond.app import FitWishes, Imperfections, Wishes
 from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
@@ -29,6 +29,21 @@ class Spy:
     def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
         """Note a call of `check`."""
         self.seen = {"model": model, "engine": engine}
+        self.do(out)
+
+    def fit(
+        self,
+        model: Path,
+        recordings: tuple[str, ...],
+        *,
+        wishes: FitWishes,
+        output: Path | None,
+        report: Path | None,
+        engine: EngineChoice,
+        out: Out,
+    ) -> None:
+        """Note a call of `fit`."""
+        self.seen = {"model": model, "recordings": recordings, "wishes": wishes, "output": output, "report": report}
         self.do(out)
 
     def simulate(

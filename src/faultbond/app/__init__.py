@@ -3,7 +3,20 @@
 from faultbond.app.analysing import Wishes, analyse, print_code, trace
 from faultbond.app.checking import check
 from faultbond.app.demonstration import demo
+from faultbond.app.fitting import FitWishes, fit
 from faultbond.app.simulating import Imperfections, simulate
 from faultbond.app.watching import run
 
-__all__ = ["Imperfections", "Wishes", "analyse", "check", "demo", "print_code", "run", "simulate", "trace"]
+__all__ = [
+    "FitWishes",
+    "Imperfections",
+    "Wishes",
+    "analyse",
+    "check",
+    "demo",
+    "fit",
+    "print_code",
+    "run",
+    "simulate",
+    "trace",
+]

@@ -12,6 +12,7 @@ from typing import Never
 from faultbond import app
 from faultbond.cli.analyse import add_analyse
 from faultbond.cli.arguments import add_check, add_demo, add_run, add_simulate
+from faultbond.cli.fit import add_fit
 from faultbond.cli.verbs import DONE, FAULT_DETECTED, Call, Parser, Verbs
 from faultbond.errors import FaultbondError
 from faultbond.io.out import STANDARD_OUTPUT, open_out
@@ -44,6 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", dest="verb")
     add_check(verbs)
     add_analyse(verbs)
+    add_fit(verbs)
     add_simulate(verbs)
     add_run(verbs)
     add_demo(verbs)

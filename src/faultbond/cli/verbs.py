@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Never, Protocol, TypeAlias
 
-from faultbond.app import Imperfections, Wishes
+from faultbond.app import FitWishes, Imperfections, Wishes
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
@@ -31,6 +31,19 @@ class Verbs(Protocol):
 
     def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
         """Print the thesis' search for a route."""
+
+    def fit(
+        self,
+        model: Path,
+        recordings: tuple[str, ...],
+        *,
+        wishes: FitWishes,
+        output: Path | None,
+        report: Path | None,
+        engine: EngineChoice,
+        out: Out,
+    ) -> None:
+        """Fit a model to healthy recordings."""
 
     def simulate(
         self,

@@ -1,0 +1,195 @@
+"""A plant fitted to healthy recordings: parameters, noise of the sensors, and how sure both are.
+
+Maximum of the posterior: the likelihood of the innovations of all recordings, with the declared accuracies as prior.
+Where the data contradict the accuracies, all are widened by the factor that makes both agree (the evidence of the data
+at its largest), so that a nominal value that is far off does no harm, and what the data do not tell stays where it was.
+
+Source: Ljung 1999, chapter 7 (likelihood of innovations); MacKay, Neural Computation 4 (1992) 415 (width of the prior).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from faultbond.analysis.identify.certainty import Certainty, certainty_of
+from faultbond.analysis.identify.evaluate import Course, Plant, Point, course
+from faultbond.analysis.identify.samples import Record
+from faultbond.analysis.identify.search import START_PRIOR, Summit, climb, spread_noise
+from faultbond.analysis.identify.whiteness import Whiteness, test_whiteness
+from faultbond.errors import RecordingError
+from faultbond.types import FloatArray
+
+WIDE = 30.0  # accuracies: the prior of the search from several starts
+ROUNDS = 8  # of the width of the prior
+STEADY = 0.02  # relative change of the width at which it stands
+START_SPREAD = 0.7  # sd of further starts, logarithms or parts of the scale
+ALIKE = 1.0  # nats; starts that end so close have found the same
+
+
+class Prior(Enum):
+    """What declared accuracies count for."""
+
+    WIDENED = "widened"
+    DECLARED = "declared"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """What was found.
+
+    width: factor on the declared accuracies; reached: how many of `starts` ended at the best summit; courses and
+    simulated, (N, n_outputs) of each recording: innovations of the filter, and the plant alone under the inputs.
+    """
+
+    plant: Plant
+    records: tuple[Record, ...]
+    summit: Summit
+    certainty: Certainty
+    width: float
+    starts: int
+    reached: int
+    before: float
+    courses: tuple[Course, ...]
+    simulated: tuple[FloatArray, ...]
+    whiteness: tuple[Whiteness, ...]
+
+
+def fit_plant(
+    plant: Plant,
+    records: Sequence[Record],
+    begin: Point,
+    *,
+    prior: Prior = Prior.WIDENED,
+    starts: int = 4,
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """Fit a plant to healthy recordings.
+
+    Parameters
+    ----------
+    plant : likelihood and unknowns
+    records : the recordings
+    begin : nominal values, and the starts of the recordings
+    prior : what declared accuracies count for
+    starts : how many starts the search has, the nominal values among them
+    seed : of the other starts
+    tell : takes what is being done
+
+    Raises
+    ------
+    RecordingError
+        Where the plant has no course along the recordings, or they have fewer readings than there are unknowns.
+    """
+    _refuse(plant, records)
+    best, reached = _search(plant, records, begin, starts, seed, tell)
+    tell("weighing the declared accuracies")
+    best, width = _weigh(plant, records, begin, best, prior)
+    unknowns = plant.unknowns
+    courses = tuple(course(plant, record, best.point, r) for r, record in enumerate(records))
+    full = np.concatenate([unknowns.widened(width), np.full(best.point.starts.size, START_PRIOR)])
+    found = certainty_of(
+        best.evaluation.information,
+        full,
+        courses,
+        len(unknowns.places),
+        unknowns.n_theta,
+        unknowns.prior[: unknowns.n_theta],
+    )
+    return Fit(
+        plant=plant,
+        records=tuple(records),
+        summit=best,
+        certainty=found,
+        width=width,
+        starts=starts,
+        reached=reached,
+        before=_likelihood(plant, records, begin),
+        courses=courses,
+        simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
+        whiteness=_whiteness(plant, courses),
+    )
+
+
+def _refuse(plant: Plant, records: Sequence[Record]) -> None:
+    """Refuse recordings with too little in them."""
+    unknown = len(plant.unknowns.places) + len(plant.free) * len(records)
+    readings = sum(record.readings for record in records)
+    if readings <= unknown:
+        names = ", ".join(record.name for record in records)
+        raise RecordingError(
+            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
+        )
+
+
+def _search(
+    plant: Plant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
+) -> tuple[Summit, int]:
+    """Climb from several starts under a wide prior; give the best summit and how many reached it."""
+    rng = np.random.default_rng(seed)
+    prior = plant.unknowns.widened(WIDE)
+    summits = []
+    for k in range(starts):
+        tell(f"start {k + 1} of {starts}")
+        point = begin if k == 0 else _elsewhere(plant, begin, rng)
+        summits.append(climb(plant, records, spread_noise(plant, records, point), prior))
+    best = max(summits, key=lambda item: item.posterior)
+    if not np.isfinite(best.posterior):
+        names = ", ".join(record.name for record in records)
+        raise RecordingError(
+            f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
+        )
+    return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
+
+
+def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:
+    """Give another start: parameters some factor off."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    values = begin.values.copy()
+    values[:n] += START_SPREAD * rng.standard_normal(n)
+    return replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper))
+
+
+def _weigh(plant: Plant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior) -> tuple[Summit, float]:
+    """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factor."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    if prior is Prior.NONE or not n:
+        return best, WIDE
+    width = 1.0
+    accuracies = unknowns.prior[:n]
+    for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
+        anchored = replace(best.point, starts=begin.starts, sizes=begin.sizes)
+        best = climb(plant, records, replace(anchored, starts=best.point.starts), unknowns.widened(width))
+        away = (best.point.values - unknowns.nominal)[:n] / accuracies
+        left = np.diag(np.linalg.inv(best.precision))[:n] / (width * accuracies) ** 2
+        told = float(np.sum(1.0 - np.clip(left, 0.0, 1.0)))
+        wanted = max(1.0, float(np.sqrt(np.sum(away**2) / max(told, 1e-3)))) if prior is Prior.WIDENED else 1.0
+        wanted = min(wanted, WIDE)
+        if abs(wanted - width) <= STEADY * width:
+            break
+        width = wanted
+    return best, width
+
+
+def _likelihood(plant: Plant, records: Sequence[Record], point: Point) -> float:
+    """Give the logarithm of the likelihood at a point."""
+    return float(sum(course(plant, record, point, r).value for r, record in enumerate(records)))
+
+
+def _simulated(plant: Plant, record: Record, point: Point, number: int) -> FloatArray:
+    """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
+    layout = plant.layout
+    alone = record.without(layout, np.ones_like(record.use))
+    alone = replace(alone, use=np.ones_like(record.use))
+    found = course(plant, alone, point, number)
+    return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
+
+
+def _whiteness(plant: Plant, courses: Sequence[Course]) -> tuple[Whiteness, ...]:
+    """Test each sensor."""
+    return tuple(
+        test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
+    )

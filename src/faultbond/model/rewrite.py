@@ -1,0 +1,111 @@
+"""A model file with other numbers: only the changed values are replaced, all else stays as it was written."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import yaml
+
+from faultbond.errors import ModelError
+from faultbond.model.graph import BondGraph
+
+_MARK = "# Fitted to "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewParameter:
+    """A parameter and what is to be written of it: `nominal` first, then other keys, as text."""
+
+    name: str
+    nominal: str
+    others: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewNoise:
+    """A sensor and its noise as text."""
+
+    sensor: str
+    noise: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Edit:
+    """Replace the text between two places."""
+
+    first: int
+    end: int
+    text: str
+
+
+def rewrite(
+    text: str, graph: BondGraph, parameters: Iterable[NewParameter], noises: Iterable[NewNoise], remark: str = ""
+) -> str:
+    """Give a model text with other nominal values, accuracies and noise.
+
+    Parameters
+    ----------
+    text : of the model file
+    graph : read from it
+    parameters, noises : what is to be written
+    remark : a comment for the first line; it takes the place of the one that an earlier call wrote
+
+    Raises
+    ------
+    ModelError
+        Where a value does not stand in the text as a plain value.
+    """
+    text = text.removeprefix("\ufeff")
+    top = yaml.compose(text, Loader=yaml.SafeLoader)
+    if top is None:
+        raise ModelError(f"{graph.file}: the model is empty")
+    edits: list[_Edit] = []
+    owners = {item.name: item.owner for item in graph.parameters}
+    section = "blocks" if graph.is_block_network else "components"
+    for item in parameters:
+        node = _at(top, (section, owners[item.name], "parameters", item.name), graph)
+        edits += _parameter_edits(text, node, item)
+    for sensor in noises:
+        edits.append(_put(_at(top, ("sensors", sensor.sensor, "noise"), graph), sensor.noise))
+    for edit in sorted(edits, key=lambda item: item.first, reverse=True):
+        text = text[: edit.first] + edit.text + text[edit.end :]
+    lines = text.split("\n")
+    if lines[0].startswith(_MARK):
+        text = "\n".join(lines[1:])
+    return f"{_MARK}{remark}\n{text}" if remark else text
+
+
+def _at(node: yaml.Node, path: tuple[str, ...], graph: BondGraph) -> yaml.Node:
+    """Give the node at a path of keys."""
+    for key in path:
+        found = _values(node).get(key)
+        if found is None:
+            raise ModelError(f"{graph.file}: `{'.'.join(path)}` does not stand in it as a value that can be replaced")
+        node = found
+    return node
+
+
+def _values(node: yaml.Node) -> dict[str, yaml.Node]:
+    pairs = node.value if isinstance(node, yaml.MappingNode) else []
+    return {str(key.value): value for key, value in pairs}
+
+
+def _put(node: yaml.Node, text: str) -> _Edit:
+    return _Edit(node.start_mark.index, node.end_mark.index, text)
+
+
+def _parameter_edits(text: str, node: yaml.Node, item: NewParameter) -> list[_Edit]:
+    """Replace nominal and other keys, whichever way the parameter is written."""
+    if not isinstance(node, yaml.MappingNode):
+        entries = ", ".join(f"{key}: {value}" for key, value in (("nominal", item.nominal), *item.others))
+        return [_put(node, f"{{{entries}}}")]
+    values = _values(node)
+    nominal = values["nominal"]
+    edits = [_put(values[key], value) for key, value in item.others if key in values]
+    added = [f"{key}: {value}" for key, value in item.others if key not in values]
+    if node.flow_style:
+        return [*edits, _put(nominal, ", ".join([item.nominal, *added]))]
+    column = next(key.start_mark.column for key, _ in node.value if key.value == "nominal")
+    line_end = text.find("\n", nominal.end_mark.index)
+    line_end = len(text) if line_end < 0 else line_end
+    new_lines = "".join(f"\n{' ' * column}{entry}" for entry in added)
+    return [*edits, _put(nominal, item.nominal), _Edit(line_end, line_end, new_lines)]
