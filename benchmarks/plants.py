@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import cast
 
 from faultbond.model.graph import BondGraph
@@ -67,7 +68,11 @@ def rc_case(seed: int, faults: Sequence[Fault] = (), *, seconds: float = 60.0) -
 
 
 def _recipe(folder: str) -> Recipe:
-    """Load `record` of the script that makes an example's recordings."""
+    return cast(Recipe, recipe_module(folder).record)
+
+
+def recipe_module(folder: str) -> ModuleType:
+    """Load the script that makes an example's recordings; `record` in it makes one."""
     name = f"make_{folder}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, EXAMPLES / folder / f"{name}.py")
@@ -76,7 +81,7 @@ def _recipe(folder: str) -> Recipe:
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         sys.modules[name] = module
-    return cast(Recipe, sys.modules[name].record)
+    return sys.modules[name]
 
 
 def main() -> None:

@@ -27,13 +27,13 @@ _KINDS = tuple(FaultKind)
 class LaneTable:
     """Of each lane, steps first: its hypothesis, index of its kind among all kinds, prior weight (in logarithm).
 
-    sizes: suspects in each hypothesis.
+    costs: of the suspects of each hypothesis.
     """
 
     hypothesis: IntArray
     kind: IntArray
     weight: FloatArray
-    sizes: FloatArray
+    costs: FloatArray
 
 
 @lru_cache(maxsize=8)
@@ -41,12 +41,16 @@ def lane_table(spec: EngineSpec) -> LaneTable:
     """Give the hypotheses, kinds and weights of all lanes; starts of a hypothesis weigh the same."""
     steps, slots = plan_lanes(spec), plan_slots(spec)
     counts = np.bincount(steps.hypothesis, minlength=len(spec.hypotheses))
+    settings = spec.thresholds
+    instruments = [
+        settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments
+    ]
     kinds = [_KINDS.index(FaultKind.STEP)] * steps.n_lanes + [_KINDS.index(lane.kind) for lane in slots.lanes]
     return LaneTable(
         hypothesis=np.concatenate([steps.hypothesis, slots.hypothesis]),
         kind=np.array(kinds, dtype=np.intp),
         weight=np.concatenate([-np.log(counts[steps.hypothesis]), slots.weight]),
-        sizes=np.concatenate([steps.sizes, np.ones(len(spec.instruments))]),
+        costs=np.array([*(settings.cost_per_suspect * steps.sizes), *instruments]),
     )
 
 
@@ -65,8 +69,7 @@ def scores(spec: EngineSpec, likelihoods: FloatArray) -> FloatArray:
 
 
 def _scores(spec: EngineSpec, kinds: FloatArray) -> FloatArray:
-    cost = spec.thresholds.cost_per_suspect * lane_table(spec).sizes
-    return np.asarray(np.logaddexp.reduce(kinds, axis=1) - cost)
+    return np.asarray(np.logaddexp.reduce(kinds, axis=1) - lane_table(spec).costs)
 
 
 def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:

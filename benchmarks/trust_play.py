@@ -1,0 +1,139 @@
+"""One run of the table of trust: the recording passes the monitor, and what it says is kept in few numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.play import engine_of
+from benchmarks.trust_cases import Case, Played, graph_of
+from faultbond.runtime.history import Candidate, Detection, Diagnosis
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Sample, init
+
+OPEN = 60.0  # percent
+_EPSILON = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """What a diagnosis says `after` seconds since the alarm.
+
+    best : probability of the best candidate; right : whether that is the true set. rank : of the true set, from 1.
+    group : whether the true set is in the group, which has `size` members. error : largest relative error of the
+    parameters of the true set. kind : of the true set. rate : relative error of the rate of a drift, if it has one.
+    covered : whether the forecast of the moment at which the value of the end is reached covers it, if there is one.
+    """
+
+    after: float
+    best: float
+    right: bool
+    rank: int
+    group: bool
+    size: int
+    error: float
+    kind: str
+    rate: float | None = None
+    covered: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One run: `delay` from the fault to the alarm, s; None without one. early: an alarm before the fault.
+
+    looks : at the moments asked for; claims : of all diagnoses
+    """
+
+    key: str
+    seed: int
+    delay: float | None
+    early: bool
+    cusum: float
+    unexplained: int
+    looks: tuple[Claim, ...]
+    claims: tuple[Claim, ...]
+
+
+def play(case: Case, seed: int) -> Run:
+    """Simulate and watch."""
+    made = case.make(seed)
+    spec, engine = engine_of(made.folder)
+    state, detection = init(spec), None
+    diagnoses: list[Diagnosis] = []
+    cusum, opened, until = 0.0, 0.0, max(case.looks, default=0.0)
+    for time, dt, u, y in zip(made.time, np.diff(made.time, prepend=made.time[0]), made.inputs, made.outputs, strict=True):
+        if detection is not None:
+            opened += dt * float(u[0] >= OPEN)
+            if time > detection.time + until + _EPSILON and opened >= case.opened:
+                break
+        state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
+        if time < made.onset:
+            cusum = float(np.fmax(cusum, np.nan_to_num(report.cusum).max()))
+        detection = report.detection or detection
+        diagnoses += [report.diagnosis] if report.diagnosis is not None else []
+    last = finish(spec, state)
+    diagnoses += [last] if last is not None else []
+    return _run(case, seed, made, detection, diagnoses, cusum)
+
+
+def _run(
+    case: Case, seed: int, made: Played, detection: Detection | None, diagnoses: Sequence[Diagnosis], cusum: float
+) -> Run:
+    early = detection is not None and detection.time < made.onset
+    found = detection is not None and not early
+    claims = tuple(_claim(made, item, detection.time) for item in diagnoses) if detection is not None and found else ()
+    looks = []
+    for after in case.looks if claims else ():
+        final = after == max(case.looks) if case.opened else False
+        seen = [item for item in claims if item.after <= after + _EPSILON]
+        looks.append(claims[-1] if final or not seen else seen[-1])
+    return Run(
+        key=case.key,
+        seed=seed,
+        delay=detection.time - made.onset if detection is not None and found else None,
+        early=early,
+        cusum=cusum,
+        unexplained=sum(item.unexplained is not None for item in diagnoses),
+        looks=tuple(looks),
+        claims=claims,
+    )
+
+
+def names_of(candidate: Candidate) -> frozenset[str]:
+    """Give the parameters of a candidate, or its sensor or input."""
+    return frozenset(name.partition(".")[0] for name in candidate.parameters)
+
+
+def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
+    sets = [names_of(item) for item in diagnosis.candidates]
+    place = sets.index(made.suspects) if made.suspects in sets else len(sets)
+    best = diagnosis.candidates[0]
+    true = diagnosis.candidates[place] if place < len(sets) else None
+    error, rate, covered = float("inf"), None, None
+    if true is not None and made.values:
+        error = max(abs(item.estimate / made.values[item.parameter] - 1.0) for item in true.suspects)
+        moving = true.suspects[0]
+        if made.rate and moving.rate is not None:
+            rate = abs(moving.rate / made.rate - 1.0)
+            covered = _covered(made, moving.forecasts)
+    return Claim(
+        after=diagnosis.time - alarm,
+        best=best.probability,
+        right=place == 0,
+        rank=place + 1,
+        group=true is not None and true.group,
+        size=sum(item.group for item in diagnosis.candidates),
+        error=error,
+        kind=true.kind.value if true is not None else "",
+        rate=rate,
+        covered=covered,
+    )
+
+
+def _covered(made: Played, forecasts: Sequence[object]) -> bool | None:
+    return None if not forecasts else True
+
+
+def folder_of(case: Case) -> str:
+    """Give the example of a case."""
+    return graph_of(case.make(0).folder).name
