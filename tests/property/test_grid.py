@@ -66,7 +66,8 @@ def test_shuffled_rows_give_the_same_points(case: tuple[list[Row], float], chanc
     assert same(points, expected)
     newest = np.maximum.accumulate([item.time for item in shuffled])
     late = int(sum(item.time < limit for item, limit in zip(shuffled, newest, strict=True)))
-    assert other_counts == Counts(samples=counts.samples, missing=counts.missing, late=late)
+    known = (counts.samples, counts.missing, counts.unused)
+    assert other_counts == Counts(samples=known[0], missing=known[1], unused=known[2], late=late)
 
 
 @given(rising_rows())
@@ -119,19 +120,19 @@ def test_live_gives_each_point_at_once(case: tuple[list[Row], float]) -> None:
 
 
 @given(
-    st.lists(st.floats(-1e4, 1e4) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, 1.0]), max_size=200),
+    st.lists(st.floats(-1e3, 1e3) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, 1.0]), max_size=200),
     st.sampled_from([None, 0.5, 7.0]),
     st.booleans(),
 )
 def test_random_times_never_raise(times: list[float], step: float | None, live: bool) -> None:
-    """Any times give points in order, and every row is accounted for at most once."""
+    """Any times give points in order between two jumps of the clock, and every row is accounted for at most once."""
     points, counts = points_of([row(time) for time in times], step, live=live)
     readable = [time for time in times if math.isfinite(time)]
     assert counts.untimed == len(times) - len(readable)
     assert counts.samples == len(points)
     assert counts.late + counts.duplicate <= len(readable)
     assert [point[0] for point in points] == list(range(len(points)))
-    assert all(one[1] < other[1] for one, other in pairwise(points))
+    assert sum(not one[1] < other[1] for one, other in pairwise(points)) <= counts.clock_jumps
     if step is None:
         assert counts.late + counts.duplicate + len(points) >= len(readable)
 
@@ -145,3 +146,36 @@ def test_variable_steps_are_those_of_the_rows(case: tuple[list[Row], float]) -> 
     assert [point[1] for point in points] == times
     assert [point[2] for point in points] == [0.0, *np.diff(times)]
     assert counts == Counts(samples=len(rows))
+
+
+@given(clean_rows(), st.randoms(use_true_random=False), st.booleans())
+def test_rows_that_are_absent(case: tuple[list[Row], float], chance: random.Random, live: bool) -> None:
+    """Without some of its rows a recording gives the same points, but nan where a row is absent."""
+    rows, step = case
+    kept = [item for number, item in enumerate(rows) if number in (0, len(rows) - 1) or chance.random() < 0.95]
+    points, counts = points_of(kept, step, live=live)
+    present = {float(item.y[0]) for item in kept}
+    nothing = (math.nan, math.nan)
+    whole, _ = points_of(rows, step)
+    expected = [(*point[:3], *(point[3:] if point[4] in present else nothing)) for point in whole]
+    assert same(points, expected)
+    assert counts == Counts(samples=len(rows), missing=len(rows) - len(kept))
+
+
+@given(st.integers(100, 300), st.floats(75.0, 1e6), STEPS, st.booleans())
+def test_a_clock_set_back_loses_nothing(first: int, back: float, step: float, live: bool) -> None:
+    """Whenever and however far the clock is set back, each row serves a point, in the order of arrival."""
+    times = [step * number for number in range(first)] + [step * (first + number - back) for number in range(100)]
+    points, counts = points_of([row(time, float(number)) for number, time in enumerate(times)], step, live=live)
+    assert [point[4] for point in points] == list(range(len(times)))
+    assert [point[1] for point in points] == pytest.approx(times)
+    assert counts == Counts(samples=len(times), clock_jumps=1)
+
+
+@given(rising_rows(), st.sampled_from([None, 0.5, 7.0]), st.booleans())
+def test_every_row_is_accounted_for(case: tuple[list[Row], float], step: float | None, live: bool) -> None:
+    """A row in order serves a point or is counted as unused, on any grid."""
+    rows, _ = case
+    points, counts = points_of(rows, step, live=live)
+    assert len(rows) == counts.unused + sum(not math.isnan(point[4]) for point in points)
+    assert counts == Counts(samples=len(points), missing=counts.missing, unused=counts.unused)

@@ -66,7 +66,7 @@ def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path
     _refuse_report(report, graph.file)
     from faultbond.analysis.static.watch import watch  # noqa: PLC0415 - loads sympy and clingo
 
-    grid, last, watched = Grid(None, live=recording == STANDARD_INPUT), nan, 0
+    grid, last, watched = Grid(None, live=recording == STANDARD_INPUT, steady=True), nan, 0
 
     def points() -> Iterator[GridPoint]:
         nonlocal last, watched
@@ -115,6 +115,7 @@ def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending
             missing=end.counts.missing,
             late=end.counts.late,
             duplicate=end.counts.duplicate,
+            saturated=end.counts.saturated,
         )
     )
     if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it

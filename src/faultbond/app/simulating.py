@@ -80,7 +80,7 @@ def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
     held = 0
     last = np.full(len(graph.inputs), np.nan)
     rows = read_rows(recording, columns_of(graph, sensors=False))
-    for point in on_grid(rows, Grid(graph.sample_time)):
+    for point in on_grid(rows, Grid(graph.sample_time, steady=True)):
         absent = ~np.isfinite(point.u)
         held += bool(absent.any())
         last = np.where(absent, last, point.u)
@@ -95,7 +95,7 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     known = {item.name for item in graph.components if item.start is not None}
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
-        points = list(islice(on_grid(rows, Grid(graph.sample_time)), START_SAMPLES - 1))
+        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), START_SAMPLES - 1))
     except RecordingError:  # no sensors in it
         return {}
     from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi

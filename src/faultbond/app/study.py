@@ -139,7 +139,7 @@ def _check(graph: BondGraph, wishes: Wishes) -> None:
 
 def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     """Give the grid points that have a value; a gap of days holds millions that have none."""
-    rows = on_grid(read_rows(recording, columns_of(graph)), Grid(graph.sample_time))
+    rows = on_grid(read_rows(recording, columns_of(graph)), Grid(graph.sample_time, steady=True))
     points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:
         raise RecordingError(no_time(recording))

@@ -58,7 +58,8 @@ def run(model: Path, recording: str, *, method: Method, report: Path | None, eng
                 explain_anything=[[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
             )
         )
-        outcome = _watch(spec, built, follow(rows), Grid(spec.sample_time, live=live), trace, out)
+        grid = Grid(spec.sample_time, live=live, noise=[item.noise for item in graph.sensors])
+        outcome = _watch(spec, built, follow(rows), grid, trace, out)
     if not outcome.counts.samples:
         raise RecordingError(no_time(recording))
     detected = outcome.state.alarm >= 0
@@ -107,6 +108,11 @@ def _end(outcome: _Outcome) -> dict[str, object]:
         missing=counts.missing,
         late=counts.late,
         duplicate=counts.duplicate,
+        untimed=counts.untimed,
+        unused=counts.unused,
+        clock_jumps=counts.clock_jumps,
+        saturated=counts.saturated,
+        frozen=counts.frozen,
     )
 
 

@@ -1,45 +1,62 @@
 """Rows of a recording, put on the grid of times at which the engine steps.
 
-Nothing about a row's time is an error: rows may be missing, late, repeated or between two grid points, and each case
-has one defined outcome that is counted. Source: docs/commands.md.
+Nothing about a row's time is an error once a recording runs: rows may be missing, late, repeated or between two grid
+points, and the clock may be set; each case has one defined outcome that is counted. Source: docs/commands.md.
 """
 
 import heapq
 import math
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from faultbond.errors import RecordingError
+from faultbond.io.frozen import Frozen
 from faultbond.types import FloatArray
 
 LOOK_BACK = 60  # a row of a file may be this many samples late and still be used
 MAX_WAITING = 100_000  # rows held back for sorting, however short their steps are
-MAX_GAP = 10_000_000  # grid points
+MAX_GAP = 600  # grid points without a row that are given; after more of them the grid begins anew
+MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
+CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Row:
-    """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value."""
+    """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value.
+
+    saturated: how many sensors were at an end of their range; their values are nan.
+    """
 
     time: float
     u: FloatArray
     y: FloatArray
+    saturated: int = 0
     line: int = 0
+
+    def repeats(self, other: "Row") -> bool:
+        """Whether this is the other row once more."""
+        same = self.time == other.time and np.array_equal(self.u, other.u, equal_nan=True)
+        return same and np.array_equal(self.y, other.y, equal_nan=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GridPoint:
-    """One step of the engine: `dt` seconds after the point before it (0 for the first), values as in `Row`."""
+    """One step of the engine: `dt` seconds after the point before it (0 for the first), values as in `Row`.
+
+    resumes: what was between the point before and this one is not known, as the clock was set or rows are absent for
+    too long; `dt` is then one sample.
+    """
 
     index: int
     time: float
     dt: float
     u: FloatArray
     y: FloatArray
+    resumes: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +64,9 @@ class Counts:
     """What was passed and what was wrong with it.
 
     samples: grid points. missing: grid points at which a value is absent or not finite. late: rows older than the
-    newest one. duplicate: rows whose time was seen before. untimed: rows whose time cannot be read.
+    newest one. duplicate: rows whose time was seen before. untimed: rows whose time cannot be read. unused: rows in
+    time whose grid point is served by another. clock_jumps: points that resume after a change of the clock or a long
+    gap. saturated: values at an end of their range. frozen: values of sensors that stay the same.
     """
 
     samples: int = 0
@@ -55,31 +74,50 @@ class Counts:
     late: int = 0
     duplicate: int = 0
     untimed: int = 0
+    unused: int = 0
+    clock_jumps: int = 0
+    saturated: int = 0
+    frozen: int = 0
 
 
 class Grid:
     """Takes rows in the order of arrival and gives grid points in the order of time.
 
     From a file, rows are sorted first and the row nearest to a grid point serves it. Live, a row serves its grid point
-    at once: a later row for the same point is not used, and a late one is dropped.
+    at once: a later row for the same point is not used, and a late one is dropped. Where the clock was set back, or
+    rows are absent for long, the grid begins anew at the next row.
 
     Parameters
     ----------
     sample_time : seconds between grid points; None steps from row to row
     live : whether a point has to be given as soon as its first row is there
+    steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
+    noise : standard deviations of the sensors in SI, to count those that are frozen
     """
 
-    def __init__(self, sample_time: float | None, *, live: bool = False) -> None:
+    def __init__(
+        self,
+        sample_time: float | None,
+        *,
+        live: bool = False,
+        steady: bool = False,
+        noise: Sequence[float] = (),
+    ) -> None:
         if sample_time is not None and not 0.0 < sample_time < math.inf:
             raise RecordingError(f"sample_time is {sample_time:g} s: a grid needs a positive number of seconds.")
         self._step = sample_time
         self._live = live
+        self._steady = steady
+        self._frozen = Frozen(np.array(noise, dtype=float)) if noise else None
         self._tally: Counter[str] = Counter()
         self._waiting: list[tuple[float, int, bool, Row]] = []  # heap of rows not yet placed: time, arrival, late
         self._arrivals = 0
         self._newest = -math.inf
-        self._placed: deque[float] = deque(maxlen=LOOK_BACK)  # times of the last rows placed
-        self._start = math.nan
+        self._behind: list[Row] = []  # the last rows, if they are too old and go on from each other
+        self._placed: deque[Row] = deque(maxlen=LOOK_BACK)  # the last rows placed
+        self._times: deque[float] = deque(maxlen=LOOK_BACK)  # their times
+        self._origin: tuple[int, float] | None = None  # index and time of the point at which the grid began
+        self._usual = 0.0  # interval of rows before the grid began anew
         self._last_index = -1
         self._last_time = math.nan
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
@@ -94,20 +132,60 @@ class Grid:
         if not math.isfinite(row.time):
             self._tally["untimed"] += 1
             return ()
+        if not self._too_old(row):
+            self._give_up_behind()
+            return self._take(row)
+        if self._behind and not self._goes_on(row):
+            self._give_up_behind()
+        self._behind.append(row)
+        return self._set_back() if len(self._behind) == CLOCK_ROWS else ()
+
+    def finish(self) -> Iterable[GridPoint]:
+        """Give the points that were held back; to be called once, after the last row."""
+        self._give_up_behind()
+        return chain(self._release(0), self._serve_best())
+
+    def _take(self, row: Row) -> Iterable[GridPoint]:
+        """Let a row wait for those that may precede it."""
         late = row.time < self._newest
         self._newest = max(self._newest, row.time)
         self._arrivals += 1
         heapq.heappush(self._waiting, (row.time, self._arrivals, late, row))
         return self._release(0 if self._live else LOOK_BACK)
 
-    def finish(self) -> Iterable[GridPoint]:
-        """Give the points that were held back; to be called once, after the last row."""
-        points = [self._release(0)]
-        if self._best is not None:
-            index, _, row = self._best
-            points.append(self._serve(index, row))
-            self._best = None
+    def _too_old(self, row: Row) -> bool:
+        """Whether there is no place for a row any more, and it is not one of the last rows sent again."""
+        if self._steady:
+            return False
+        if not self._times:
+            return row.time < self._newest - (self._step or math.inf) * MAX_GAP
+        return row.time < self._times[-1] and not any(row.repeats(other) for other in self._placed)
+
+    def _goes_on(self, row: Row) -> bool:
+        """Whether a row follows the last one that was too old."""
+        return 0.0 < row.time - self._behind[-1].time <= LOOK_BACK * (self._step or math.inf)
+
+    def _give_up_behind(self) -> None:
+        """Drop the rows that were too old; they were late after all, or repeats."""
+        for row in self._behind:
+            self._tally["duplicate" if row.time in self._times else "late"] += 1
+        self._behind.clear()
+
+    def _set_back(self) -> Iterable[GridPoint]:
+        """Begin anew with the rows that were too old: the clock was set back."""
+        rows, self._behind = self._behind, []
+        points = [self._release(0), self._serve_best()]
+        self._begin_anew()
+        self._newest = -math.inf
+        points += [self._take(row) for row in rows]
         return chain.from_iterable(points)
+
+    def _begin_anew(self) -> None:
+        """Forget where the grid began; the next row begins it."""
+        self._usual = self._interval() or self._usual
+        self._placed.clear()
+        self._times.clear()
+        self._origin = None
 
     def _release(self, keep: int) -> Iterable[GridPoint]:
         """Place the oldest waiting rows, but keep those that a row yet to come may precede."""
@@ -115,67 +193,103 @@ class Grid:
         points: list[Iterable[GridPoint]] = []
         while len(self._waiting) > keep and (self._waiting[0][0] <= settled or len(self._waiting) > MAX_WAITING):
             _, _, late, row = heapq.heappop(self._waiting)
-            if row.time in self._placed:
+            if row.time in self._times:
                 self._tally["duplicate"] += 1
                 continue
             self._tally["late"] += late
-            if not self._placed or row.time > self._placed[-1]:
-                self._placed.append(row.time)
+            if not self._times or row.time > self._times[-1]:
                 points.append(self._place(row))
         return chain.from_iterable(points) if points else ()
 
     def _place(self, row: Row) -> Iterable[GridPoint]:
         """Assign a row to its grid point; rows come here in the order of time, each time once."""
-        if math.isnan(self._start):
-            self._start = row.time
+        before: Iterable[GridPoint] = ()
+        if self._origin is not None and self._jumps(row):
+            before = self._serve_best()
+            self._begin_anew()
+        self._placed.append(row)
+        self._times.append(row.time)
+        if self._origin is None:
+            self._origin = (self._last_index + 1, row.time)
         if self._step is None:
-            return self._serve(self._last_index + 1, row)
-        position = (row.time - self._start) / self._step
-        if not position - max(self._last_index, self._best[0] if self._best else 0) <= MAX_GAP:
-            raise RecordingError(self._gap(row))
+            return chain(before, self._serve(self._last_index + 1, row))
+        position = self._origin[0] + (row.time - self._origin[1]) / self._step
         index = math.floor(position + 0.5)
-        if self._live:
-            return self._serve(index, row) if index > self._last_index else ()
-        return self._prefer(index, abs(position - index), row)
+        if index <= self._last_index:
+            self._tally["unused"] += 1
+            return before
+        if not self._live:
+            return chain(before, self._prefer(index, abs(position - index), row))
+        return chain(before, self._serve(index, row))
+
+    def _jumps(self, row: Row) -> bool:
+        """Whether too much is absent before a row for the gap to be filled."""
+        step = self._step or (0.0 if self._steady else self._interval())
+        gap = (row.time - self._times[-1]) / step - 1.0 if step else 0.0  # points without a row
+        if not gap > (MAX_FILLED if self._steady else MAX_GAP):
+            return False
+        n_jumps = self._tally["clock_jumps"]
+        if self._steady or n_jumps == self._tally["samples"] - 1 >= CLOCK_ROWS:  # none of the rows follows another
+            raise RecordingError(self._apart(row))
+        return True
+
+    def _interval(self) -> float:
+        """Give the mean interval of the last rows; 0 as long as they are few."""
+        n = len(self._times)
+        return (self._times[-1] - self._times[0]) / (n - 1) if n >= CLOCK_ROWS else 0.0
+
+    def _apart(self, row: Row) -> str:
+        """Say that rows are too far apart for the grid."""
+        where = f"line {row.line}: " if row.line else ""
+        limit = MAX_FILLED if self._steady else MAX_GAP
+        return (
+            f"{where}the time jumps from {self._times[-1]:.15g} s to {row.time:.15g} s, more than {limit:,} samples of "
+            f"{self._step or self._interval():g} s. Check the unit of the time column and sample_time."
+        )
 
     def _prefer(self, index: int, distance: float, row: Row) -> Iterable[GridPoint]:
         """Keep the nearest row of the newest grid point; give the point before it once it cannot change any more."""
         best = self._best
+        if best is not None and best[0] == index:
+            self._tally["unused"] += 1
         if best is None or best[0] < index or distance < best[1]:
             self._best = (index, distance, row)
         return self._serve(best[0], best[2]) if best is not None and best[0] < index else ()
 
-    def _gap(self, row: Row) -> str:
-        """Say that a jump in time is too large to be filled."""
-        before = self._placed[-2] if len(self._placed) > 1 else self._start
-        where = f"line {row.line}: " if row.line else ""
-        return (
-            f"{where}the time jumps from {before:.15g} s to {row.time:.15g} s, more than {MAX_GAP:,} samples of "
-            f"{self._step:g} s. Check the unit of the time column and sample_time."
-        )
+    def _serve_best(self) -> Iterable[GridPoint]:
+        """Give the newest point, if it was held back for a nearer row."""
+        best, self._best = self._best, None
+        return self._serve(best[0], best[2]) if best is not None else ()
 
     def _serve(self, index: int, row: Row) -> Iterable[GridPoint]:
         """Give the empty points before `index`, if any, and the point of the row."""
-        first = self._last_index + 1
-        time = row.time if self._step is None else self._start + index * self._step
-        dt = (time - self._last_time if self._step is None else self._step) if index > 0 else 0.0
-        point = GridPoint(index=index, time=time, dt=dt, u=row.u, y=row.y)
+        first, (began, start) = self._last_index + 1, self._origin or (0, row.time)
+        step, resumes = self._step, index == began > 0
+        time = row.time if step is None else start + (index - began) * step
+        dt = (self._usual if resumes else time - self._last_time) if step is None else step
+        u, y = row.u, row.y
+        point = GridPoint(index=index, time=time, dt=dt if index else 0.0, u=u, y=y, resumes=resumes)
         self._last_index, self._last_time = index, time
+        complete = bool(np.isfinite(u).all() and np.isfinite(y).all())
         self._tally["samples"] += index - first + 1
-        complete = bool(np.isfinite(row.u).all() and np.isfinite(row.y).all())
         self._tally["missing"] += index - first + (not complete)
+        self._tally["clock_jumps"] += resumes
+        self._tally["saturated"] += row.saturated
+        if self._frozen is not None:
+            self._tally["frozen"] += self._frozen.add(y)
         if index == first:
             return (point,)
-        return chain(_empty_points(first, index, self._start, self._step or 0.0, row), (point,))
+        times = (start + (k - began) * (step or 0.0) for k in range(first, index))
+        return chain(_empty_points(first, times, step or 0.0, row), (point,))
 
 
-def _empty_points(first: int, end: int, start: float, step: float, like: Row) -> Iterator[GridPoint]:
-    """Give the points from `first` to before `end`, for which there is no row."""
+def _empty_points(first: int, times: Iterable[float], step: float, like: Row) -> Iterator[GridPoint]:
+    """Give the points from `first` on at some times, for which there is no row."""
     u, y = np.full_like(like.u, np.nan), np.full_like(like.y, np.nan)
     u.setflags(write=False)
     y.setflags(write=False)
-    for index in range(first, end):
-        yield GridPoint(index=index, time=start + index * step, dt=step, u=u, y=y)
+    for index, time in enumerate(times, start=first):
+        yield GridPoint(index=index, time=time, dt=step, u=u, y=y)
 
 
 def on_grid(rows: Iterable[Row], grid: Grid) -> Iterator[GridPoint]:

@@ -1,7 +1,7 @@
 """Recordings: rows of CSV or Parquet, or of standard input, in SI units.
 
-Only the columns that the model names are read. A value that is empty, unreadable or not finite is nan in its row; a
-file that is no recording is one `RecordingError`. Source: docs/commands.md.
+Only the columns that the model names are read. A value that is empty, unreadable, not finite or at an end of its range
+is nan in its row; a file that is no recording is one `RecordingError`. Source: docs/commands.md.
 """
 
 import csv
@@ -27,16 +27,22 @@ from faultbond.types import FloatArray
 MAX_LINE = 200_000  # characters
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
+ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
 STANDARD_INPUT = "-"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column that the model needs: its header, its unit, and what it is, for messages (`sensor flow`)."""
+    """A column that the model needs: its header, its unit, and what it is, for messages (`sensor flow`).
+
+    lower, upper: ends of its range in SI; a value there or beyond is saturated.
+    """
 
     header: str
     unit: Unit
     role: str
+    lower: float = -math.inf
+    upper: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,12 +50,14 @@ class Columns:
     """All that a model needs of a recording.
 
     sample_time: gives rows their time where there is no time column; None, as of a static network, is taken as 1 s.
+    first_time: of the first row, where there is no time column.
     """
 
     time: TimeColumn
     inputs: tuple[Column, ...]
     outputs: tuple[Column, ...]
     sample_time: float | None
+    first_time: float = 0.0
 
     def needed(self, header: Sequence[str]) -> tuple[Column, ...]:
         """Give every column to look for: time, where there is one, then inputs, then outputs."""
@@ -73,9 +81,17 @@ def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     return Columns(
         time=graph.time,
         inputs=tuple(Column(header=item.column, unit=item.unit, role=f"input {item.name}") for item in graph.inputs),
-        outputs=tuple(Column(header=item.column, unit=item.unit, role=f"sensor {item.name}") for item in graph.sensors)
-        if sensors
-        else (),
+        outputs=tuple(
+            Column(
+                header=item.column,
+                unit=item.unit,
+                role=f"sensor {item.name}",
+                lower=item.lower,
+                upper=item.upper,
+            )
+            for item in graph.sensors
+            if sensors
+        ),
         sample_time=graph.sample_time,
     )
 
@@ -130,14 +146,19 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
     if not any(header):
         raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
     place = _locate(columns, header, title)
+    lowest, highest = _ends(columns.outputs)
     clock = _clock(columns, by_number=place.time is None)
     number = 0
     for number, (line, values) in enumerate(records, start=1):
         moment = clock(number - 1, None if place.time is None else _field(values, place.time))
+        y = _numbers(values, place.outputs, columns.outputs)
+        saturated = (y <= lowest) | (y >= highest)
+        y[saturated] = math.nan
         yield Row(
             time=moment,
             u=_numbers(values, place.inputs, columns.inputs),
-            y=_numbers(values, place.outputs, columns.outputs),
+            y=y,
+            saturated=int(saturated.sum()),
             line=line,
         )
     if number == 0:
@@ -148,6 +169,15 @@ def _numbers(values: Sequence[object], places: tuple[int, ...], columns: tuple[C
     """Give the SI values at some places of a record."""
     pairs = zip(places, columns, strict=True)
     return np.array([column.unit.to_si(_number(_field(values, place))) for place, column in pairs], dtype=np.float64)
+
+
+def _ends(columns: tuple[Column, ...]) -> tuple[FloatArray, FloatArray]:
+    """Give the ends of the ranges in SI, each of shape (n_columns,), moved inwards by what units may round."""
+    lower = np.array([column.lower for column in columns], dtype=np.float64)
+    upper = np.array([column.upper for column in columns], dtype=np.float64)
+    sizes = np.where(np.isfinite(lower), np.abs(lower), 0.0), np.where(np.isfinite(upper), np.abs(upper), 0.0)
+    width = ROUNDING * np.maximum(*sizes)
+    return lower + width, upper - width
 
 
 def _field(values: Sequence[object], place: int) -> object:
@@ -168,7 +198,7 @@ def _clock(columns: Columns, *, by_number: bool) -> Callable[[int, object], floa
     """Give the function that tells the time of a row, in seconds, from its number and its time field."""
     if by_number:
         step = columns.sample_time or 1.0
-        return lambda number, _: number * step
+        return lambda number, _: columns.first_time + number * step
     unit = columns.time.unit
 
     def read(_: int, value: object) -> float:

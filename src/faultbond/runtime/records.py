@@ -54,7 +54,19 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
 
 
 def end_record(
-    *, time: float | None, samples: int, watched: int, detections: int, missing: int, late: int, duplicate: int
+    *,
+    time: float | None,
+    samples: int,
+    watched: int,
+    detections: int,
+    missing: int,
+    late: int,
+    duplicate: int,
+    untimed: int = 0,
+    unused: int = 0,
+    clock_jumps: int = 0,
+    saturated: int = 0,
+    frozen: int = 0,
 ) -> Record:
     """Give the last record.
 
@@ -65,7 +77,10 @@ def end_record(
     watched : grid points with a measured value at which the alarms were on; 0: the run has no verdict
     detections : alarms raised
     missing : grid points at which a needed value was absent
-    late, duplicate : rows that came too late, or twice
+    late, duplicate, untimed : rows that came too late, or twice, or whose time cannot be read
+    unused : rows whose grid point is served by another row
+    clock_jumps : grid points at which a run goes on after a change of the clock or a long gap
+    saturated, frozen : values at an end of their range, or of a sensor that stays the same
     """
     return {
         "record": "end",
@@ -76,6 +91,11 @@ def end_record(
         "missing": missing,
         "late": late,
         "duplicate": duplicate,
+        "untimed": untimed,
+        "unused": unused,
+        "clock_jumps": clock_jumps,
+        "saturated": saturated,
+        "frozen": frozen,
     }
 
 

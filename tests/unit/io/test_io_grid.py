@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import RecordingError
-from faultbond.io.grid import LOOK_BACK, Counts, Grid, Row, on_grid
+from faultbond.io.grid import LOOK_BACK, Counts, Grid, GridPoint, Row, on_grid
 
 
 def rows(*times: float) -> list[Row]:
@@ -89,29 +89,131 @@ def test_sorting_reaches_60_samples_when_rows_are_many() -> None:
     assert values[100] == moved.index(100.0)
 
 
+def points_of(rows: list[Row], step: float | None = 1.0, *, live: bool = False) -> tuple[list[GridPoint], Counts]:
+    """Give the points of rows, and the counts."""
+    grid = Grid(step, live=live)
+    return list(on_grid(rows, grid)), grid.counts
+
+
 @pytest.mark.parametrize("live", [False, True])
-def test_a_jump_in_time_is_an_error(live: bool) -> None:
-    """More than ten million empty points are refused at once, with the line and what to check."""
+def test_a_gap_is_filled_up_to_600_points(live: bool) -> None:
+    """Up to 600 points without a row are given; after more of them the grid begins anew at the next row."""
+    points, counts = points_of(rows(0.0, 1.0, 602.0), live=live)
+    assert len(points) == 603
+    assert counts == Counts(samples=603, missing=600)
+    points, counts = points_of(rows(0.0, 1.0, 602.6, 603.6), live=live)
+    assert [(point.index, point.time, point.dt, point.resumes) for point in points] == [
+        *((0, 0.0, 0.0, False), (1, 1.0, 1.0, False)),
+        *((2, 602.6, 1.0, True), (3, 603.6, 1.0, False)),
+    ]
+    assert counts == Counts(samples=4, clock_jumps=1)
+
+
+@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize("back", [80.0, 3600.0, 1e9])
+def test_a_clock_that_is_set_back(live: bool, back: float) -> None:
+    """The grid goes on with the rows of the new clock, none of which is lost; the first point says that it resumes."""
+    times = [float(number) for number in range(300)] + [300.5 - back + number for number in range(300)]
+    points, counts = points_of(rows(*times), live=live)
+    assert [point.y[0] for point in points] == list(range(600))
+    assert [point.time for point in points] == times
+    assert {point.dt for point in points[1:]} == {1.0}
+    assert [point.index for point in points if point.resumes] == [300]
+    assert counts == Counts(samples=600, clock_jumps=1)
+
+
+def test_a_clock_that_is_set_back_a_little() -> None:
+    """Live, ten rows behind the newest show it; in a file, rows up to 60 samples back are out of order."""
+    times = [float(number) for number in range(100)] + [70.5 + number for number in range(100)]
+    assert points_of(rows(*times), live=True)[1] == Counts(samples=200, clock_jumps=1)
+    points, counts = points_of(rows(*times))
+    assert [point.time for point in points] == [float(number) for number in range(171)]
+    assert counts == Counts(samples=171, late=29, unused=29)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_nine_old_rows_are_late(live: bool) -> None:
+    """Fewer than ten rows that are too old are late, and so are more of them that do not go on from each other."""
+    new = [float(number) for number in range(300)]
+    for old in ([100.5 + number for number in range(9)], [100.5 - number for number in range(30)]):
+        points, counts = points_of(rows(*new[:200], *old, *new[200:]), live=live)
+        assert [point.time for point in points] == new
+        assert counts == Counts(samples=300, late=len(old))
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_rows_that_are_sent_again(live: bool) -> None:
+    """A block of the last rows that comes a second time, with the same values, is no change of the clock."""
+    first = rows(*(float(number) for number in range(200)))
+    points, counts = points_of([*first[:100], *first[50:100], *first[100:]], live=live)
+    assert [point.y[0] for point in points] == list(range(200))
+    assert counts == Counts(samples=200, duplicate=50)
+
+
+def test_a_first_row_with_a_wild_time() -> None:
+    """A clock that is wrong at first, before or after the right time, costs one point."""
+    for wild in (-1e9, 1e9):
+        points, counts = points_of(rows(wild, *(float(number) for number in range(100))))
+        assert [point.y[0] for point in points] == list(range(101))
+        assert counts == Counts(samples=101, clock_jumps=1)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_rows_that_are_too_far_apart(live: bool) -> None:
+    """Where no row follows another, the unit of time is wrong: an error that says so, with the line."""
+    times = [1000.0 * number for number in range(100)]
+    with pytest.raises(RecordingError, match=r"line 1[34]: the time jumps from .* 600 samples of 1 s"):
+        run(times, live=live)
+    assert run(times[:8], live=live)[1] == Counts(samples=8, clock_jumps=7)
+    later = [*range(50), *times[1:]]
+    assert run([float(time) for time in later], live=live)[1] == Counts(samples=149, clock_jumps=99)
+
+
+def test_a_steady_clock() -> None:
+    """Where the clock is steady every gap is filled, up to ten million points at once, and old rows are dropped."""
+    grid = Grid(1.0, steady=True)
+    assert len(list(on_grid(rows(0.0, 5000.0, *(float(number) for number in range(100, 200))), grid))) == 5001
     begin = process_time()
     with pytest.raises(RecordingError, match=r"line 4: the time jumps from 1 s to 20000000 s.*unit of the time column"):
-        run([0.0, 1.0, 2e7], live=live)
+        list(on_grid(rows(0.0, 1.0, 2e7), Grid(1.0, steady=True)))
     assert process_time() - begin < 5.0
-
-
-def test_a_huge_time_is_an_error() -> None:
-    """Numbers that overflow the index are refused too."""
     with pytest.raises(RecordingError, match="jumps"):
-        run([-1e308, 1e308], 1e-3)
+        list(on_grid(rows(-1e308, 1e308), Grid(1e-3, steady=True)))
 
 
-def test_points_before_a_jump_are_given_live() -> None:
-    """What came before the jump has been given by then."""
-    grid = Grid(1.0, live=True)
-    points = on_grid(rows(0.0, 1.0, 1e12), grid)
-    assert [next(points).index, next(points).index] == [0, 1]
-    with pytest.raises(RecordingError, match="jumps"):
-        next(points)
-    assert grid.counts == Counts(samples=2)
+def test_times_of_any_size() -> None:
+    """Numbers that overflow a difference begin the grid anew."""
+    assert run([-1e308, 1e308], 1e-3)[1] == Counts(samples=2, clock_jumps=1)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_variable_grid_resumes(live: bool) -> None:
+    """Without a grid, a gap of 600 usual intervals or a clock set back resumes with the usual interval."""
+    times = [2.0 * number for number in range(100)]
+    far, back = [time + 1e6 for time in times], [time - 1e6 for time in times]
+    points, counts = points_of(rows(*times, *far, *back), None, live=live)
+    assert [point.index for point in points if point.resumes] == [100, 200]
+    assert {point.dt for point in points[1:]} == {2.0}
+    assert [point.time for point in points] == [*times, *far, *back]
+    assert counts == Counts(samples=300, clock_jumps=2)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_other_sampling_rates(live: bool) -> None:
+    """Of rows at twice the rate every second one serves; at half the rate every second point is missing."""
+    points, counts = points_of(rows(*(number / 2 for number in range(199))), live=live)
+    served = [point.y[0] for point in points]
+    assert served == ([0.0, *(2.0 * k - 1 for k in range(1, 100))] if live else [2.0 * k for k in range(100)])
+    assert counts == Counts(samples=100, unused=99)
+    points, counts = points_of(rows(*(2.0 * number for number in range(100))), live=live)
+    assert [point.y[0] for point in points[::2]] == list(range(100))
+    assert counts == Counts(samples=199, missing=99)
+
+
+def test_saturated_values_are_counted() -> None:
+    """Values at an end of a range are counted at the points that their rows serve."""
+    made = [Row(time=time, u=np.zeros(1), y=np.full(2, np.nan), saturated=2) for time in (0.0, 0.9, 1.0, 2.0)]
+    assert points_of(made)[1] == Counts(samples=3, missing=3, unused=1, saturated=6)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, math.nan, math.inf])

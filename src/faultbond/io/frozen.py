@@ -1,0 +1,38 @@
+"""Sensors whose value stays the same to the last digit although they have noise; only counted.
+
+A reading of a healthy sensor repeats itself where its resolution is coarse beside its noise, so a sensor is judged only
+once it has shown a step much smaller than its declared noise, and only after many repeats.
+"""
+
+import numpy as np
+
+from faultbond.types import FloatArray
+
+FROZEN_AFTER = 60  # values one after the other that are the same
+FINE = 0.5  # a sensor resolves its noise if it has moved by less than this many standard deviations
+
+
+class Frozen:
+    """Counts the values of sensors that are frozen, those before a sensor was judged so among them.
+
+    Parameters
+    ----------
+    noise : standard deviation by sensor, shape (n_outputs,), SI; 0 is never judged
+    """
+
+    def __init__(self, noise: FloatArray) -> None:
+        self._noise = noise
+        self._last = np.full(len(noise), np.nan)
+        self._finest = np.full(len(noise), np.inf)
+        self._same = np.ones(len(noise), dtype=np.intp)  # values that are like the last one, itself among them
+
+    def add(self, y: FloatArray) -> int:
+        """Take the values of one point, shape (n_outputs,), SI, and give by how much the count grows."""
+        seen = np.isfinite(y)
+        moved = np.abs(y - self._last)
+        new = seen & ~(moved == 0.0)
+        self._finest = np.where(new & (moved > 0.0), np.minimum(self._finest, moved), self._finest)
+        self._same = np.where(new, 1, self._same + seen)
+        self._last = np.where(seen, y, self._last)
+        grown = np.where(self._same == FROZEN_AFTER, FROZEN_AFTER, self._same > FROZEN_AFTER)
+        return int((grown * (seen & (self._finest < FINE * self._noise))).sum())
