@@ -24,6 +24,7 @@ MEANING = {
     "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
     "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
     "cost_per_suspect": "cost of each suspect of a set, nats",
+    "cost_per_sensor": "cost of a sensor as the suspect, nats",
     "group_nats": "sets closer to the best than this are not told apart, nats",
     "blank_factor": "noise variance of a sensor while an input settles, times",
     "warm_up_samples": "samples without alarms at the start, with those of the model's warm-up",

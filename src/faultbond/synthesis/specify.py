@@ -1,5 +1,6 @@
 """The `EngineSpec` of a model: what the on-line part must know, in array order."""
 
+from dataclasses import replace
 from importlib.metadata import version
 from math import ceil
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
 from faultbond.dynamics.step import StepModel, reference_inputs
-from faultbond.model.graph import Input, Parameter, Sensor
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
     EngineSpec,
     InputSpec,
@@ -17,6 +18,7 @@ from faultbond.spec import (
     StateSpec,
     Thresholds,
 )
+from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
 _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a step
@@ -58,7 +60,20 @@ def build_spec(model: StepModel) -> EngineSpec:
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=choice.sets,
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
-        thresholds=Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9))),
+        thresholds=_thresholds(graph, grid, [error.memory for error in slow if error.alarms]),
+    )
+
+
+def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresholds:
+    """Give the settings of the detector; its limits follow from a promise, if the model file makes one."""
+    usual = Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9)))
+    promise, shares = graph.time_between_false_alarms, 2 if memories else 1
+    if promise is None:
+        return usual
+    return replace(
+        usual,
+        cusum_limit=cusum_limit(promise, grid, len(graph.sensors), usual.cusum_drift, shares),
+        slow_error_limit=slow_error_limit(promise, memories, shares) if memories else usual.slow_error_limit,
     )
 
 

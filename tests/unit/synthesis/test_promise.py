@@ -1,0 +1,76 @@
+"""Limits from a promise: what white innovations and slow errors really do keeps it."""
+
+import numpy as np
+import pytest
+
+from faultbond.model.text import parse_model
+from faultbond.spec import Thresholds
+from faultbond.synthesis.engine import build_model
+from faultbond.synthesis.promise import LEAST, cusum_limit, slow_error_limit
+from faultbond.synthesis.specify import build_spec
+
+MODEL = """
+name: tank
+sample_time: 1 s
+{key}
+inputs: {{u: {{unit: m^3/s}}}}
+components:
+  pump: {{type: Sf, law: f = u}}
+  tank: {{type: C, law: q = A*e, parameters: {{A: 2 m^2}}}}
+  pipe: {{type: R, law: e = R*f, parameters: {{R: 3 s/m^2}}}}
+junctions: {{node: 0}}
+bonds: [pump -> node -> tank, node -> pipe]
+sensors: {{level: {{reads: node.e, unit: m, noise: 1 cm}}}}
+slow_error: {{pipe.f: 2 % over 600 s}}
+"""
+
+
+def thresholds(key: str) -> Thresholds:
+    """Settings of the small tank with one more line in its model file."""
+    return build_spec(build_model(parse_model(MODEL.format(key=key)))).thresholds
+
+
+@pytest.mark.parametrize("promise", [200.0, 500.0])
+def test_white_innovations_keep_the_promise(promise: float) -> None:
+    """Two sums of each of two sensors, fed with white innovations, alarm once in the promised time on average."""
+    generator, runs = np.random.default_rng(1), 800
+    limit = cusum_limit(promise, 1.0, 2, 0.3)
+    sums, alarm = np.zeros((2, 2, runs)), np.full(runs, np.nan)
+    for sample in range(1, 12 * int(promise)):
+        score = np.clip(generator.standard_normal((2, runs)), -3.0, 3.0)
+        sums = np.maximum(sums + np.stack([score, -score]) - 0.3, 0.0)
+        alarm = np.where(np.isnan(alarm) & (sums.max(axis=(0, 1)) > limit), sample, alarm)
+    assert not np.isnan(alarm).any()
+    assert np.mean(alarm) == pytest.approx(promise, rel=0.12)
+
+
+def test_slow_errors_keep_the_promise() -> None:
+    """Two slow errors as declared leave the limit not more often than promised, and not much more rarely."""
+    generator, runs, memory = np.random.default_rng(2), 150, 20.0
+    limit = slow_error_limit(1500.0, [memory, memory])
+    keep = float(np.exp(-1.0 / memory))
+    x, alarm = generator.standard_normal((2, runs)), np.full(runs, np.nan)
+    for sample in range(1, 15_000):
+        x = keep * x + np.sqrt(1.0 - keep**2) * generator.standard_normal(x.shape)
+        alarm = np.where(np.isnan(alarm) & (np.abs(x).max(axis=0) > limit), sample, alarm)
+        if not np.isnan(alarm).any():
+            break
+    assert 1500.0 * 0.95 < np.nanmean(alarm) < 1500.0 * 1.8
+
+
+def test_limits_grow_with_the_promise() -> None:
+    """A longer promise, more sensors and a shorter sample time need higher limits; there is a least one."""
+    hour, month = 3600.0, 30 * 86400.0
+    assert cusum_limit(hour, 1.0, 1, 0.3) < cusum_limit(month, 1.0, 1, 0.3)
+    assert cusum_limit(month, 1.0, 1, 0.3) < cusum_limit(month, 1.0, 4, 0.3) < cusum_limit(month, 0.02, 4, 0.3)
+    assert slow_error_limit(hour, [600.0]) < slow_error_limit(month, [600.0]) < slow_error_limit(month, [600.0] * 3)
+    assert cusum_limit(1.0, 1.0, 1, 0.3) == LEAST
+
+
+def test_model_file_sets_the_limits() -> None:
+    """Without the key the usual limits hold; with it they follow from the promise, shared by sums and slow errors."""
+    usual, month = thresholds(""), 30 * 86400.0
+    assert (usual.cusum_limit, usual.slow_error_limit) == (25.0, 1.6)
+    promised = thresholds("time_between_false_alarms: 30 days")
+    assert promised.cusum_limit == pytest.approx(cusum_limit(month, 1.0, 1, usual.cusum_drift, 2))
+    assert promised.slow_error_limit == pytest.approx(slow_error_limit(month, [600.0], 2))
