@@ -46,16 +46,16 @@ def test_white_innovations_keep_the_promise(promise: float) -> None:
 
 def test_slow_errors_keep_the_promise() -> None:
     """Two slow errors as declared leave the limit not more often than promised, and not much more rarely."""
-    generator, runs, memory = np.random.default_rng(2), 150, 20.0
-    limit = slow_error_limit(1500.0, [memory, memory])
+    generator, runs, memory = np.random.default_rng(2), 100, 50.0
+    limit = slow_error_limit(2000.0, [memory, memory])
     keep = float(np.exp(-1.0 / memory))
     x, alarm = generator.standard_normal((2, runs)), np.full(runs, np.nan)
-    for sample in range(1, 15_000):
+    for sample in range(1, 25_000):
         x = keep * x + np.sqrt(1.0 - keep**2) * generator.standard_normal(x.shape)
         alarm = np.where(np.isnan(alarm) & (np.abs(x).max(axis=0) > limit), sample, alarm)
         if not np.isnan(alarm).any():
             break
-    assert 1500.0 * 0.95 < np.nanmean(alarm) < 1500.0 * 1.8
+    assert 2000.0 * 0.95 < np.nanmean(alarm) < 2000.0 * 1.8
 
 
 def test_limits_grow_with_the_promise() -> None:
