@@ -23,7 +23,7 @@ from typing import Protocol
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.types import CheckKind, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +73,11 @@ class InputSpec:
     unit: str = ""
     unit_factor: float = 1.0
 
+    @property
+    def percent(self) -> bool:
+        """Whether it is a percentage, from 0 to 100."""
+        return self.unit == "percent"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputSpec:
@@ -94,6 +99,17 @@ class Instrument:
     name: str
     is_output: bool
     index: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckSpec:
+    """Something that a person can check, and what it costs; `noise` of a signal and `move` of an input in SI."""
+
+    name: str
+    kind: CheckKind
+    cost: float
+    noise: float = 0.0
+    move: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +157,7 @@ class EngineSpec:
     hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
     thresholds: Thresholds
     explain_anything: tuple[tuple[int, ...], ...] = ()  # sets that no data can contradict; not tested
+    checks: tuple[CheckSpec, ...] = ()
     slot: bool = False  # whether lanes have the slot for one more fault
 
     @cached_property

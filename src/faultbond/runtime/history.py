@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import CheckKind, FaultKind, FloatArray
 
 
 class Decider(Enum):
@@ -47,7 +47,8 @@ class Candidate:
 
     blocks: suspected parts that have no parameter, such as gates; they behave in a way that is not known.
     kind: the likeliest kind of fault, to which the estimates belong. kinds: the probability of each kind, given that
-    this is the set. present: False while a fault that comes and goes is gone.
+    this is the set. present: False while a fault that comes and goes is gone. hypothesis: its number in the
+    specification, if it has one.
     """
 
     suspects: tuple[Suspect, ...]
@@ -57,6 +58,7 @@ class Candidate:
     kind: FaultKind = FaultKind.STEP
     kinds: tuple[tuple[FaultKind, float], ...] = ()
     present: bool = True
+    hypothesis: int = -1
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -90,12 +92,36 @@ class Unexplained:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """One thing to do that would tell candidates apart.
+
+    kind, target: a component, sensor or input to look at, an input to move, or a signal to measure by hand
+    gain: bits of information about which candidate is right, as expected now. cost: as the model file states it
+    separates: the components of the candidates that would still be together, group by group
+    value: SI value to which the input is to be moved; None of other checks. within: s until the answer is there
+    """
+
+    kind: CheckKind
+    target: str
+    gain: float
+    cost: float
+    separates: tuple[tuple[tuple[str, ...], ...], ...]
+    value: float | None = None
+    within: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """Ranked candidates at a time, best first; `unexplained`: that none of the modelled faults explains the data."""
+    """Ranked candidates at a time, best first.
+
+    unexplained: that none of the modelled faults explains the data. advice: what to do next, the best for its cost
+    first.
+    """
 
     time: float
     candidates: tuple[Candidate, ...]
     unexplained: Unexplained | None = None
+    advice: tuple[Advice, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

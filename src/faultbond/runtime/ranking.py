@@ -111,9 +111,9 @@ def _candidate(
     steps = bank.steps.shape[1]
     shares = np.exp(kinds - np.logaddexp.reduce(kinds))
     order = [int(k) for k in np.argsort(-shares, kind="stable") if np.isfinite(kinds[k])]
+    hypothesis = int(lane_table(spec).hypothesis[lane])
     if lane < steps:
-        chosen = spec.hypotheses[plan_lanes(spec).hypothesis[lane]]
-        suspects, present = step_suspects(spec, bank.steps[:, lane], chosen), True
+        suspects, present = step_suspects(spec, bank.steps[:, lane], spec.hypotheses[hypothesis]), True
     else:
         suspects, present = slot_suspects(spec, bank.slots, lane - steps, time)
     return Candidate(
@@ -123,4 +123,5 @@ def _candidate(
         kind=_KINDS[order[0]],
         kinds=tuple((_KINDS[k], float(shares[k])) for k in order),
         present=present,
+        hypothesis=hypothesis,
     )

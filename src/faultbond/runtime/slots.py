@@ -23,6 +23,13 @@ STUCK_NOISES = (0.01, 1.0)  # noise variance of a sensor that is stuck, in that 
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
+SENSOR_KINDS = {  # prior probabilities of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
+    FaultKind.BIAS: 0.5,
+    FaultKind.DRIFT: 0.15,
+    FaultKind.GAIN: 0.03,
+    FaultKind.STUCK: 0.2,
+    FaultKind.NOISE: 0.12,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +131,7 @@ def _switching(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[Slo
 
 
 def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give the faults of a sensor; the kinds weigh the same."""
+    """Give the faults of a sensor."""
 
     def lanes(kind: FaultKind, *starts: tuple[float, float, float]) -> Iterator[SlotLane]:
         for size_sd, rate_sd, noise in starts:
@@ -135,7 +142,7 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
                 size_sd=size_sd,
                 rate_sd=rate_sd,
                 noise=noise,
-                weight=-log(5.0 * len(starts)),
+                weight=log(SENSOR_KINDS[kind] / len(starts)),
             )
 
     yield from lanes(FaultKind.BIAS, *((sd, 0.0, 1.0) for sd in BIASES))

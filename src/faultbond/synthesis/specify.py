@@ -10,6 +10,7 @@ from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
 from faultbond.dynamics.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.spec import (
+    CheckSpec,
     EngineSpec,
     InputSpec,
     OutputSpec,
@@ -60,6 +61,10 @@ def build_spec(model: StepModel) -> EngineSpec:
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=choice.sets,
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
+        checks=tuple(
+            CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)
+            for item in graph.checks
+        ),
         thresholds=_thresholds(graph, grid, [error.memory for error in slow if error.alarms]),
     )
 
