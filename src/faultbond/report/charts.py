@@ -8,9 +8,10 @@ import numpy as np
 
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, exponent_of, is_unix, power_of_ten, unit_text
+from faultbond.report.suspects import title_of, unit_of
 from faultbond.report.thin import thin
-from faultbond.report.verdict import best_group, last_diagnosis, set_name, unit_of
-from faultbond.runtime.history import Candidate, Diagnosis, History
+from faultbond.report.verdict import best_group, last_diagnosis, set_key, set_name
+from faultbond.runtime.history import Candidate, Diagnosis, History, Suspect
 from faultbond.types import FloatArray
 
 POINTS = 4000  # per trace
@@ -37,13 +38,14 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chart:
-    """Lines over a common time axis; `level` is a horizontal line with a name."""
+    """Lines over a common time axis; `level` is a horizontal line with a name, `limits` are further ones."""
 
     title: str
     unit: str
     time: FloatArray
     traces: tuple[Trace, ...]
     level: tuple[float, str] | None = None
+    limits: tuple[float, ...] = ()
     lowest: float | None = None
     highest: float | None = None
     relative_to: float | None = None  # adds an axis in per cent of this value
@@ -75,11 +77,11 @@ def sections(graph: BondGraph, history: History) -> tuple[Section, ...]:
         Section(
             title="Probability of each explanation",
             text="After the alarm; all tested sets together make 100 %.",
-            charts=_probability_charts(history),
+            charts=_probability_charts(graph, history),
         ),
         Section(
             title="Estimates",
-            text="Parameters of the best explanations; the band is one standard deviation.",
+            text="What the best explanations suspect; the band is one standard deviation.",
             charts=_estimate_charts(graph, history),
         ),
     )
@@ -111,11 +113,11 @@ def _chart_json(chart: Chart, start: float, points: int) -> Json:
     exponent = _axis_exponent(chart)
     shrink = 10.0**exponent
     scale = f"{power_of_ten(exponent)} {chart.unit}".strip() if exponent else chart.unit
-    level = chart.level
+    levels = [*([chart.level] if chart.level else []), *((limit, "limit") for limit in chart.limits)]
     return {
         "unit": scale,
         "x": _numbers(chart.time[rows] - start, 9),
-        "level": [_number(level[0] / shrink), level[1]] if level else None,
+        "levels": [[_number(value / shrink), label] for value, label in levels],
         "lowest": chart.lowest,
         "highest": chart.highest,
         "relativeTo": _number(chart.relative_to / shrink) if chart.relative_to else None,
@@ -202,16 +204,16 @@ def _detector_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
     return (Chart(title=title, unit="", time=history.time, traces=traces, level=(1.0, "limit"), lowest=0.0),)
 
 
-def _probability_charts(history: History) -> tuple[Chart, ...]:
+def _probability_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
     diagnoses = [diagnosis for diagnosis in history.diagnoses if diagnosis.candidates]
     if not diagnoses:
         return ()
-    table = [{candidate.parameters: candidate.probability for candidate in d.candidates} for d in diagnoses]
+    table = [{set_key(candidate): candidate.probability for candidate in d.candidates} for d in diagnoses]
     leading = _leading(diagnoses)
     lines = {sets: np.array([row.get(sets, 0.0) for row in table]) for sets in leading}
     rest = np.maximum(1.0 - np.sum(list(lines.values()), axis=0), 0.0)
     traces = [
-        Trace(label=set_name(leading[sets]), values=100.0 * values, color=f"line{k % 7}", width=2.0)
+        Trace(label=set_name(graph, leading[sets]), values=100.0 * values, color=f"line{k % 7}", width=2.0)
         for k, (sets, values) in enumerate(lines.items())
     ]
     if any(len(row) > len(leading) for row in table):
@@ -226,48 +228,48 @@ def _leading(diagnoses: Sequence[Diagnosis]) -> Mapping[tuple[str, ...], Candida
     peak: dict[tuple[str, ...], float] = {}
     for diagnosis in diagnoses:
         for candidate in diagnosis.candidates:
-            sets = candidate.parameters
+            sets = set_key(candidate)
             known[sets] = candidate
             peak[sets] = max(peak.get(sets, 0.0), candidate.probability)
-    final = diagnoses[-1].candidates[0].parameters
+    final = set_key(diagnoses[-1].candidates[0])
     order = sorted(known, key=lambda sets: (sets != final, -peak[sets]))
     return {sets: known[sets] for sets in order[:LEADING]}
 
 
 def _estimate_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
-    """Give one chart per parameter of the best group."""
+    """Give one chart per suspect of the best group."""
     last = last_diagnosis(history)
     if last is None:
         return ()
-    chosen: dict[str, Candidate] = {}
+    chosen: dict[str, tuple[Candidate, Suspect]] = {}
     for candidate in best_group(last):
-        for name in candidate.parameters:
-            chosen.setdefault(name, candidate)
-    return tuple(_estimate_chart(graph, history, name, chosen[name]) for name in list(chosen)[:ESTIMATES])
+        for suspect in candidate.suspects:
+            chosen.setdefault(suspect.parameter, (candidate, suspect))
+    return tuple(_estimate_chart(graph, history, *found) for found in list(chosen.values())[:ESTIMATES])
 
 
-def _estimate_chart(graph: BondGraph, history: History, name: str, candidate: Candidate) -> Chart:
-    """Draw a parameter as one candidate sees it, from diagnosis to diagnosis."""
-    unit = unit_of(graph, name)
+def _estimate_chart(graph: BondGraph, history: History, candidate: Candidate, suspect: Suspect) -> Chart:
+    """Draw a suspect as one candidate sees it, from diagnosis to diagnosis; `suspect` is its last state."""
+    unit = unit_of(graph, suspect.parameter)
     rows = [
-        (diagnosis.time, suspect.estimate, suspect.sd)
+        (diagnosis.time, item.estimate, item.sd)
         for diagnosis in history.diagnoses
         for found in diagnosis.candidates
         if found.parameters == candidate.parameters
-        for suspect in found.suspects
-        if suspect.parameter == name
+        for item in found.suspects
+        if item.parameter == suspect.parameter
     ]
     times, estimates, sds = np.array(rows).T
-    nominal = unit.from_si(next(s.nominal for s in candidate.suspects if s.parameter == name))
-    owner = next(s.component for s in candidate.suspects if s.parameter == name)
-    others = [other for other in candidate.parameters if other != name]
+    others = [other for other in candidate.parameters if other != suspect.parameter]
+    nominal = None if suspect.nominal is None else unit.from_si(suspect.nominal)
     return Chart(
-        title=f"{name} of {owner}" + (f", together with {', '.join(others)}" if others else ""),
+        title=title_of(graph, suspect) + (f", together with {', '.join(others)}" if others else ""),
         unit=unit_text(unit.text, Notation.PRINT),
         time=times,
         traces=(
             Trace(label="estimate", values=_from_si(estimates, unit), color="line0", sd=sds / unit.factor, factor=1.0),
         ),
-        level=(nominal, "nominal"),
+        level=None if nominal is None else (nominal, "nominal"),
+        limits=tuple(unit.from_si(item.limit) for item in suspect.forecasts),
         relative_to=nominal or None,
     )

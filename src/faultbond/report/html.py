@@ -8,18 +8,22 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from faultbond.model.graph import BondGraph
 from faultbond.report.charts import payload, sections
 from faultbond.report.drawing import draw, graph_title
-from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text
+from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text, probability_text
+from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import (
     Counts,
     component_probabilities,
+    instrument_probabilities,
+    join,
     last_diagnosis,
     remainder_text,
     span_of,
     table_rows,
     verdict_sentence,
 )
-from faultbond.runtime.history import History
+from faultbond.runtime.history import Diagnosis, History
 
+SHOWN = 0.05  # instruments less likely at fault are not named
 NO_BREAK = "\N{NO-BREAK SPACE}"
 STATIC = resources.files("faultbond.report") / "static"
 
@@ -64,7 +68,9 @@ def render_report(
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        drawing=draw(graph, strokes, component_probabilities(diagnosis) if diagnosis else None),
+        doubtful=diagnosis is not None and diagnosis.unexplained is not None,
+        drawing=draw(graph, strokes, _heat(diagnosis)),
+        not_drawn=_not_drawn(graph, diagnosis),
         drawing_title=graph_title(graph),
         blocks_drawn=graph.is_block_network,
         strokes_drawn=bool(strokes),
@@ -80,6 +86,19 @@ def render_report(
 def _unbroken(sentence: str) -> str:
     """Keep a number and its power of ten, and a number and its per cent sign, on one line."""
     return sentence.replace(" %", f"{NO_BREAK}%").replace(f" {TIMES} ", f"{NO_BREAK}{TIMES}{NO_BREAK}")
+
+
+def _heat(diagnosis: Diagnosis | None) -> dict[str, float] | None:
+    """Give the probability that each component changed; None where there is nothing to colour."""
+    return component_probabilities(diagnosis) if diagnosis and diagnosis.unexplained is None else None
+
+
+def _not_drawn(graph: BondGraph, diagnosis: Diagnosis | None) -> str:
+    """Name sensors and inputs that are likely at fault; the drawing of the plant does not show them."""
+    if diagnosis is None or diagnosis.unexplained is not None:
+        return ""
+    likely = [item for item in instrument_probabilities(diagnosis).items() if item[1] >= SHOWN]
+    return join([f"{instrument_title(graph, name)} ({probability_text(share)} %)" for name, share in likely])
 
 
 def _state(history: History, counts: Counts) -> str:

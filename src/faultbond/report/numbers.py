@@ -145,17 +145,29 @@ def change_text(nominal: float, estimate: float, sd: float) -> str:
     return ("0" if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")) + " %"
 
 
-def duration_text(seconds: float) -> str:
-    """Give a length of time in the unit in which it is a handy number."""
+def duration_text(seconds: float, digits: int = 3) -> str:
+    """Give a length of time in the unit in which it is a handy number, with so many significant digits."""
     for size, name in ((172800.0, "d"), (7200.0, "h"), (120.0, "min")):
         if abs(seconds) >= size:
             length = {"d": 86400.0, "h": 3600.0, "min": 60.0}[name]
-            return f"{_three_digits(seconds / length)} {name}"
-    return f"{_three_digits(seconds)} s"
+            return f"{_short(seconds / length, digits)} {name}"
+    return f"{_short(seconds, digits)} s"
 
 
-def _three_digits(value: float) -> str:
-    text = f"{value:.3g}"
+PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
+HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
+
+
+def pace(rate: float, size: float) -> tuple[float, str]:
+    """Give the unit of time, in seconds and by name, in which a value of a size changes visibly at a rate (per s)."""
+    for seconds, name in PACES:
+        if abs(rate) * seconds >= HANDY * abs(size):
+            return seconds, name
+    return PACES[-1]
+
+
+def _short(value: float, digits: int) -> str:
+    text = f"{value:.{digits}g}"
     return f"{value:.0f}" if "e" in text and abs(value) >= 1.0 else text
 
 
@@ -171,3 +183,13 @@ def clock_text(time: float) -> str:
     moment = datetime.fromtimestamp(round(time, 3), UTC)
     text = moment.strftime("%Y-%m-%d %H:%M:%S")
     return text + (f".{moment.microsecond // 1000:03d}" if moment.microsecond >= 1000 else "") + " UTC"
+
+
+def coarse_clock_text(time: float, width: float) -> str:
+    """Give a reading of the recording's clock, rounded to a tenth of its uncertainty `width` (s) or finer."""
+    if is_unix(time):
+        step = max((step for step in (1.0, 60.0, 3600.0) if 10.0 * step <= width), default=1.0)
+        text = clock_text(step * round(time / step))
+        return text.replace(":00 UTC", " UTC") if step >= 60.0 else text
+    place = math.floor(math.log10(width)) - 1 if width > 0.0 and math.isfinite(width) else -3
+    return clock_text(round(time, -place))

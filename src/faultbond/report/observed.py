@@ -11,8 +11,9 @@ from rich.text import Text
 
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, figure, unit_text
+from faultbond.report.suspects import unit_of
 from faultbond.report.terminal import PLAIN_WIDTH
-from faultbond.report.verdict import join, unit_of
+from faultbond.report.verdict import join
 from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
 
 LISTED = 20  # candidates shown; the records hold all
@@ -101,7 +102,7 @@ def _cells(graph: BondGraph, suspects: Sequence[Suspect]) -> tuple[str, ...]:
     return (
         "\n+ ".join(suspect.component for suspect in suspects),
         "\n".join(suspect.parameter for suspect in suspects),
-        "\n".join(f"{unit.from_si(suspect.nominal):.6g}" for suspect, unit in zip(suspects, units, strict=True)),
+        "\n".join(f"{unit.from_si(suspect.nominal or 0.0):.6g}" for suspect, unit in zip(suspects, units, strict=True)),
         "\n".join(values),
         "\n".join(unit_text(unit.text, Notation.FILE) for unit in units),
     )

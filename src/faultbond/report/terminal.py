@@ -1,5 +1,9 @@
 """The diagnosis as text: what was watched, when the alarm came, and the ranked table."""
 
+from collections.abc import Iterator
+from itertools import zip_longest
+from typing import Literal
+
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -20,7 +24,9 @@ from faultbond.report.verdict import (
 from faultbond.runtime.history import Diagnosis, History
 
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
+TABLE_WIDTH = 112  # the same for the ranked table, whose units are long
 GROUP_MARK = "●"
+WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 
 
 def print_diagnosis(
@@ -77,19 +83,19 @@ def _heading(diagnosis: Diagnosis) -> Text:
 def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> None:
     rows = table_rows(graph, diagnosis, Notation.FILE)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
-    for name in ("component", "parameter"):
-        table.add_column(name, overflow="fold")
-    table.add_column("nominal", justify="right")
-    table.add_column("estimate ± sd")
-    table.add_column("unit", overflow="fold")
-    table.add_column("change", justify="right")
-    table.add_column("%", justify="right")
+    for name in ("component", "kind", "parameter", "nominal", "estimate ± sd", "unit", "change", "%"):
+        side: Literal["right", "left"] = "right" if name in ("nominal", "change", "%") else "left"
+        table.add_column(name, justify=side, overflow="fold", no_wrap=name in WHOLE)
     table.add_column("", min_width=1)
     several = sum(row.group for row in rows) > 1
     for row in rows:
-        mark = GROUP_MARK if row.group and several else ""
-        table.add_row(*_cells(row), Text(mark), style="bold" if row.group else None)
+        for line in _lines(row, GROUP_MARK if row.group and several else ""):
+            table.add_row(*map(Text, line), style="bold" if row.group else None)
+    width = console.width
+    if not console.is_terminal:
+        console.width = TABLE_WIDTH
     console.print(table)
+    console.width = width
     if remainder := remainder_text(diagnosis, rows):
         console.print(Text(remainder, style="dim"))
     if several:
@@ -97,9 +103,11 @@ def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> No
     console.print()
 
 
-def _cells(row: Row) -> tuple[Text, ...]:
-    """Give the cells of one candidate, one line per suspect."""
-    columns = ("parameter", "nominal", "estimate", "unit", "change")
-    components = Text("\n+ ".join(suspect.component for suspect in row.suspects))
-    lines = (Text("\n".join(getattr(suspect, column) for suspect in row.suspects)) for column in columns)
-    return (components, *lines, Text(row.percent))
+def _lines(row: Row, mark: str) -> Iterator[tuple[str, ...]]:
+    """Give the lines of one candidate: one for each suspect and each rate, and each kind of fault."""
+    first = True
+    for kind, item in zip_longest(row.kinds, row.suspects):
+        cells = (item.component, kind or "") if item else ("", kind)
+        values = (item.parameter, item.nominal, item.estimate, item.unit, item.change) if item else ("",) * 5
+        yield (*cells, *values, *((row.percent, mark) if first else ("", "")))
+        first = False

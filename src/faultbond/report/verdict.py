@@ -4,22 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from faultbond.model.graph import BondGraph, Parameter, Unit
-from faultbond.report.numbers import (
-    Notation,
-    certainty_text,
-    change_text,
-    clock_text,
-    duration_text,
-    figure,
-    probability_text,
-    unit_text,
-)
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, History, Suspect
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
+from faultbond.report.suspects import OTHERWISE, SuspectRow, change_of, instrument_of, otherwise, owner_of, rows_of
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, History, Unexplained
 from faultbond.spec import EngineSpec
+from faultbond.types import FaultKind
 
-UNDETERMINED = "not determined by the data"
-UNDETERMINED_SHARE = 0.9  # of the sd that a faulty value has before the data are seen
 TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 LISTED_SETS = 4  # candidates of a group named in a sentence
@@ -45,48 +36,14 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SuspectRow:
-    """One suspect of a table row, all text."""
-
-    component: str
-    parameter: str
-    nominal: str
-    estimate: str  # value ± sd, or that the data do not determine it
-    unit: str
-    change: str  # of nominal; empty where that says nothing
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
     """One candidate of the ranked table."""
 
     suspects: tuple[SuspectRow, ...]
+    kinds: tuple[str, ...]  # lines: the kind of fault, or several with their shares
     probability: float
     percent: str
     group: bool
-
-
-def unit_of(graph: BondGraph, name: str) -> Unit:
-    """Give the model file's unit of a suspect; of `flow.bias` the unit of the sensor or input `flow`."""
-    for parameter in graph.parameters:
-        if parameter.name == name:
-            return parameter.unit
-    signal, _, kind = name.partition(".")
-    if kind == "bias":
-        units = {sensor.name: sensor.unit for sensor in graph.sensors}
-        units |= {item.name: item.unit for item in graph.inputs}
-        if signal in units:
-            return Unit(units[signal].text, units[signal].factor)
-    return Unit("")
-
-
-def is_undetermined(graph: BondGraph, suspect: Suspect) -> bool:
-    """Tell whether the data left the suspect as uncertain as a faulty value is beforehand."""
-    if not (math.isfinite(suspect.sd) and math.isfinite(suspect.estimate)):
-        return True
-    known: dict[str, Parameter] = {item.name: item for item in graph.parameters}
-    parameter = known.get(suspect.parameter)
-    return parameter is not None and suspect.sd >= UNDETERMINED_SHARE * parameter.change
 
 
 def last_diagnosis(history: History) -> Diagnosis | None:
@@ -102,10 +59,20 @@ def best_group(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
 
 
 def component_probabilities(diagnosis: Diagnosis | None) -> dict[str, float]:
-    """Give for each component the probability that it is among the changed ones."""
+    """Give for each component the probability that it is among the changed ones; instruments are left out."""
+    return _probabilities(diagnosis, instruments=False)
+
+
+def instrument_probabilities(diagnosis: Diagnosis | None) -> dict[str, float]:
+    """Give for each suspected sensor or input the probability that it is at fault."""
+    return _probabilities(diagnosis, instruments=True)
+
+
+def _probabilities(diagnosis: Diagnosis | None, *, instruments: bool) -> dict[str, float]:
     totals: dict[str, float] = {}
     for candidate in diagnosis.candidates if diagnosis else ():
-        for component in candidate.components:
+        chosen = [item for item in candidate.suspects if bool(instrument_of(item.parameter)[0]) is instruments]
+        for component in dict.fromkeys(item.component for item in chosen):
             totals[component] = min(1.0, totals.get(component, 0.0) + candidate.probability)
     return totals
 
@@ -131,7 +98,18 @@ def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notatio
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
     group = best_group(diagnosis)
-    return _sure(graph, group[0], notation) if len(group) == 1 else _unsure(group)
+    if diagnosis.unexplained is not None:
+        return f"{unexplained_sentence(diagnosis.unexplained)} {_nearest(graph, diagnosis, notation)}"
+    return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, group)
+
+
+def unexplained_sentence(found: Unexplained) -> str:
+    """Say that no candidate fits, and where the best one is off."""
+    size = figure(found.sd, digits=2).number(Notation.FILE)
+    return (
+        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
+        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}."
+    )
 
 
 def span_of(history: History) -> float:
@@ -139,50 +117,82 @@ def span_of(history: History) -> float:
     return float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
 
 
-def _sure(graph: BondGraph, candidate: Candidate, notation: Notation) -> str:
-    owners = join([f"the {name}" for name in candidate.components])
-    changes = "; ".join(_change(graph, suspect, notation) for suspect in candidate.suspects)
-    return f"Most likely {owners} changed: {changes}, {certainty_text(candidate.probability)}."
+def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
+    best = diagnosis.candidates[0]
+    owners = _owners(graph, best)
+    one = len(best.components) == 1
+    event = {
+        FaultKind.STEP: f"{owners} changed",
+        FaultKind.DRIFT: f"{owners} {'drifts' if one else 'drift'}",
+        FaultKind.INTERMITTENT: f"a fault of {owners} comes and goes",
+    }.get(best.kind, "")
+    if not event or _has_instrument(best):
+        event = f"{owners} {'is' if one else 'are'} at fault"
+    sure = certainty_text(best.probability)
+    return f"Most likely {event}: {_changes(graph, diagnosis, notation)}, {sure}.{otherwise(best)}"
 
 
-def _change(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    if is_undetermined(graph, suspect):
-        return f"{suspect.parameter} is {UNDETERMINED}"
-    unit = unit_of(graph, suspect.parameter)
-    label = unit_text(unit.text, notation)
-    after = f" {label}" if label else ""
-    nominal = figure(unit.from_si(suspect.nominal)).number(notation)
-    estimate = figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).number(notation)
-    if abs(suspect.estimate - suspect.nominal) < 2.0 * suspect.sd:
-        return f"{suspect.parameter} may still be {nominal}{after}"
-    verb = "rose" if suspect.estimate > suspect.nominal else "fell"
-    change = change_text(suspect.nominal, suspect.estimate, suspect.sd)
-    return f"{suspect.parameter} {verb} from {nominal} to {estimate}{after}" + (f" ({change})" if change else "")
+def _owners(graph: BondGraph, candidate: Candidate) -> str:
+    return join(list(dict.fromkeys(f"the {owner_of(graph, suspect)}" for suspect in candidate.suspects)))
 
 
-def _unsure(group: Sequence[Candidate]) -> str:
-    names = [f"{set_name(candidate)} ({100.0 * candidate.probability:.0f} %)" for candidate in group]
-    more = len(names) - LISTED_SETS
-    listed = join([*names[:LISTED_SETS], f"{more} more"] if more > 0 else names)
+def _has_instrument(candidate: Candidate) -> bool:
+    return any(instrument_of(suspect.parameter)[0] for suspect in candidate.suspects)
+
+
+def _changes(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
+    best = diagnosis.candidates[0]
+    return "; ".join(change_of(graph, best, suspect, diagnosis.time, notation) for suspect in best.suspects)
+
+
+def _nearest(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
+    """Name what comes nearest where nothing fits, without a claim."""
+    group = best_group(diagnosis)
+    if len(group) > 1:
+        return f"Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
+    best = group[0]
+    plain = best.kind is FaultKind.STEP and not _has_instrument(best)
+    what = {FaultKind.DRIFT: "a drift"}.get(best.kind, "a change" if plain else "a fault")
+    return f"Nearest comes {what} of {_owners(graph, best)}: {_changes(graph, diagnosis, notation)}."
+
+
+def _unsure(graph: BondGraph, group: Sequence[Candidate]) -> str:
+    listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
     shared = [suspect for suspect in group[0].suspects if all(suspect.parameter in other.parameters for other in group)]
     common = join([f"{suspect.parameter} of the {suspect.component}" for suspect in shared])
     hint = f" All contain {common}." if shared else ""
     return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
 
 
-def set_name(candidate: Candidate) -> str:
-    """Name a candidate: `pipe K1`, or `pipe K1 with leak K6`."""
-    return " with ".join(
-        suspect.component if suspect.component == suspect.parameter else f"{suspect.component} {suspect.parameter}"
-        for suspect in candidate.suspects
-    )
+def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:
+    """Name a candidate, and its kind of fault where that is not a step: `pipe K1 drifting`."""
+    words = {FaultKind.STEP: "", FaultKind.DRIFT: " drifting", FaultKind.INTERMITTENT: " coming and going"}
+    return set_name(graph, candidate) + words.get(candidate.kind, f" {candidate.kind.value}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - LISTED_SETS
+    return join([*names[:LISTED_SETS], f"{more} more"] if more > 0 else names)
+
+
+def set_name(graph: BondGraph, candidate: Candidate) -> str:
+    """Name a candidate: `pipe K1`, `pipe K1 with leak K6`, or `flow sensor`."""
+    names = []
+    for suspect in candidate.suspects:
+        owner = owner_of(graph, suspect)
+        plain = suspect.component == suspect.parameter or instrument_of(suspect.parameter)[0]
+        names.append(owner if plain else f"{owner} {suspect.parameter}")
+    return " with ".join(names)
+
+
+def set_key(candidate: Candidate) -> tuple[str, ...]:
+    """Give what a candidate is called throughout a run, while the kind of fault of an instrument may change."""
+    return tuple(suspect.parameter.split(".")[0] + "." * ("." in suspect.parameter) for suspect in candidate.suspects)
 
 
 def unfalsifiable_text(spec: EngineSpec) -> str:
     """Name the sets that are not tested since no data can contradict them: `{A, B}, {A, C} and 3 more`."""
-    sets = ["{" + ", ".join(spec.parameters[k].name for k in chosen) + "}" for chosen in spec.explain_anything]
-    more = len(sets) - LISTED_SETS
-    return join([*sets[:LISTED_SETS], f"{more} more"] if more > 0 else sets)
+    return _listed(["{" + ", ".join(spec.parameters[k].name for k in chosen) + "}" for chosen in spec.explain_anything])
 
 
 def join(words: Sequence[str]) -> str:
@@ -199,7 +209,12 @@ def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
     ]
     return tuple(
         Row(
-            suspects=tuple(_suspect_row(graph, suspect, notation) for suspect in candidate.suspects),
+            suspects=tuple(
+                row
+                for number, suspect in enumerate(candidate.suspects)
+                for row in rows_of(graph, suspect, notation, "+ " if number else "")
+            ),
+            kinds=_kinds(candidate),
             probability=candidate.probability,
             percent=probability_text(candidate.probability),
             group=candidate.group or place == 0,
@@ -218,15 +233,8 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[Row]) -> str:
     return f"... and {len(left)} more below {limit:g} %"
 
 
-def _suspect_row(graph: BondGraph, suspect: Suspect, notation: Notation) -> SuspectRow:
-    unit = unit_of(graph, suspect.parameter)
-    unknown = is_undetermined(graph, suspect)
-    estimate = figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).both(notation)
-    return SuspectRow(
-        component=suspect.component,
-        parameter=suspect.parameter,
-        nominal=figure(unit.from_si(suspect.nominal)).number(notation),
-        estimate=UNDETERMINED if unknown else estimate,
-        unit=unit_text(unit.text, notation),
-        change="" if unknown else change_text(suspect.nominal, suspect.estimate, suspect.sd),
-    )
+def _kinds(candidate: Candidate) -> tuple[str, ...]:
+    """Give the kind of fault, or the kinds that it may be with their shares, and that a fault is gone now."""
+    told = [(kind, share) for kind, share in candidate.kinds if share >= OTHERWISE]
+    several = [f"{kind.value} {100.0 * share:.0f} %" for kind, share in told] if len(told) > 1 else []
+    return (*(several or [candidate.kind.value]), *([] if candidate.present else ["now gone"]))

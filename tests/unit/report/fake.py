@@ -19,8 +19,8 @@ from faultbond.model.graph import (
     Unit,
 )
 from faultbond.report.verdict import Counts
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, History, Suspect
-from faultbond.types import ElementType, FloatArray, JunctionType, TimeGrid
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, Forecast, History, Suspect
+from faultbond.types import ElementType, FaultKind, FloatArray, JunctionType, TimeGrid
 
 TANK = {
     "pump": ("Se", "K8", 64650.0, "Pa"),
@@ -122,6 +122,25 @@ def suspect(graph: BondGraph, name: str, factor: float, relative_sd: float) -> S
         nominal=parameter.nominal,
         estimate=factor * parameter.nominal,
         sd=relative_sd * parameter.nominal,
+    )
+
+
+def moving(graph: BondGraph, name: str, factor: float, rate: float, *forecasts: Forecast) -> Suspect:
+    """Give a suspect that drifts at a rate, SI per second, known to a tenth."""
+    return replace(suspect(graph, name, factor, 0.02), rate=rate, rate_sd=0.1 * abs(rate), forecasts=forecasts)
+
+
+def wrong(name: str, nominal: float | None, estimate: float, sd: float) -> Suspect:
+    """Give a suspect such as `flow.bias`."""
+    return Suspect(parameter=name, component=name.split(".", maxsplit=1)[0], nominal=nominal, estimate=estimate, sd=sd)
+
+
+def kind_of(
+    found: Suspect, *kinds: tuple[FaultKind, float], probability: float = 0.995, there: bool = True
+) -> Candidate:
+    """Give a candidate of one suspect with its kinds, the likeliest first."""
+    return Candidate(
+        suspects=(found,), probability=probability, group=True, kind=kinds[0][0], kinds=kinds, present=there
     )
 
 

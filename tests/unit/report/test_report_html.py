@@ -148,7 +148,7 @@ def test_marks_and_limit(history: History) -> None:
     """Onset and alarm are marked at their times, and the detector's limit is a line at 1."""
     data = page(history).data
     assert data["marks"] == [{"x": 2469, "label": "onset"}, {"x": 2736, "label": "alarm"}]
-    assert data["charts"][3]["level"] == [1, "limit"]
+    assert data["charts"][3]["levels"] == [[1, "limit"]]
 
 
 def test_axes_carry_model_units(history: History) -> None:

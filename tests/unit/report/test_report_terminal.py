@@ -3,12 +3,13 @@
 from dataclasses import replace
 from io import StringIO
 
-from fake import counts_of, tank_graph, tank_history
+from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last
 from rich.console import Console
 
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts
-from faultbond.runtime.history import History
+from faultbond.runtime.history import Candidate, History, Unexplained
+from faultbond.types import FaultKind
 
 GRAPH = tank_graph("tank [red]one[/red]")
 
@@ -21,14 +22,17 @@ def printed(history: History, counts: Counts) -> str:
 
 
 def test_file_gets_heading_table_and_sentence() -> None:
-    """A file gets the same as a terminal, without colours and at most 100 columns wide."""
+    """A file gets the same as a terminal, without colours; the text takes 100 columns, the table 112."""
     history = tank_history(GRAPH, samples=4920)
     text = printed(history, counts_of(history))
     assert "Diagnosis" in text
     assert "2.41e11" in text
     assert "Most likely the pipe changed" in " ".join(text.split())
     assert "\x1b" not in text
-    assert max(map(len, text.splitlines())) <= 100
+    lines = text.splitlines()
+    first, last = (next(k for k, line in enumerate(lines) if word in line) for word in ("Diagnosis", "... and"))
+    assert max(map(len, (*lines[: first + 1], *lines[last:]))) <= 100
+    assert max(map(len, lines)) <= 112
 
 
 def test_what_was_watched_is_stated() -> None:
@@ -73,3 +77,32 @@ def test_sets_that_are_not_tested_are_named() -> None:
         counts = counts_of(history)
         print_diagnosis(Console(file=out), GRAPH, history, engine_title="e", counts=counts, untested="{K1, K4}")
         assert ("Not tested, since each would explain anything: {K1, K4}." in out.getvalue()) is shown
+
+
+def test_every_line_of_a_row_is_its_own() -> None:
+    """Suspects, rates and kinds stand below each other, also where a long unit takes several lines."""
+    pair = (suspect(GRAPH, "K7", 1.5, 0.1), suspect(GRAPH, "K4", 0.5, 0.1))
+    best = kind_of(moving(GRAPH, "K1", 1.5, 1e8), (FaultKind.DRIFT, 0.7), (FaultKind.STEP, 0.3), probability=0.9)
+    history = with_last(
+        tank_history(GRAPH, samples=1200), (best, Candidate(suspects=pair, probability=0.1, group=False))
+    )
+    rows = [line.split() for line in printed(history, Counts(samples=1200)).splitlines()]
+    assert ["pipe", "drift", "70", "%", "K1", "2.41e11"] in [row[:6] for row in rows]
+    assert ["step", "30", "%", "rate"] in [row[:4] for row in rows]
+    assert ["+", "outlet", "K4", "2.35e-6"] in [row[:4] for row in rows]
+
+
+def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
+    """Where the data contradict every candidate, the text leads with that and claims nothing as sure."""
+    run = with_last(
+        tank_history(GRAPH), (Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=1.0, group=True),)
+    )
+    off = Unexplained(signal="flow", sd=3.21, since=3000.0, until=4000.0)
+    last = replace(run.diagnoses[-1], unexplained=off)
+    text = " ".join(printed(replace(run, diagnoses=(*run.diagnoses[:-1], last)), Counts(samples=9)).split())
+    verdict = text[text.index("None of the modelled") :]
+    assert verdict.startswith(
+        "None of the modelled faults explains this: the best fit is still 3.2 standard deviations off in flow between "
+        "3000 s and 4000 s. Nearest comes a change of the pipe: K1 rose"
+    )
+    assert "sure" not in verdict

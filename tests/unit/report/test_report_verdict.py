@@ -7,14 +7,13 @@ from fake import counts_of, suspect, tank_graph, tank_history, with_last
 
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
+from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
-    UNDETERMINED,
     Counts,
     component_probabilities,
     detection_sentence,
     remainder_text,
     table_rows,
-    unit_of,
     verdict_sentence,
 )
 from faultbond.runtime.history import Candidate, Diagnosis, History

@@ -49,12 +49,12 @@
     const { ctx, bbox } = plot;
     const right = bbox.left + bbox.width, top = bbox.top, bottom = bbox.top + bbox.height;
     ctx.save();
-    if (chart.level) {
-      const y = plot.valToPos(chart.level[0], "y", true);
-      if (y > top && y < bottom) {
-        line(ctx, bbox.left, y, right, y, color(chart.level[1] === "limit" ? "level" : "soft"), [6, 4]);
-        write(ctx, chart.level[1], bbox.left + 6 * devicePixelRatio, y - 2, color(chart.level[1] === "limit" ? "level" : "soft"), "left");
-      }
+    for (const [value, label] of chart.levels) {
+      const y = plot.valToPos(value, "y", true);
+      if (y <= top || y >= bottom) continue;
+      const paint = color(label === "limit" ? "level" : "soft");
+      line(ctx, bbox.left, y, right, y, paint, [6, 4]);
+      write(ctx, label, bbox.left + 6 * devicePixelRatio, y - 2, paint, "left");
     }
     for (const mark of data.marks) {
       const x = plot.valToPos(mark.x + ends[0], "x", true);
@@ -93,9 +93,9 @@
 
   function limits(chart) {
     return (plot, low, high) => {
-      const level = chart.level ? chart.level[0] : low;
-      low = chart.lowest ?? Math.min(low ?? level, level ?? low ?? 0);
-      high = chart.highest ?? Math.max(high ?? level, level ?? high ?? 1);
+      const shown = [low, high, ...chart.levels.map((level) => level[0])].filter((value) => value != null);
+      low = chart.lowest ?? (shown.length ? Math.min(...shown) : 0);
+      high = chart.highest ?? (shown.length ? Math.max(...shown) : 1);
       if (!(high > low)) { const room = Math.abs(low) * 0.1 || 1; return [low - room, high + room]; }
       const room = 0.06 * (high - low);
       return [chart.lowest ?? low - room, chart.highest ?? high + room];

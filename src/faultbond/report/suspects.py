@@ -1,0 +1,264 @@
+"""One suspect in words: a parameter, or what is wrong with a sensor or an input; its unit, and how it changed."""
+
+import math
+from dataclasses import dataclass
+
+from faultbond.model.graph import BondGraph, Unit
+from faultbond.report.numbers import (
+    Notation,
+    change_text,
+    coarse_clock_text,
+    duration_text,
+    figure,
+    pace,
+    unit_text,
+)
+from faultbond.runtime.history import Candidate, Forecast, Suspect
+from faultbond.types import FaultKind
+
+UNDETERMINED = "not determined by the data"
+UNDETERMINED_SHARE = 0.9  # of the sd that a faulty value has before the data are seen
+SIGNIFICANT = 2.0  # standard deviations
+OTHERWISE = 0.1  # a kind with at least this share is told beside the likeliest one
+PACE_WORDS = {"s": "second", "min": "minute", "h": "hour", "d": "day"}
+KIND_WORDS = {
+    FaultKind.STEP: "a step",
+    FaultKind.DRIFT: "a drift",
+    FaultKind.INTERMITTENT: "a fault that comes and goes",
+    FaultKind.BIAS: "a bias",
+    FaultKind.GAIN: "a wrong gain",
+    FaultKind.STUCK: "a stuck sensor",
+    FaultKind.NOISE: "a sensor that scatters",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SuspectRow:
+    """One suspect of a table row, or the rate of one; all text."""
+
+    component: str  # empty: the line belongs to the one above
+    parameter: str
+    nominal: str  # empty where there is none
+    estimate: str  # value ± sd, or that the data do not determine it
+    unit: str
+    change: str  # of nominal; empty where that says nothing
+
+
+def instrument_of(name: str) -> tuple[str, str]:
+    """Split `flow.bias` into the instrument and what is wrong with it; both empty for a parameter."""
+    signal, dot, word = name.partition(".")
+    return (signal, word) if dot else ("", "")
+
+
+def unit_of(graph: BondGraph, name: str) -> Unit:
+    """Give the model file's unit of a suspect; of `flow.bias` the unit of the sensor or input `flow`, of differences.
+
+    A sensor that is stuck is so at a value, to which an offset of the unit belongs.
+    """
+    signal, word = instrument_of(name)
+    if not signal:
+        return {item.name: item.unit for item in graph.parameters}.get(name, Unit(""))
+    units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
+    if signal not in units or word == FaultKind.GAIN.value:
+        return Unit("")
+    return units[signal] if word == FaultKind.STUCK.value else Unit(units[signal].text, units[signal].factor)
+
+
+def is_input(graph: BondGraph, name: str) -> bool:
+    """Tell whether an instrument is an input."""
+    return any(item.name == name for item in graph.inputs)
+
+
+def instrument_title(graph: BondGraph, name: str) -> str:
+    """Name a sensor or an input as such: `flow sensor`, `input u_in`."""
+    return f"input {name}" if is_input(graph, name) else f"{name} sensor"
+
+
+def owner_of(graph: BondGraph, suspect: Suspect) -> str:
+    """Name what a suspect belongs to: `pipe`, `flow sensor`, `input u_in`."""
+    signal, _ = instrument_of(suspect.parameter)
+    return instrument_title(graph, signal) if signal else suspect.component
+
+
+def title_of(graph: BondGraph, suspect: Suspect) -> str:
+    """Name a suspect in full: `K1 of pipe`, `bias of flow sensor`."""
+    _, word = instrument_of(suspect.parameter)
+    return f"{word or suspect.parameter} of {owner_of(graph, suspect)}"
+
+
+def is_undetermined(graph: BondGraph, suspect: Suspect) -> bool:
+    """Tell whether the data left the suspect as uncertain as a faulty value is beforehand."""
+    if not (math.isfinite(suspect.sd) and math.isfinite(suspect.estimate)):
+        return True
+    known = {item.name: item for item in graph.parameters}
+    parameter = known.get(suspect.parameter)
+    return parameter is not None and suspect.sd >= UNDETERMINED_SHARE * parameter.change
+
+
+def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: float, notation: Notation) -> str:
+    """Say what happened to a suspect of a candidate, as half a sentence.
+
+    Parameters
+    ----------
+    graph : the plant, for units
+    candidate : tells the kind of fault, and whether it is there now
+    suspect : one of its suspects
+    now : time of the diagnosis, s
+    notation : how numbers and units are spelled
+    """
+    signal, word = instrument_of(suspect.parameter)
+    if is_undetermined(graph, suspect):
+        return f"its {word} is {UNDETERMINED}" if signal else f"{suspect.parameter} is {UNDETERMINED}"
+    if signal:
+        return _misreading(graph, suspect, word, notation)
+    if candidate.kind is FaultKind.DRIFT and suspect.rate is not None:
+        return _drifting(graph, suspect, now, notation)
+    if candidate.kind is FaultKind.INTERMITTENT:
+        return _switching(graph, suspect, candidate.present, notation)
+    return _stepped(graph, suspect, notation)
+
+
+def otherwise(candidate: Candidate) -> str:
+    """Name the other kinds of fault that it may be, as a sentence; empty where the likeliest one is clear."""
+    others = [
+        f"{KIND_WORDS[kind]} ({100.0 * share:.0f} %)"
+        for kind, share in candidate.kinds
+        if kind is not candidate.kind and share >= OTHERWISE
+    ]
+    return f" It may also be {' or '.join(others)}." if others else ""
+
+
+def rows_of(graph: BondGraph, suspect: Suspect, notation: Notation, mark: str = "") -> tuple[SuspectRow, ...]:
+    """Give the lines of a table about a suspect: its value, and its rate where it drifts; `mark` leads the first."""
+    unit = unit_of(graph, suspect.parameter)
+    label = unit_text(unit.text, notation)
+    unknown = is_undetermined(graph, suspect)
+    estimate = figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).both(notation)
+    nominal = suspect.nominal
+    first = SuspectRow(
+        component=mark + owner_of(graph, suspect),
+        parameter=instrument_of(suspect.parameter)[1] or suspect.parameter,
+        nominal="" if nominal is None else figure(unit.from_si(nominal)).number(notation),
+        estimate=UNDETERMINED if unknown else estimate,
+        unit=label,
+        change="" if unknown or nominal is None else change_text(nominal, suspect.estimate, suspect.sd),
+    )
+    if suspect.rate is None or suspect.rate_sd is None or unknown:
+        return (first,)
+    seconds, name = pace(suspect.rate, suspect.estimate)
+    rate, sd = (unit.difference_from_si(value) * seconds for value in (suspect.rate, suspect.rate_sd))
+    second = SuspectRow(
+        component="",
+        parameter="rate",
+        nominal="",
+        estimate=figure(rate, sd).both(notation),
+        unit=f"{label or '1'}/{name}",
+        change="",
+    )
+    return first, second
+
+
+def _stepped(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
+    nominal, estimate, after, change = _values(graph, suspect, notation)
+    if not _is_off(suspect):
+        return f"{suspect.parameter} may still be {nominal}{after}"
+    verb = "rose" if suspect.estimate > (suspect.nominal or 0.0) else "fell"
+    return f"{suspect.parameter} {verb} from {nominal} to {estimate}{after}{change}"
+
+
+def _switching(graph: BondGraph, suspect: Suspect, present: bool, notation: Notation) -> str:
+    nominal, estimate, after, change = _values(graph, suspect, notation)
+    state = "it is there now" if present else "it is gone now"
+    return f"{suspect.parameter} is {estimate}{after}{change} instead of {nominal} while the fault is there; {state}"
+
+
+def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation) -> str:
+    _, estimate, after, change = _values(graph, suspect, notation)
+    text = f"{suspect.parameter} is {estimate}{after} now{change} and {_moving(graph, suspect, notation)}"
+    limits = (_limit(graph, suspect, item, now, notation) for item in suspect.forecasts)
+    return "; ".join((text, *filter(None, limits)))
+
+
+def _moving(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
+    """Say how fast a value moves, in a unit of time in which that is a handy number."""
+    rate, sd = suspect.rate or 0.0, suspect.rate_sd or 0.0
+    if abs(rate) < SIGNIFICANT * sd:
+        return "moves at a rate that is not known yet"
+    return f"{'rises' if rate > 0.0 else 'falls'} by {_rate(graph, suspect, notation)}"
+
+
+def _rate(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
+    unit = unit_of(graph, suspect.parameter)
+    seconds, name = pace(suspect.rate or 0.0, suspect.estimate)
+    rate, sd = (unit.difference_from_si(abs(value or 0.0)) * seconds for value in (suspect.rate, suspect.rate_sd))
+    return f"{figure(rate, sd).number(notation)}{_after(unit, notation)} per {PACE_WORDS[name]}"
+
+
+def _limit(graph: BondGraph, suspect: Suspect, item: Forecast, now: float, notation: Notation) -> str:
+    """Say when a drift reaches a limit; empty where it is not on the way there."""
+    unit = unit_of(graph, suspect.parameter)
+    limit = f"the limit of {figure(unit.from_si(item.limit)).number(notation)}{_after(unit, notation)}"
+    nominal = item.limit if suspect.nominal is None else suspect.nominal
+    if (item.limit - nominal) * (item.limit - suspect.estimate) <= 0.0:
+        clear = abs(suspect.estimate - item.limit) >= SIGNIFICANT * suspect.sd
+        return f"it {'has passed' if clear else 'is at about'} {limit}"
+    if item.earliest is None:
+        return ""
+    if item.time is None:
+        return f"it may reach {limit}, not before {coarse_clock_text(item.earliest, item.earliest - now)}"
+    width = (item.latest if item.latest is not None else 2.0 * item.time - item.earliest) - item.earliest
+    early, median = (coarse_clock_text(moment, width) for moment in (item.earliest, item.time))
+    late = "never" if item.latest is None else coarse_clock_text(item.latest, width)
+    ahead = duration_text(max(item.time - now, 0.0), digits=2)
+    return f"it reaches {limit} in about {ahead}, at {median} ({early} to {late})"
+
+
+def _misreading(graph: BondGraph, suspect: Suspect, word: str, notation: Notation) -> str:
+    """Say what is wrong with a sensor or an input."""
+    unit = unit_of(graph, suspect.parameter)
+    after, sd = _after(unit, notation), unit.difference_from_si(suspect.sd)
+    if word == FaultKind.STUCK.value:
+        return f"it is stuck at {figure(unit.from_si(suspect.estimate), sd).number(notation)}{after}"
+    if not _is_off(suspect):
+        return f"its {word} may still be {'right' if word != FaultKind.BIAS.value else '0'}"
+    if word == FaultKind.GAIN.value:
+        _, estimate, _, change = _values(graph, suspect, notation)
+        return f"it reads {estimate} times the right value{change.replace('(', '(gain, ')}"
+    size = figure(abs(unit.from_si(suspect.estimate)), sd).number(notation) + after
+    if word == FaultKind.NOISE.value:
+        times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
+        return f"it scatters by {size}, {times} times as much as the model file says (noise)"
+    high = suspect.estimate > 0.0
+    if is_input(graph, suspect.component):
+        text = f"it acts {size} {'above' if high else 'below'} what is recorded"
+    else:
+        text = f"it reads {size} too {'high' if high else 'low'}"
+    return text + (" (bias)" if suspect.rate is None else _parting(graph, suspect, notation))
+
+
+def _parting(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
+    """Say how the bias of a sensor that drifts goes on."""
+    rate, sd = suspect.rate or 0.0, suspect.rate_sd or 0.0
+    if abs(rate) < SIGNIFICANT * sd:
+        return " now, and drifts at a rate that is not known yet"
+    verb = "grows" if rate * suspect.estimate > 0.0 else "shrinks"
+    return f" now, and this {verb} by {_rate(graph, suspect, notation)} (drift)"
+
+
+def _is_off(suspect: Suspect) -> bool:
+    return abs(suspect.estimate - (suspect.nominal or 0.0)) >= SIGNIFICANT * suspect.sd
+
+
+def _values(graph: BondGraph, suspect: Suspect, notation: Notation) -> tuple[str, str, str, str]:
+    """Give the texts of nominal, estimate, unit with a space before it, and change in brackets."""
+    unit = unit_of(graph, suspect.parameter)
+    nominal = suspect.nominal or 0.0
+    estimate = figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).number(notation)
+    change = change_text(nominal, suspect.estimate, suspect.sd)
+    bracket = f" ({change})" if change else ""
+    return figure(unit.from_si(nominal)).number(notation), estimate, _after(unit, notation), bracket
+
+
+def _after(unit: Unit, notation: Notation) -> str:
+    label = unit_text(unit.text, notation)
+    return f" {label}" if label else ""
