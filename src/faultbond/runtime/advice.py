@@ -19,10 +19,10 @@ from faultbond.spec import CheckSpec, Engine, EngineSpec
 from faultbond.types import CheckKind, FloatArray
 
 AHEAD = 300  # samples for which candidates are predicted under a move
-MOVE = 0.2  # of the largest value that an input has had, or of 100 percent, where the model file gives no move
+MOVES = (0.2, 0.4, 0.6)  # of an input, in its largest value or 100 percent, where the model file gives no move
 LEAST = 0.01  # probability below which a candidate is left out
 MOST = 8  # candidates looked at
-APART = 3.0  # standard deviations by which predictions have to differ
+APART = 1.5  # standard deviations by which predictions have to differ
 WORTH = 0.1  # bits that a check has to tell; a move, more than waiting would
 
 Probe = Callable[[FloatArray, FloatArray], FloatArray]  # (lane, inputs) -> values of the signals measured by hand, SI
@@ -104,16 +104,18 @@ def _moves(spec: EngineSpec, state: State, rivals: Sequence[_Rival]) -> Iterator
             moves += _advice(
                 rivals, groups, CheckKind.INPUT, item.name, cost, value=value, within=AHEAD * step, least=waited + WORTH
             )
-        yield from sorted(moves, key=lambda move: -move.gain)[:1]
+        yield from sorted(moves, key=lambda move: -round(move.gain, 2))[:1]
 
 
 def _values(spec: EngineSpec, state: State, index: int, check: CheckSpec | None) -> list[float]:
-    """Give the values to which an input may be moved: some way up or down, and as far up or down as it has been."""
+    """Give the values to which an input may be moved, the nearest first: up and down, not beyond where it has been."""
     item, now, peak = spec.inputs[index], float(state.held[index]), float(state.peak[index])
-    size = check.move if check is not None and check.move is not None else MOVE * (100.0 if item.percent else peak)
-    low, high = (0.0, 100.0) if item.percent else (-np.inf, np.inf)
-    wanted = dict.fromkeys(float(np.clip(value, low, high)) for value in (now + size, now - size))
-    return [value for value in wanted if abs(value - now) > 0.25 * size > 0.0]
+    full = 100.0 if item.percent else peak
+    stated = check is not None and check.move is not None
+    sizes = [check.move or 0.0] if check is not None and stated else [part * full for part in MOVES]
+    low, high = (0.0, 100.0) if item.percent else (-peak, peak)
+    wanted = dict.fromkeys(float(np.clip(now + sign * size, low, high)) for size in sizes for sign in (1.0, -1.0))
+    return [value for value in wanted if abs(value - now) > 0.5 * sizes[0] > 0.0]
 
 
 def _ahead(spec: EngineSpec, state: State, held: FloatArray) -> FloatArray:
