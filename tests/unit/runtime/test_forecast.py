@@ -1,0 +1,91 @@
+"""When a drifting value reaches a limit: quantiles against many straight lines."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from faultbond.runtime.forecast import PARTS, forecast
+from faultbond.runtime.history import Forecast
+from faultbond.types import FloatArray
+
+LINES = 200_000
+
+
+def lines(value: float, rate: float, covariance: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
+    """Values and rates drawn from their normal distribution."""
+    matrix = np.array([[covariance[0], covariance[1]], [covariance[1], covariance[2]]])
+    drawn = np.random.default_rng(4).multivariate_normal([value, rate], matrix, LINES)
+    return drawn[:, 0], drawn[:, 1]
+
+
+def times(found: Forecast) -> tuple[float | None, float | None, float | None]:
+    """Early, median and late time."""
+    return found.earliest, found.time, found.latest
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "rate", "covariance"),
+    [
+        (10.0, 4.0, 0.02, (0.04, 0.0, 1e-6)),
+        (10.0, 4.0, 0.02, (0.25, 8e-4, 9e-6)),
+        (10.0, 4.0, 0.02, (0.25, -1.2e-3, 9e-6)),
+        (-3.0, 1.0, -0.5, (0.09, 0.0, 0.01)),
+    ],
+)
+def test_quantiles_are_those_of_many_lines(
+    limit: float, value: float, rate: float, covariance: tuple[float, float, float]
+) -> None:
+    """At the early, median and late time 5 %, 50 % and 95 % of lines drawn at random lie beyond the limit."""
+    found = forecast(100.0, limit, value, rate, covariance)
+    values, rates = lines(value, rate, covariance)
+    for time, part in zip(times(found), PARTS, strict=True):
+        assert time is not None
+        beyond = np.sign(limit - value) * (values + rates * (time - 100.0) - limit) >= 0.0
+        assert np.mean(beyond) == pytest.approx(part, abs=4.0 * np.sqrt(part * (1.0 - part) / LINES))
+
+
+def test_a_known_drift_arrives_when_it_does() -> None:
+    """A value and rate without doubt reach the limit at one time, that of the straight line."""
+    found = forecast(50.0, 7.0, 3.0, 0.25, (0.0, 0.0, 0.0))
+    assert times(found) == pytest.approx((66.0, 66.0, 66.0), rel=1e-12)
+    assert found.limit == 7.0
+
+
+def test_a_drift_that_leads_away_never_arrives() -> None:
+    """A value that moves away from the limit, or stands still, never reaches it; both sides are alike."""
+    for value, rate, rate_sd in ((3.0, -0.25, 0.01), (3.0, 0.0, 0.0), (9.0, 0.25, 0.01)):
+        assert times(forecast(0.0, 7.0, value, rate, (1e-6, 0.0, rate_sd**2))) == (None, None, None)
+
+
+def test_a_doubtful_drift_may_never_arrive() -> None:
+    """Where the rate has the other sign with more than 5 %, there is an early and a median time and no late one."""
+    found = forecast(0.0, 7.0, 3.0, 1.0, (0.0, 0.0, 1.0))
+    assert found.time == pytest.approx(4.0)
+    assert found.earliest == pytest.approx(4.0 / (1.0 + 1.6448536269514722))
+    assert found.latest is None
+
+
+def test_a_value_at_its_limit_is_there_now() -> None:
+    """A value that may be beyond the limit already has its early time now."""
+    found = forecast(20.0, 7.0, 6.9, 0.1, (1.0, 0.0, 1e-6))
+    assert found.earliest == pytest.approx(20.0)
+    assert found.time == pytest.approx(21.0)
+
+
+@given(
+    st.floats(-5.0, 5.0),
+    st.floats(-1.0, 1.0),
+    st.floats(0.01, 2.0),
+    st.floats(0.001, 0.5),
+    st.floats(-0.9, 0.9),
+)
+@settings(max_examples=100, deadline=None)
+def test_times_are_in_order_and_mirrored(value: float, rate: float, sd: float, rate_sd: float, coupling: float) -> None:
+    """Early, median and late times follow each other, from now on; turning all signs changes none of them."""
+    covariance = (sd**2, coupling * sd * rate_sd, rate_sd**2)
+    found = forecast(30.0, 6.0, value, rate, covariance)
+    order = [np.inf if time is None else time for time in times(found)]
+    assert order == sorted(order)
+    assert order[0] >= 30.0
+    assert times(forecast(30.0, -6.0, -value, -rate, covariance)) == times(found)
