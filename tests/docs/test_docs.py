@@ -22,12 +22,14 @@ METHOD = ROOT / "docs" / "method.md"
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 RECORDS = {
-    "run": "model model_sha256 method version sample_time explain_anything",
+    "run": "model model_sha256 method version sample_time explain_anything continues",
     "detection": "time sample change_time signals",
     "diagnosis": (
         "time candidates unexplained signal since until components parameters nominal estimate sd probability group "
         "kind kinds present rate rate_sd forecasts limit earliest latest"
     ),
+    "accepted": "time components parameters probability kind by",
+    "rejected": "time components parameters probability kind by",
     "end": ("time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen"),
     "analyse": (
         "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "

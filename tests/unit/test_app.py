@@ -219,7 +219,7 @@ def test_a_recording_that_cannot_be_used(
 
 def test_columns_are_looked_for_before_the_engine_is_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrong file is refused at once."""
-    monkeypatch.setattr(watching, "build_watcher", lambda *_: pytest.fail("the engine was built"))
+    monkeypatch.setattr(watching, "build_method", lambda *_: pytest.fail("the engine was built"))
     (tmp_path / "r.csv").write_text("time,W\n0,1\n")
     assert main(["run", str(MODEL), str(tmp_path / "r.csv")]) == 2
 

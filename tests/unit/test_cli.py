@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.app import FitWishes, Imperfections, Wishes
+from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
-from faultbond.types import EngineChoice, Method
+from faultbond.types import EngineChoice
 
 PROGRAM = [sys.executable, "-m", "faultbond"]
 
@@ -63,12 +63,20 @@ class Spy:
         self.seen |= {"imperfections": imperfections, "start": start}
         self.do(out)
 
-    def run(
-        self, model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out
-    ) -> bool:
+    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
         """Note a call of `run`."""
-        self.seen = {"model": model, "recording": recording, "method": method, "report": report, "engine": engine}
+        self.seen = {"model": model, "recording": recording, "engine": wanted.engine, "wanted": wanted}
         return bool(self.do(out))
+
+    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Note a call of `accept`."""
+        self.seen = {"verb": "accept", "model": model, "state": state, "names": names}
+        self.do(out)
+
+    def reject(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Note a call of `reject`."""
+        self.seen = {"verb": "reject", "model": model, "state": state, "names": names}
+        self.do(out)
 
     def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
         """Note a call of `analyse`."""
@@ -109,6 +117,28 @@ def test_arguments_of_analyse(arguments: list[str], seen: dict[str, object]) -> 
     assert spy.seen == {"model": Path("m.yaml")} | seen
 
 
+@pytest.mark.parametrize(
+    ("arguments", "verb", "names"),
+    [
+        (["accept", "m.yaml", "x.state"], "accept", ()),
+        (["accept", "m.yaml", "x.state", "K1", "K6"], "accept", ("K1", "K6")),
+        (["reject", "m.yaml", "x.state", "flow"], "reject", ("flow",)),
+    ],
+)
+def test_arguments_of_decisions(arguments: list[str], verb: str, names: tuple[str, ...]) -> None:
+    """What was decided of which candidate of which kept run reaches its verb."""
+    spy = Spy()
+    assert main(arguments, spy) == 0
+    assert spy.seen == {"verb": verb, "model": Path("m.yaml"), "state": Path("x.state"), "names": names}
+
+
+@pytest.mark.parametrize("level", ["0.3", "1.5", "nan", "sure", ""])
+def test_levels_that_no_rule_takes(level: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A rule accepts from a probability between a half and 1; anything else is a mistake of the user."""
+    assert main(["run", "m.yaml", "r.csv", "--accept", level], Spy()) == 2
+    assert "expected auto, or a probability from 0.5 to 1" in capsys.readouterr().err
+
+
 def failing(error: BaseException) -> Callable[[Out], bool | None]:
     """Give an action that raises."""
 
@@ -131,17 +161,20 @@ def speak(out: Out) -> bool:
         (["check", "m.yaml"], {"model": Path("m.yaml")}),
         (
             ["run", "m.yaml", "r.csv"],
-            {"model": Path("m.yaml"), "recording": "r.csv", "method": Method.BANK, "report": None},
+            {"model": Path("m.yaml"), "recording": "r.csv", "wanted": Wanted()},
         ),
         (
-            ["run", "m.yaml", "-", "--method", "bank", "--report", "x.html", "--engine", "vm"],
+            ["run", "m.yaml", "-", "--method", "bank", "--report", "x.html", "--engine", "vm", "--accept", "0.9"],
             {
                 "model": Path("m.yaml"),
                 "recording": "-",
-                "method": Method.BANK,
-                "report": Path("x.html"),
                 "engine": EngineChoice.MACHINE,
+                "wanted": Wanted(report=Path("x.html"), engine=EngineChoice.MACHINE, accept=0.9),
             },
+        ),
+        (
+            ["run", "m.yaml", "r.csv", "--state", "x.state", "--accept", "auto"],
+            {"model": Path("m.yaml"), "recording": "r.csv", "wanted": Wanted(state=Path("x.state"), accept=0.95)},
         ),
         (["demo"], {"report": Path("report.html")}),
     ],

@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 from faultbond.app.engines import engine_title
-from faultbond.app.watching import run
+from faultbond.app.watching import Wanted, run
 from faultbond.io.examples import example
 from faultbond.io.out import Out
-from faultbond.types import EngineChoice, Method
+from faultbond.types import EngineChoice
 
 DEMO_RECORDING = "fault_pipe.csv"
 DEMO_TRUTH = "What was made: at 1500 s the resistance K1 of the pipe rose to 1.85 times its value."
@@ -23,7 +23,7 @@ def demo(*, report: Path, engine: EngineChoice, out: Out) -> None:
     out.say()
     if out.text is not None:
         out.text.flush()
-    run(model, str(recording), method=Method.BANK, report=report, engine=engine, out=out)
+    run(model, str(recording), wanted=Wanted(report=report, engine=engine), out=out)
     out.say(f"\n{DEMO_TRUTH}")
     out.say(f"Open {report} in a browser. Then try:")
     program, healthy = _program(), _near(folder / "healthy.csv")

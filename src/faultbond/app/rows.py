@@ -3,13 +3,16 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+
+import numpy as np
 
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT
-from faultbond.runtime.state import Sample
+from faultbond.runtime.state import Sample, State
 
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
 
@@ -27,6 +30,13 @@ def begun(rows: Iterator[Row]) -> Iterator[Row]:
 def sample_of(point: GridPoint) -> Sample:
     """Give a grid point as the monitor takes it."""
     return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
+
+
+def resumed(state: State) -> State:
+    """Give the state with which a run goes on after a time of unknown length: anew, unless a fault was detected."""
+    if state.alarm >= 0:
+        return state
+    return replace(state, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
 
 
 def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:

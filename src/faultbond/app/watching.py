@@ -2,165 +2,156 @@
 
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from faultbond.app.engines import build_watcher
+from faultbond.app.course import Course, Following
+from faultbond.app.keeping import Keeper, read_before
+from faultbond.app.methods import Watcher, build_method
 from faultbond.app.observing import run_circuit, run_static
-from faultbond.app.rows import begun, no_time, progress, sample_of
-from faultbond.errors import RecordingError
+from faultbond.app.rows import begun, no_time, progress
+from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import is_circuit
-from faultbond.io.grid import Counts, Grid, Row, on_grid
+from faultbond.io.grid import Grid, Row, on_grid
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
+from faultbond.io.recording import STANDARD_INPUT, Columns, columns_of, read_rows
+from faultbond.io.saved import Saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
-from faultbond.runtime.state import State, Status, init
+from faultbond.runtime.records import run_record
 from faultbond.runtime.trace import Trace
-from faultbond.spec import Engine, EngineSpec
+from faultbond.spec import EngineSpec
 from faultbond.types import EngineChoice, Method, TimeGrid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Outcome:
-    """How a run ended: the state at its end, and what was counted on the way."""
+class Wanted:
+    """How a plant is watched. accept: probability from which a rule accepts a diagnosis. state: file that keeps it."""
 
-    state: State
-    counts: Counts
-    watched: int  # grid points with a measured value at which the alarms were on
+    method: Method = Method.BANK
+    engine: EngineChoice = EngineChoice.AUTO
+    report: Path | None = None
+    accept: float | None = None
+    state: Path | None = None
 
 
-def run(model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out) -> bool:
+def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
     """Watch a recording, a path or `-`, and tell whether a fault was detected."""
     if is_circuit(model):
-        return run_circuit(model, recording, method=method, report=report, out=out)
+        _refuse_time(wanted, str(model))
+        return run_circuit(model, recording, method=wanted.method, report=wanted.report, out=out)
     graph = load_model(model)
     if graph.grid is TimeGrid.NONE:
-        return run_static(graph, recording, method=method, report=report, out=out)
+        _refuse_time(wanted, graph.file)
+        return run_static(graph, recording, method=wanted.method, report=wanted.report, out=out)
+    before = read_before(wanted.state, graph, wanted.method)
     live = recording == STANDARD_INPUT
-    rows: Iterable[Row] = read_rows(recording, columns_of(graph))
+    rows: Iterable[Row] = read_rows(recording, _columns(graph, before))
     if not live:
         rows = begun(iter(rows))  # a wrong file is refused before the engine is built
     with progress(recording, out) as follow:
-        spec, built = build_watcher(graph, engine)
-        trace = Trace(spec, curves=report is not None) if report is not None or out.text is not None else None
-        out.record(
-            run_record(
-                model=spec.model,
-                model_sha256=spec.model_sha256,
-                method=method,
-                version=spec.version,
-                sample_time=spec.sample_time,
-                explain_anything=[[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
-            )
+        watcher = build_method(graph, wanted.method, wanted.engine, before.numbers if before else None)
+        grid = Grid(
+            watcher.spec.sample_time,
+            live=live,
+            noise=[item.noise for item in watcher.spec.outputs],
+            clock=before.clock if before else None,
         )
-        grid = Grid(spec.sample_time, live=live, noise=[item.noise for item in graph.sensors])
-        outcome = _watch(spec, built, follow(rows), grid, trace, out)
-    if not outcome.counts.samples:
-        raise RecordingError(no_time(recording))
-    detected = outcome.state.alarm >= 0
-    reason = _no_verdict(spec, outcome)
-    if reason and not (out.text is not None and out.text.isatty()):  # there the text says it
-        sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
-    if trace is not None:
-        _tell(graph, spec, built, trace, outcome, reason, report, out)
-    return detected
+        curves = wanted.report is not None
+        trace = Trace(watcher.spec, curves=curves) if curves or out.text is not None else None
+        course = Course(watcher, grid, Following(out=out, trace=trace, level=wanted.accept), before)
+        out.record(_run_record(watcher.spec, wanted.method, before))
+        keeper = Keeper(wanted.state, course, wanted.method) if wanted.state else None
+        _pass(course, follow(rows), grid, keeper, live=live)
+    if not course.counts.samples:
+        passed = course.counts.duplicate and before
+        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
+    if keeper is not None:
+        keeper.write()
+    _conclude(graph, watcher, course, trace, wanted, out)
+    return course.detected
 
 
-def _watch(
-    spec: EngineSpec, engine: Engine, rows: Iterable[Row], grid: Grid, trace: Trace | None, out: Out
-) -> _Outcome:
-    """Pass all rows through the monitor and write the records as they come."""
-    state = init(spec)
-    watched, told = 0, -1
-    for point in on_grid(rows, grid):
-        sample = sample_of(point)
-        state, report = step(spec, engine, state, sample)
-        watched += report.status in (Status.WATCHING, Status.DIAGNOSING) and bool(np.isfinite(sample.y).any())
-        if trace is not None:
-            trace.add(sample, report)
-        if report.detection is not None:
-            out.record(detection_record(report.detection))
-        if report.diagnosis is not None:
-            out.record(diagnosis_record(report.diagnosis))
-            told = point.index
-    last = finish(spec, state) if told != grid.counts.samples - 1 else None
-    if last is not None:
-        out.record(diagnosis_record(last))
-        if trace is not None:
-            trace.conclude(last)
-    outcome = _Outcome(state=state, counts=grid.counts, watched=watched)
-    out.record(_end(outcome))
-    return outcome
+def _refuse_time(wanted: Wanted, model: str) -> None:
+    for option, given in (("--state", wanted.state), ("--accept", wanted.accept)):
+        if given is not None:
+            raise ModelError(f"{model}: a network without time has nothing to go on from; leave out {option}")
 
 
-def _end(outcome: _Outcome) -> dict[str, object]:
-    counts = outcome.counts
-    return end_record(
-        time=outcome.state.time if counts.samples else None,
-        samples=counts.samples,
-        watched=outcome.watched,
-        detections=int(outcome.state.alarm >= 0),
-        missing=counts.missing,
-        late=counts.late,
-        duplicate=counts.duplicate,
-        untimed=counts.untimed,
-        unused=counts.unused,
-        clock_jumps=counts.clock_jumps,
-        saturated=counts.saturated,
-        frozen=counts.frozen,
+def _columns(graph: BondGraph, before: Saved | None) -> Columns:
+    """Give the columns to read; without a time column the clock goes on from the run before."""
+    columns = columns_of(graph)
+    if before is None:
+        return columns
+    return replace(columns, first_time=before.clock.last_time + (columns.sample_time or 1.0))
+
+
+def _run_record(spec: EngineSpec, method: Method, before: Saved | None) -> dict[str, object]:
+    return run_record(
+        model=spec.model,
+        model_sha256=spec.model_sha256,
+        method=method,
+        version=spec.version,
+        sample_time=spec.sample_time,
+        explain_anything=[[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
+        continues=before.clock.last_time if before is not None else None,
     )
 
 
-def _no_verdict(spec: EngineSpec, outcome: _Outcome) -> str:
-    """Say why a run says nothing about the plant; empty where it does."""
-    if outcome.watched:
-        return ""
-    samples = outcome.counts.samples
-    absent = [item.name for item, value in zip(spec.inputs, outcome.state.held, strict=True) if not np.isfinite(value)]
-    if absent:
-        return f"no row has a value of the input {absent[0]}"
-    needed = spec.thresholds.warm_up_samples + 1
-    if samples - max(outcome.state.begun, 0) < needed:
-        return f"the recording ended after {samples} samples, and the alarms are off for the first {needed - 1}"
-    return "no row has a value of a sensor once the alarms are on"
+def _nothing_new(recording: str, before: Saved) -> str:
+    return (
+        f"{recording}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
+        "Give a recording that goes on from there, or another state file."
+    )
 
 
-def _tell(
-    graph: BondGraph,
-    spec: EngineSpec,
-    engine: Engine,
-    trace: Trace,
-    outcome: _Outcome,
-    reason: str,
-    report: Path | None,
-    out: Out,
+def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None, *, live: bool) -> None:
+    """Pass all rows through the method and write the records as they come."""
+    try:
+        for point in on_grid(rows, grid):
+            course.take(point)
+            if live and keeper is not None:
+                keeper.look()
+    except KeyboardInterrupt:  # the usual end of a live run; of a file, rows are still held back
+        if live and keeper is not None:
+            keeper.write()
+        raise
+    course.finish()
+
+
+def _conclude(
+    graph: BondGraph, watcher: Watcher, course: Course, trace: Trace | None, wanted: Wanted, out: Out
 ) -> None:
+    """Say what was found, and on standard error that nothing can be said, where the text does not."""
+    reason = course.no_verdict()
+    if reason and not (out.text is not None and out.text.isatty()):
+        sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
+    if trace is not None:
+        _tell(graph, watcher, course, trace, wanted.report, out)
+
+
+def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, report: Path | None, out: Out) -> None:
     """Print the result, and write the report where one is asked for."""
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
     from faultbond.structure.causality import assign_causality  # noqa: PLC0415
 
-    counted = outcome.counts
+    counted = course.counts
     counts = pages.Counts(
         samples=counted.samples,
         missing=counted.missing,
         late=counted.late,
         duplicate=counted.duplicate,
-        no_verdict=reason,
+        no_verdict=course.no_verdict(),
     )
-    history = trace.history()
+    history, title = trace.history(), watcher.title
     if out.text is not None:
         console = Console(file=out.text)
-        untested = pages.unfalsifiable_text(spec)
-        pages.print_diagnosis(console, graph, history, engine_title=engine.title, counts=counts, untested=untested)
+        untested = pages.unfalsifiable_text(watcher.spec)
+        pages.print_diagnosis(console, graph, history, engine_title=title, counts=counts, untested=untested)
     if report is not None:
         strokes = dict(assign_causality(graph).strokes)
-        page = pages.render_report(graph, history, strokes, engine.title, spec.version, counts)
+        page = pages.render_report(graph, history, strokes, title, watcher.spec.version, counts)
         report.write_text(page, encoding="utf-8")
         out.say(f"Report: {report}")

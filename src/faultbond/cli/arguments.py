@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from faultbond.app import Imperfections
+from faultbond.app import Imperfections, Wanted
 from faultbond.cli.verbs import (
     DONE,
     FAULT_DETECTED,
@@ -13,6 +13,7 @@ from faultbond.cli.verbs import (
     add_model,
     add_verb,
     engine,
+    level,
     part,
     time,
 )
@@ -20,6 +21,7 @@ from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
 from faultbond.model.quantities import quantity
+from faultbond.runtime.accepting import SURE
 from faultbond.types import Method
 
 
@@ -103,9 +105,13 @@ def add_run(verbs: Subparsers) -> None:
         detected = verbs.run(
             arguments.model,
             arguments.recording,
-            method=Method(arguments.method),
-            report=arguments.report,
-            engine=engine(arguments),
+            wanted=Wanted(
+                method=Method(arguments.method),
+                engine=engine(arguments),
+                report=arguments.report,
+                accept=arguments.accept,
+                state=arguments.state,
+            ),
             out=out,
         )
         return FAULT_DETECTED if detected else DONE
@@ -122,6 +128,15 @@ def add_run(verbs: Subparsers) -> None:
         help="how to detect and diagnose (default: %(default)s)",
     )
     parser.add_argument("--report", metavar="FILE.html", type=Path, help="write a report to open in a browser")
+    parser.add_argument(
+        "--state", metavar="STATE", type=Path, help="go on from the run kept in this file, if it exists, and keep this"
+    )
+    parser.add_argument(
+        "--accept",
+        metavar="LEVEL",
+        type=level,
+        help=f"accept a diagnosis once it has been surer than this, such as 0.99, for a while; auto: {SURE:g}",
+    )
     add_engine(parser)
 
 

@@ -10,6 +10,7 @@ from io import TextIOWrapper
 from typing import Never
 
 from faultbond import app
+from faultbond.cli.accept import add_accept, add_reject
 from faultbond.cli.analyse import add_analyse
 from faultbond.cli.arguments import add_check, add_demo, add_run, add_simulate
 from faultbond.cli.fit import add_fit
@@ -48,6 +49,8 @@ def build_parser() -> argparse.ArgumentParser:
     add_fit(verbs)
     add_simulate(verbs)
     add_run(verbs)
+    add_accept(verbs)
+    add_reject(verbs)
     add_demo(verbs)
     return parser
 

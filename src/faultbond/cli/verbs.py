@@ -3,18 +3,21 @@
 import argparse
 import os
 from collections.abc import Callable, Mapping
+from math import nan
 from pathlib import Path
 from typing import Never, Protocol, TypeAlias
 
-from faultbond.app import FitWishes, Imperfections, Wishes
+from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
 from faultbond.model.quantities import duration, spread
-from faultbond.types import EngineChoice, Method
+from faultbond.runtime.accepting import SURE
+from faultbond.types import EngineChoice
 
 DONE, FAULT_DETECTED = 0, 1
 ENGINE = "FAULTBOND_ENGINE"
+LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 
 
 class Verbs(Protocol):
@@ -59,10 +62,14 @@ class Verbs(Protocol):
     ) -> None:
         """Write a recording of the simulated plant; `inputs` is a path or `-`."""
 
-    def run(
-        self, model: Path, recording: str, *, method: Method, report: Path | None, engine: EngineChoice, out: Out
-    ) -> bool:
+    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
         """Watch a recording, a path or `-`, and tell whether a fault was detected."""
+
+    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Take a candidate of a kept run, without names the best, as the new healthy model."""
+
+    def reject(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+        """Rule a candidate of a kept run out."""
 
     def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
         """Find a fault in the built-in water tank and write the report."""
@@ -130,3 +137,18 @@ def part(text: str) -> float:
 def time(text: str) -> float:
     """Read a length of time in seconds."""
     return duration(text)
+
+
+def level(text: str) -> float:
+    """Read a probability from which a diagnosis is accepted."""
+    if text == "auto":
+        return SURE
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not LOWEST_LEVEL <= value <= 1.0:
+        raise FaultbondError(
+            f"--accept {text}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
+        )
+    return value

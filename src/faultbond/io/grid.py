@@ -8,7 +8,7 @@ import heapq
 import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import chain
 
 import numpy as np
@@ -80,6 +80,22 @@ class Counts:
     frozen: int = 0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Clock:
+    """Where a grid stands that holds nothing back: enough for a later recording to go on from there.
+
+    counts: what has been passed. placed: the last rows. origin: index and time of the point at which the grid began.
+    usual: interval of rows before it began anew. last_index, last_time: of the last point.
+    """
+
+    counts: Counts
+    placed: tuple[Row, ...]
+    origin: tuple[int, float]
+    usual: float
+    last_index: int
+    last_time: float
+
+
 class Grid:
     """Takes rows in the order of arrival and gives grid points in the order of time.
 
@@ -93,6 +109,7 @@ class Grid:
     live : whether a point has to be given as soon as its first row is there
     steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
     noise : standard deviations of the sensors in SI, to count those that are frozen
+    clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
     """
 
     def __init__(
@@ -102,6 +119,7 @@ class Grid:
         live: bool = False,
         steady: bool = False,
         noise: Sequence[float] = (),
+        clock: Clock | None = None,
     ) -> None:
         if sample_time is not None and not 0.0 < sample_time < math.inf:
             raise RecordingError(f"sample_time is {sample_time:g} s: a grid needs a positive number of seconds.")
@@ -120,7 +138,33 @@ class Grid:
         self._usual = 0.0  # interval of rows before the grid began anew
         self._last_index = -1
         self._last_time = math.nan
+        self._passed = -math.inf  # rows up to this time were passed by an earlier grid
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
+        if clock is not None:
+            self._go_on(clock)
+
+    def _go_on(self, clock: Clock) -> None:
+        """Stand where another grid stood."""
+        self._tally.update(asdict(clock.counts))
+        self._placed.extend(clock.placed)
+        self._times.extend(row.time for row in clock.placed)
+        self._newest = self._passed = self._times[-1]
+        self._origin, self._usual = clock.origin, clock.usual
+        self._last_index, self._last_time = clock.last_index, clock.last_time
+
+    @property
+    def clock(self) -> Clock | None:
+        """Where the grid stands, as if nothing were held back; None before the first point."""
+        if self._origin is None or self._last_index < 0:
+            return None
+        return Clock(
+            counts=self.counts,
+            placed=tuple(self._placed),
+            origin=self._origin,
+            usual=self._usual,
+            last_index=self._last_index,
+            last_time=self._last_time,
+        )
 
     @property
     def counts(self) -> Counts:
@@ -132,6 +176,10 @@ class Grid:
         if not math.isfinite(row.time):
             self._tally["untimed"] += 1
             return ()
+        if row.time <= self._passed:
+            self._tally["duplicate"] += 1
+            return ()
+        self._passed = -math.inf
         if not self._too_old(row):
             self._give_up_behind()
             return self._take(row)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.runtime.history import Accepted, Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.types import Method
 
 Record = dict[str, object]
@@ -16,10 +16,12 @@ def run_record(
     version: str,
     sample_time: float | None,
     explain_anything: Sequence[Sequence[str]] = (),
+    continues: float | None = None,
 ) -> Record:
     """Give the first record: what is run on what; no sample time where rows come as they come, or have no time.
 
-    explain_anything: sets of parameters that are not tested, since no data could contradict them.
+    explain_anything: sets of parameters that are not tested, since no data could contradict them. continues: last time
+    of the run from which this one goes on.
     """
     return {
         "record": "run",
@@ -29,6 +31,7 @@ def run_record(
         "version": version,
         "sample_time": sample_time,
         "explain_anything": [list(names) for names in explain_anything],
+        "continues": continues,
     }
 
 
@@ -50,6 +53,17 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
         "time": diagnosis.time,
         "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
+    }
+
+
+def decision_record(accepted: Accepted, *, rejected: bool = False) -> Record:
+    """Give the record of a candidate that was accepted, or rejected, and by whom."""
+    told = _candidate(accepted.candidate)
+    return {
+        "record": "rejected" if rejected else "accepted",
+        "time": accepted.time,
+        **{key: told[key] for key in ("components", "parameters", "probability", "kind")},
+        "by": accepted.by.value,
     }
 
 

@@ -62,6 +62,7 @@ def test_the_first_record() -> None:
         "version": "0.1.0",
         "sample_time": 0.5,
         "explain_anything": [["R", "C"]],
+        "continues": None,
     }
 
 

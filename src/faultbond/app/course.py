@@ -1,0 +1,186 @@
+"""A run in progress: points pass through a method, the records come out, and what was found is kept."""
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import nan
+
+import numpy as np
+
+from faultbond.app.methods import Watcher
+from faultbond.app.rows import sample_of
+from faultbond.errors import FaultbondError
+from faultbond.io.grid import Counts, Grid, GridPoint
+from faultbond.io.out import Out
+from faultbond.io.saved import Found, Saved
+from faultbond.runtime.history import Accepted, Decider, Detection, Diagnosis
+from faultbond.runtime.records import decision_record, detection_record, diagnosis_record, end_record
+from faultbond.runtime.rule import watch
+from faultbond.runtime.state import Sample, Status
+from faultbond.runtime.trace import Trace
+from faultbond.types import Method
+
+ALARMS_ON = (Status.WATCHING, Status.DIAGNOSING)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Following:
+    """How a run is followed. level: probability from which a diagnosis is accepted by rule; None: a person accepts."""
+
+    out: Out
+    trace: Trace | None = None
+    level: float | None = None
+
+
+class Course:
+    """Takes the points of a run in order.
+
+    Parameters
+    ----------
+    watcher : the method
+    grid : that the points come from
+    following : records, curves and the rule
+    before : the run that this one goes on from
+    """
+
+    def __init__(self, watcher: Watcher, grid: Grid, following: Following, before: Saved | None = None) -> None:
+        self._watcher = watcher
+        self._grid = grid
+        self._out, self._trace, self._level = following.out, following.trace, following.level
+        self._began = before
+        self.found = before.found if before is not None else Found()
+        self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
+        self._told = -1
+        self._time = before.clock.last_time if before is not None else nan
+        if self._trace is not None:
+            self._trace.before(() if self.found.open is None else (self.found.open,), self.found.accepted)
+
+    def take(self, point: GridPoint) -> None:
+        """Pass one point on, and write what the method says to it."""
+        sample = sample_of(point)
+        if point.resumes:
+            self._watcher.resume()
+        report = self._watcher.step(sample)
+        self._time = point.time
+        self._count(sample, report.status)
+        if self._trace is not None:
+            self._trace.add(sample, report)
+        if report.detection is not None:
+            self._detected(report.detection)
+        if report.diagnosis is not None:
+            self._diagnosed(report.diagnosis, point.index)
+
+    def heed(self, other: Found) -> None:
+        """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
+        if self.found.open is None or other.detections != self.found.detections:
+            return  # what was decided of is past
+        with suppress(FaultbondError):  # a candidate that is not among the listed ones any more
+            if len(other.accepted) > len(self.found.accepted):
+                self._accept(other.accepted[-1].candidate.hypothesis, self._time, Decider.PERSON)
+                return
+            for hypothesis in other.rejected:
+                if hypothesis not in self.found.rejected:
+                    self._reject(hypothesis)
+
+    def finish(self) -> None:
+        """Write the last diagnosis and the end."""
+        last = self._watcher.finish() if self._told != self._grid.counts.samples - 1 else None
+        if last is not None:
+            self._out.record(diagnosis_record(last))
+            if self._trace is not None:
+                self._trace.conclude(last)
+        counts = self._grid.counts
+        self._out.record(
+            end_record(
+                time=self._time if counts.samples else None,
+                samples=counts.samples,
+                watched=self.found.watched,
+                detections=self.found.detections,
+                missing=counts.missing,
+                late=counts.late,
+                duplicate=counts.duplicate,
+                untimed=counts.untimed,
+                unused=counts.unused,
+                clock_jumps=counts.clock_jumps,
+                saturated=counts.saturated,
+                frozen=counts.frozen,
+            )
+        )
+
+    def saved(self, method: Method) -> Saved | None:
+        """Give the run so that it can go on; None before its first point."""
+        clock, spec = self._grid.clock, self._watcher.spec
+        if clock is None:
+            return None
+        return Saved(
+            model=spec.model,
+            model_sha256=spec.model_sha256,
+            version=spec.version,
+            method=method,
+            numbers=self._watcher.save(),
+            clock=clock,
+            found=self.found,
+        )
+
+    @property
+    def counts(self) -> Counts:
+        """What has been passed since this run began."""
+        now = self._grid.counts
+        if self._began is None:
+            return now
+        before = self._began.clock.counts
+        return Counts(**{name: getattr(now, name) - getattr(before, name) for name in Counts.__slots__})
+
+    @property
+    def detected(self) -> bool:
+        """Whether there was a detection in this run, or is one that nothing was accepted for."""
+        before = self._began.found.detections if self._began is not None else 0
+        return self.found.detections > before or self.found.open is not None
+
+    def no_verdict(self) -> str:
+        """Say why this run says nothing about the plant; empty where it does."""
+        spec, began = self._watcher.spec, self._began
+        if self.found.watched > (began.found.watched if began is not None else 0):
+            return ""
+        samples = self._grid.counts.samples
+        if self.found.waiting == samples:
+            absent = next(item.name for item, seen in zip(spec.inputs, self._seen, strict=True) if not seen)
+            return f"no row has a value of the input {absent}"
+        needed = spec.thresholds.warm_up_samples + 1
+        if samples - self.found.waiting < needed:
+            return f"the recording ended after {samples} samples, and the alarms are off for the first {needed - 1}"
+        return "no row has a value of a sensor once the alarms are on"
+
+    def _count(self, sample: Sample, status: Status) -> None:
+        self._seen |= np.isfinite(sample.u)
+        watched = status in ALARMS_ON and bool(np.isfinite(sample.y).any())
+        waiting = status is Status.WAITING
+        if watched or waiting:
+            found = self.found
+            self.found = replace(found, watched=found.watched + watched, waiting=found.waiting + waiting)
+
+    def _detected(self, detection: Detection) -> None:
+        self.found = self.found.with_detection(detection)
+        self._out.record(detection_record(detection))
+
+    def _diagnosed(self, diagnosis: Diagnosis, sample: int) -> None:
+        """Write a diagnosis, and accept its best candidate if it has been sure for long enough."""
+        self._out.record(diagnosis_record(diagnosis))
+        self._told = sample
+        if self._level is None:
+            return
+        sure = watch(self.found.sure, diagnosis, sample, self._level)
+        self.found = replace(self.found, sure=sure)
+        if sure.ripe(sample):
+            self._accept(sure.hypothesis, diagnosis.time, Decider.RULE)
+
+    def _accept(self, hypothesis: int, time: float, by: Decider) -> None:
+        accepted = Accepted(time=time, candidate=self._watcher.accept(hypothesis), by=by)
+        self.found = self.found.with_accepted(accepted)
+        self._out.record(decision_record(accepted))
+        if self._trace is not None:
+            self._trace.accept(accepted)
+
+    def _reject(self, hypothesis: int) -> None:
+        rejected = Accepted(time=self._time, candidate=self._watcher.reject(hypothesis), by=Decider.PERSON)
+        self.found = self.found.with_rejected(hypothesis)
+        self._out.record(decision_record(rejected, rejected=True))

@@ -1,0 +1,91 @@
+"""The file that keeps a run: read before it, written at its end and, of a live one, every minute."""
+
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from faultbond.app.course import Course
+from faultbond.errors import RecordingError
+from faultbond.io.saved import Saved, read_saved, write_saved
+from faultbond.model.graph import BondGraph
+from faultbond.types import Method
+
+EVERY = 60.0  # s between two writings of a live run
+
+
+def read_before(path: Path | None, graph: BondGraph, method: Method) -> Saved | None:
+    """Give the run that a new one goes on from; None where there is no file yet.
+
+    Raises
+    ------
+    RecordingError
+        Where the file is of another model or method, or cannot be written at the end.
+    """
+    if path is None:
+        return None
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path}: there is no folder {path.parent}. Create it, or name another file.")
+    if not path.exists():
+        return None
+    saved = read_saved(path)
+    _refuse_other_model(path, saved, graph)
+    if saved.method is not method:
+        raise RecordingError(
+            f"{path}: it was saved by --method {saved.method.value}. Give that method, or name another file."
+        )
+    return saved
+
+
+def _refuse_other_model(path: Path, saved: Saved, graph: BondGraph) -> None:
+    if saved.model_sha256 == graph.sha256:
+        return
+    other = f"the model {saved.model!r}" if saved.model != graph.name else "an earlier form of this model"
+    raise RecordingError(
+        f"{path}: it was saved with {other}; {graph.file} differs from it. "
+        "Take the model file that it was saved with, or delete it to begin anew."
+    )
+
+
+class Keeper:
+    """Writes a run to its file.
+
+    Parameters
+    ----------
+    path : the file
+    course : the run
+    method : its method
+    """
+
+    def __init__(self, path: Path, course: Course, method: Method) -> None:
+        self._path, self._course, self._method = path, course, method
+        self._written = time.monotonic()
+        self._stamp = _stamp(path)
+        self._found = course.found
+
+    def write(self) -> None:
+        """Write the run as it is now, if it has begun."""
+        saved = self._course.saved(self._method)
+        if saved is not None:
+            write_saved(self._path, saved)
+        self._written, self._stamp, self._found = time.monotonic(), _stamp(self._path), self._course.found
+
+    def look(self) -> None:
+        """Of a live run: heed what a person decided in the file; write it at an alarm, and if that was long ago."""
+        stamp = _stamp(self._path)
+        decided = stamp is not None and stamp != self._stamp
+        if decided:
+            with suppress(RecordingError):  # the file is of something else by now; it is written anew
+                self._course.heed(read_saved(self._path).found)
+        known, now = self._found, self._course.found
+        due = (known.detections, known.accepted) != (now.detections, now.accepted)
+        if decided or due or time.monotonic() - self._written >= EVERY:
+            self.write()
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Give what changes when a file is replaced; None where there is none."""
+    try:
+        about = path.stat()
+    except FileNotFoundError:
+        return None
+    return about.st_mtime_ns, about.st_ino

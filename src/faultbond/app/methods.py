@@ -1,0 +1,110 @@
+"""The methods of detection and diagnosis, all with the same face: a watcher takes samples and says what it sees."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from faultbond.app.engines import build_watcher
+from faultbond.app.rows import resumed
+from faultbond.errors import RecordingError
+from faultbond.model.graph import BondGraph
+from faultbond.runtime.accepting import accept, reject
+from faultbond.runtime.history import Candidate, Diagnosis
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Report, Sample, State, init
+from faultbond.spec import Engine, EngineSpec
+from faultbond.types import EngineChoice, FloatArray, Method
+
+Numbers = Mapping[str, FloatArray]
+
+
+class Watcher(Protocol):
+    """A method at work on a plant; it holds what it remembers."""
+
+    @property
+    def spec(self) -> EngineSpec:
+        """The model."""
+
+    @property
+    def title(self) -> str:
+        """The engine, in words."""
+
+    def resume(self) -> None:
+        """Expect a sample after a time of unknown length."""
+
+    def step(self, sample: Sample) -> Report:
+        """Take one sample."""
+
+    def finish(self) -> Diagnosis | None:
+        """Give the last diagnosis, if a fault was detected."""
+
+    def accept(self, hypothesis: int) -> Candidate:
+        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
+
+    def reject(self, hypothesis: int) -> Candidate:
+        """Rule a hypothesis out, and give the candidate as it stood."""
+
+    def save(self) -> Numbers:
+        """Give what is remembered, by name."""
+
+
+class Bank:
+    """The method `bank`.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    saved : what another watcher saved; None begins anew
+    """
+
+    def __init__(self, spec: EngineSpec, engine: Engine, saved: Numbers | None = None) -> None:
+        self.spec = spec
+        self.title = engine.title
+        self._engine = engine
+        self._state = init(spec) if saved is None else restored(spec, saved)
+
+    def resume(self) -> None:
+        """Expect a sample after a time of unknown length."""
+        self._state = resumed(self._state)
+
+    def step(self, sample: Sample) -> Report:
+        """Take one sample."""
+        self._state, report = step(self.spec, self._engine, self._state, sample)
+        return report
+
+    def finish(self) -> Diagnosis | None:
+        """Give the last diagnosis, if a fault was detected."""
+        return finish(self.spec, self._state)
+
+    def accept(self, hypothesis: int) -> Candidate:
+        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
+        self._state, candidate = accept(self.spec, self._state, hypothesis)
+        return candidate
+
+    def reject(self, hypothesis: int) -> Candidate:
+        """Rule a hypothesis out, and give the candidate as it stood."""
+        self._state, candidate = reject(self.spec, self._state, hypothesis)
+        return candidate
+
+    def save(self) -> Numbers:
+        """Give what is remembered, by name."""
+        return self._state.save()
+
+
+def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: Numbers | None = None) -> Watcher:
+    """Give a watcher of a plant, at its beginning, or as it was saved."""
+    spec, engine = build_watcher(graph, choice)
+    return Bank(spec, engine, saved)
+
+
+def restored(spec: EngineSpec, saved: Numbers) -> State:
+    """Give the state of the method `bank` that was saved.
+
+    Raises
+    ------
+    RecordingError
+        Where it does not fit the model.
+    """
+    fresh = init(spec).save()
+    if {name: values.shape for name, values in fresh.items()} != {name: saved[name].shape for name in saved}:
+        raise RecordingError("the saved state was made by another version of faultbond. Delete its file to begin anew.")
+    return State.restore(dict(saved))
