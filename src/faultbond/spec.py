@@ -122,7 +122,7 @@ class Thresholds:
     learning_bound: float = 6.0
     slow_error_limit: float = 1.6
     cost_per_suspect: float = 5.0
-    cost_per_sensor: float = 5.0
+    cost_per_sensor: float = 4.0
     group_nats: float = 3.0
     blank_factor: float = 1e4
     warm_up_samples: int = 20

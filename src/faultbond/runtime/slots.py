@@ -24,11 +24,11 @@ STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in i
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
 SENSOR_KINDS = {  # prior probabilities of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
-    FaultKind.BIAS: 0.5,
-    FaultKind.DRIFT: 0.15,
-    FaultKind.GAIN: 0.03,
+    FaultKind.BIAS: 0.577,
+    FaultKind.DRIFT: 0.12,
+    FaultKind.GAIN: 0.003,
     FaultKind.STUCK: 0.2,
-    FaultKind.NOISE: 0.12,
+    FaultKind.NOISE: 0.1,
 }
 
 
