@@ -26,7 +26,8 @@ RECORDS = {
     "detection": "time sample change_time signals",
     "diagnosis": (
         "time candidates unexplained signal since until components parameters nominal estimate sd probability group "
-        "kind kinds present rate rate_sd forecasts limit earliest latest"
+        "kind kinds present rate rate_sd forecasts limit earliest latest advice check target gain cost value within "
+        "separates"
     ),
     "accepted": "time components parameters probability kind by",
     "rejected": "time components parameters probability kind by",

@@ -1,6 +1,7 @@
 """The methods of detection and diagnosis, all with the same face: a watcher takes samples and says what it sees."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Protocol
 
 from faultbond.app.engines import build_watcher
@@ -8,6 +9,7 @@ from faultbond.app.rows import resumed
 from faultbond.errors import RecordingError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.accepting import accept, reject
+from faultbond.runtime.advice import Probe, advise
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, init
@@ -54,12 +56,16 @@ class Bank:
     ----------
     spec, engine : the model
     saved : what another watcher saved; None begins anew
+    probe : gives what candidates expect of signals that are measured by hand
     """
 
-    def __init__(self, spec: EngineSpec, engine: Engine, saved: Numbers | None = None) -> None:
+    def __init__(
+        self, spec: EngineSpec, engine: Engine, saved: Numbers | None = None, probe: Probe | None = None
+    ) -> None:
         self.spec = spec
         self.title = engine.title
         self._engine = engine
+        self._probe = probe
         self._state = init(spec) if saved is None else restored(spec, saved)
 
     def resume(self) -> None:
@@ -69,11 +75,17 @@ class Bank:
     def step(self, sample: Sample) -> Report:
         """Take one sample."""
         self._state, report = step(self.spec, self._engine, self._state, sample)
-        return report
+        return replace(report, diagnosis=self._advised(report.diagnosis))
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
-        return finish(self.spec, self._state)
+        return self._advised(finish(self.spec, self._state))
+
+    def _advised(self, diagnosis: Diagnosis | None) -> Diagnosis | None:
+        """Add what to do next."""
+        if diagnosis is None:
+            return None
+        return replace(diagnosis, advice=advise(self.spec, self._engine, self._state, diagnosis, self._probe))
 
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
@@ -93,7 +105,9 @@ class Bank:
 def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: Numbers | None = None) -> Watcher:
     """Give a watcher of a plant, at its beginning, or as it was saved."""
     spec, engine = build_watcher(graph, choice)
-    return Bank(spec, engine, saved)
+    from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
+
+    return Bank(spec, engine, saved, build_probe(spec, graph))
 
 
 def restored(spec: EngineSpec, saved: Numbers) -> State:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from faultbond.runtime.history import Accepted, Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.runtime.history import Accepted, Advice, Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.types import Method
 
 Record = dict[str, object]
@@ -53,6 +53,19 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
         "time": diagnosis.time,
         "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
+        "advice": [_advice(item) for item in diagnosis.advice],
+    }
+
+
+def _advice(advice: Advice) -> Record:
+    return {
+        "check": advice.kind.value,
+        "target": advice.target,
+        "gain": advice.gain,
+        "cost": advice.cost,
+        "value": advice.value,
+        "within": advice.within,
+        "separates": [[list(components) for components in group] for group in advice.separates],
     }
 
 
