@@ -108,7 +108,7 @@ def _plan(spec: EngineSpec, coarse_from: int) -> LanePlan:
 def extremes(plan: LanePlan, likelihoods: FloatArray) -> tuple[IntArray, IntArray]:
     """Give the likeliest and the least likely lane of each hypothesis, shape (n_hypotheses,) each."""
     finite = np.where(np.isfinite(likelihoods), likelihoods, -np.inf)
-    ends = np.append(plan.first[1:], plan.n_lanes)
+    ends = np.append(plan.first, plan.n_lanes)[1:]  # also where there is no hypothesis
     best = [first + int(np.argmax(finite[first:end])) for first, end in zip(plan.first, ends, strict=True)]
     worst = [first + int(np.argmin(finite[first:end])) for first, end in zip(plan.first, ends, strict=True)]
     return np.array(best, dtype=np.intp), np.array(worst, dtype=np.intp)

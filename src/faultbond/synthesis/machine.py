@@ -28,6 +28,8 @@ class VirtualMachine:
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes over a block of samples; see `Engine.advance`."""
         n = lanes.shape[1]
+        if n == 0:  # CasADi takes no columns for one
+            return lanes.copy(), np.empty((samples.shape[0], self.function.numel_out(1), 0))
         mapped = self.function.map(n) if n > 1 else self.function
         current = lanes
         innovations = np.empty((samples.shape[0], self.function.numel_out(1), n))
