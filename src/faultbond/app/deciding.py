@@ -28,9 +28,9 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     write_saved(state, replace(saved, numbers=after.save(), found=saved.found.with_accepted(accepted)))
     out.record(decision_record(accepted))
     if out.text is not None:
-        from faultbond.report.decided import accepted_text  # noqa: PLC0415 - loads rich
+        from faultbond.report.verdict import accepted_sentence  # noqa: PLC0415 - loads rich
 
-        out.say(accepted_text(graph, accepted))
+        out.say(accepted_sentence(graph, accepted))
 
 
 def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
@@ -44,9 +44,9 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     out.record(decision_record(rejected, rejected=True))
     out.record(diagnosis_record(diagnosis))
     if out.text is not None:
-        from faultbond.report.decided import ranking_text, rejected_text  # noqa: PLC0415 - loads rich
+        from faultbond.report.decided import ranking_text, rejected_sentence  # noqa: PLC0415 - loads rich
 
-        out.say(rejected_text(graph, rejected))
+        out.say(rejected_sentence(graph, rejected))
         out.say(ranking_text(graph, diagnosis))
 
 

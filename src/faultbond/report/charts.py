@@ -99,6 +99,7 @@ def payload(history: History, charts: Sequence[Chart]) -> Json:
         for detection in history.detections
         for moment, label in ((detection.change_time, "onset"), (detection.time, "alarm"))
     ]
+    marks += [{"x": _number(item.time - start), "label": "accepted"} for item in history.accepted if item.time >= start]
     return {
         "start": start,
         "length": end - start,

@@ -12,10 +12,11 @@ from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text,
 from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import (
     Counts,
+    accepted_text,
     component_probabilities,
     instrument_probabilities,
     join,
-    last_diagnosis,
+    open_diagnosis,
     remainder_text,
     span_of,
     table_rows,
@@ -55,7 +56,7 @@ def render_report(
         undefined=StrictUndefined,
     )
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False, "ensure_ascii": False}
-    diagnosis = last_diagnosis(history) if history.detections else None
+    diagnosis = open_diagnosis(history)
     parts = sections(graph, history)
     rows = table_rows(graph, diagnosis, Notation.PRINT) if diagnosis else ()
     return environment.get_template("report.html.j2").render(
@@ -141,6 +142,8 @@ def _facts(graph: BondGraph, history: History, engine_title: str, version: str) 
         ("Engine", engine_title),
         ("Made by", f"faultbond {version}"),
     ]
+    if history.accepted:
+        facts.append(("Accepted", accepted_text(graph, history)))
     if len(history.time):
         first, last = (clock_text(float(history.time[end])) for end in (0, -1))
         facts.insert(2, ("Recording", f"{first} to {last}"))

@@ -14,8 +14,9 @@ from faultbond.report.numbers import Notation, clock_text, duration_text
 from faultbond.report.verdict import (
     Counts,
     Row,
+    accepted_sentence,
     detection_sentence,
-    last_diagnosis,
+    open_diagnosis,
     remainder_text,
     span_of,
     table_rows,
@@ -48,10 +49,10 @@ def print_diagnosis(
     for label, text in _watched(graph, history, engine_title, counts):
         console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
     console.print()
-    for detection in history.detections:
-        console.print(Text(detection_sentence(detection), style="bold red"))
-    diagnosis = last_diagnosis(history)
-    if history.detections and diagnosis:
+    for event in _events(graph, history):
+        console.print(event)
+    diagnosis = open_diagnosis(history)
+    if diagnosis:
         console.print(_heading(diagnosis))
         _print_table(console, graph, diagnosis)
         if untested:
@@ -74,6 +75,13 @@ def _watched(graph: BondGraph, history: History, engine_title: str, counts: Coun
         ("Engine", engine_title),
         ("Samples", f"{counts.samples}{span}" + (f"; {defects}" if defects else "")),
     )
+
+
+def _events(graph: BondGraph, history: History) -> list[Text]:
+    """Give a line for each detection and each candidate that was accepted, in the order of time."""
+    found = [(item.time, Text(detection_sentence(item), style="bold red")) for item in history.detections]
+    accepted = [(item.time, Text(accepted_sentence(graph, item))) for item in history.accepted]
+    return [text for _, text in sorted([*found, *accepted], key=lambda event: event[0])]
 
 
 def _heading(diagnosis: Diagnosis) -> Text:

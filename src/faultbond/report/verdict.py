@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
 from faultbond.report.suspects import OTHERWISE, SuspectRow, change_of, instrument_of, otherwise, owner_of, rows_of
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, History, Unexplained
+from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, History, Unexplained
 from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind
 
@@ -52,6 +52,12 @@ def last_diagnosis(history: History) -> Diagnosis | None:
     return named[-1] if named else None
 
 
+def open_diagnosis(history: History) -> Diagnosis | None:
+    """Give the last diagnosis of the fault for which nothing was accepted yet."""
+    began, last = history.open, last_diagnosis(history)
+    return last if began is not None and last is not None and last.time >= began.time else None
+
+
 def best_group(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
     """Give the best candidate and all that cannot be told from it."""
     first, *others = diagnosis.candidates
@@ -89,18 +95,32 @@ def detection_sentence(detection: Detection) -> str:
 
 def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notation: Notation) -> str:
     """Say in plain words what a run found."""
-    if not history.detections and counts.no_verdict:
+    if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
-    if not history.detections:
+    if history.open is None and history.detections:
+        return f"Accepted as the new normal: {accepted_text(graph, history)}. No other fault was found."
+    if history.open is None:
         span = duration_text(span_of(history))
         return f"No fault found in {counts.samples} samples ({span})."
-    diagnosis = last_diagnosis(history)
+    diagnosis = open_diagnosis(history)
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
     group = best_group(diagnosis)
     if diagnosis.unexplained is not None:
         return f"{unexplained_sentence(diagnosis.unexplained)} {_nearest(graph, diagnosis, notation)}"
     return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, group)
+
+
+def accepted_text(graph: BondGraph, history: History) -> str:
+    """Name what was accepted, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty where nothing was."""
+    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in history.accepted])
+
+
+def accepted_sentence(graph: BondGraph, accepted: Accepted) -> str:
+    """Say what was accepted, when, and by whom."""
+    told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
+    by = " by rule" if accepted.by is Decider.RULE else ""
+    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal."
 
 
 def unexplained_sentence(found: Unexplained) -> str:

@@ -1,0 +1,101 @@
+"""What the terminal, the page and `reject` say of candidates that were accepted or rejected."""
+
+from dataclasses import replace
+from io import StringIO
+
+from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history
+from rich.console import Console
+
+from faultbond.report.decided import ranking_text, rejected_sentence
+from faultbond.report.html import render_report
+from faultbond.report.numbers import Notation
+from faultbond.report.terminal import print_diagnosis
+from faultbond.report.verdict import Counts, verdict_sentence
+from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, History
+
+GRAPH = tank_graph()
+PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)
+
+
+def decided(*, after: float, again: bool = False, by: Decider = Decider.RULE) -> History:
+    """A run whose fault was accepted some time after the alarm; perhaps with another alarm at its end."""
+    history = tank_history(GRAPH)
+    alarm = history.detections[0]
+    later = Detection(time=4900.0, sample=4900, change_time=4880.0, signals=("pressure",))
+    accepted = Accepted(time=alarm.time + after, candidate=PIPE, by=by)
+    diagnoses = tuple(item for item in history.diagnoses if item.time <= accepted.time)
+    return replace(
+        history,
+        accepted=(accepted,),
+        detections=(alarm, later) if again else (alarm,),
+        diagnoses=(*diagnoses, tank_diagnosis(GRAPH, 4919.0, 19.0)) if again else diagnoses,
+    )
+
+
+def printed(history: History) -> str:
+    """The text for a file, on one line."""
+    out = StringIO()
+    print_diagnosis(Console(file=out), GRAPH, history, engine_title="test engine", counts=counts_of(history))
+    return " ".join(out.getvalue().split())
+
+
+def page(history: History) -> str:
+    """The page of a run."""
+    return render_report(GRAPH, history, TANK_STROKES, "test engine", "0", counts_of(history))
+
+
+def test_an_accepted_fault_is_told_and_not_diagnosed_any_more() -> None:
+    """Text and page say what was accepted, when and by whom, and that nothing else was found; there is no table."""
+    history = decided(after=300.0)
+    text = printed(history)
+    assert "Accepted by rule at 3036 s: pipe K1 (99.7 %). It is the new normal." in text
+    assert text.endswith("Accepted as the new normal: pipe K1 at 3036 s. No other fault was found.")
+    assert "Diagnosis at" not in text
+    found = page(history)
+    assert "No other fault was found." in found
+    assert '"label":"accepted"' in found
+    assert "Ranked explanations" not in found
+
+
+def test_the_next_fault_is_the_one_that_is_diagnosed() -> None:
+    """Alarms and what was accepted stand in the order of time, then the diagnosis of the alarm that is open."""
+    text = printed(decided(after=300.0, again=True, by=Decider.PERSON))
+    places = [text.index(part) for part in ("Fault detected at 2736 s", "Accepted at 3036 s", "detected at 4900 s")]
+    assert places == sorted(places)
+    assert "Diagnosis at 4919 s" in text
+    assert "Cannot yet be told apart" in text
+    assert "<dt>Accepted</dt><dd>pipe K1 at 3036 s</dd>" in page(decided(after=300.0, again=True))
+
+
+def test_an_alarm_without_a_diagnosis_is_not_explained_by_the_one_before() -> None:
+    """What was found before the last fault was accepted says nothing about the next one."""
+    history = decided(after=300.0, again=True)
+    early = replace(history, diagnoses=history.diagnoses[:-1])
+    sentence = verdict_sentence(GRAPH, early, Counts(samples=4920), Notation.FILE)
+    assert sentence == "A fault was detected; there is no diagnosis yet."
+
+
+def test_a_run_after_an_accepted_fault() -> None:
+    """A run that goes on from one with an accepted fault, and finds none, says both."""
+    history = replace(
+        tank_history(GRAPH, fault=False), accepted=(Accepted(time=-9.0, candidate=PIPE, by=Decider.RULE),)
+    )
+    text = printed(history)
+    assert "Accepted by rule at -9 s: pipe K1" in text
+    assert "No fault found in 4920 samples" in text
+    assert '"label":"accepted"' not in page(history)
+
+
+def test_what_is_left_after_a_rejection() -> None:
+    """The rejected candidate is named with what it had; the list is short, without it, and counts the rest."""
+    rejected = Accepted(time=60.0, candidate=PIPE, by=Decider.PERSON)
+    assert rejected_sentence(GRAPH, rejected) == "Rejected at 60 s: pipe K1, step (99.7 %)."
+    diagnosis = tank_diagnosis(GRAPH, 60.0, 0.0)
+    left = [item for item in diagnosis.candidates if item.parameters != ("K1",)]
+    out = next(item for item in diagnosis.candidates if item.parameters == ("K1",))
+    ranked = replace(diagnosis, candidates=(*left, replace(out, probability=0.0)))
+    lines = ranking_text(GRAPH, ranked).splitlines()
+    assert lines[0] == "What is left:"
+    assert len(lines) == 10
+    assert lines[-1].strip() == f"... and {len(left) - 8} more"
+    assert not any("K1, step" in line and "with" not in line for line in lines)
