@@ -14,6 +14,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -28,6 +29,7 @@ SUSPECTS = frozenset({"pump", "pipe", "valve"})  # one flow cannot tell them apa
 LARGE = 5.0  # %; smaller drops are within what the flow wanders by itself
 VISIBLE = 2.0  # %; of smaller drops it cannot be said when they began
 BEFORE = 120.0  # s before the closing that tell the flow before
+WIDTH = 120  # of a page
 MARGIN = 20.0  # s by which a label may be off
 HEADER = ("run", "drop", "closing begins", "flow gives way", "alarm", "delay", "from the flow", "CUSUM before", "group")
 
@@ -216,7 +218,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         report = {"note": note, "runs": [asdict(run) for run in runs]}
         chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if chosen.markdown is not None:
-        words = summary(runs).replace("\n", " ")
+        words = fill(summary(runs), WIDTH)
         text = f"`python -m benchmarks.skab`\n\n{note}.\n\n{as_markdown(HEADER, rows)}\n\n{words}"
         write_part(chosen.markdown, "skab", text)
 

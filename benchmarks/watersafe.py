@@ -14,6 +14,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -30,6 +31,7 @@ HIDDEN = 300.0  # s for which a switching is hidden, unless the valve switches a
 LARGE = 9.8  # cm3/s; smaller switchings are within the rig's own balance error of 1 to 3 cm3/s over hours
 BEFORE = 10  # rows whose median is the flow before a switching
 STARTS_EVERY = 500  # rows between the starts of healthy runs
+WIDTH = 120  # of a page
 WINDOW_HEADER = ("opened at", "alarm after", "onset", "first", "probability", "outflow", "or the area until")
 HEALTHY_HEADER = ("from", "LS_A1", "LS_A2", "LS_A3", "LS_A4", "limit", "alarm")
 HIDDEN_HEADER = ("switchings", "detected", "median", "90 %", "right tank", "right leak first", "leak in the group")
@@ -318,7 +320,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if chosen.markdown is not None:
         parts = [f"{title}\n\n{as_markdown(header, rows)}" for title, header, rows in shown]
-        text = "\n\n".join(("`python -m benchmarks.watersafe`", f"{note}.", *parts, f"Not first: {'; '.join(falls)}."))
+        words = fill(f"Not first: {'; '.join(falls)}.", WIDTH)
+        text = "\n\n".join(("`python -m benchmarks.watersafe`", f"{note}.", *parts, words))
         write_part(chosen.markdown, "watersafe", text)
 
 
