@@ -65,7 +65,9 @@ def add_simulate(verbs: Subparsers) -> None:
         metavar="FAULT",
         action="append",
         default=[],
-        help="NAME=VALUE@TIME in the model's unit, NAME=xFACTOR@TIME, or @TIME..TIME for a ramp; may be repeated",
+        help="of a parameter NAME=VALUE@TIME in the model's unit, or NAME=xFACTOR@TIME; of a sensor or input "
+        "SIGNAL.bias, .gain, .noise or .stuck, such as flow.bias=1.4e-5@1500 or flow.stuck@1500; @TIME..TIME for a "
+        "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
     parser.add_argument("--seed", metavar="N", type=int, help="make the noise repeatable")
     parser.add_argument(

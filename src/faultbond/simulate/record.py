@@ -8,6 +8,7 @@ import numpy as np
 from faultbond.dynamics.plant import Plant, build_plant
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
+from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, Integrator, Method, Segments
 from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
 from faultbond.types import FloatArray
@@ -46,9 +47,9 @@ class Policy:
 class Simulation:
     """A recording, and the truth behind it. All SI, one row per moment.
 
-    time: (n,), s. inputs, outputs: (n, n_inputs), (n, n_outputs), as recorded, with noise. true_inputs: before noise,
-    lag and curve. states: (n, n_states), named by `state_names`. parameters: (n, n_parameters). error: relative error
-    of the integration, estimated.
+    time: (n,), s. inputs, outputs: (n, n_inputs), (n, n_outputs), as recorded, with noise. true_inputs: what acts,
+    before lag and curve. states: (n, n_states), named by `state_names`. parameters: (n, n_parameters). error: relative
+    error of the integration, estimated.
     """
 
     time: FloatArray
@@ -96,7 +97,7 @@ def simulate(
     ----------
     graph : the plant
     inputs : what is fed in, or who decides it
-    faults : steps and ramps of parameters
+    faults : of parameters and instruments; a fault of an instrument acts from the first row after its time on
     seed : of the noise and of `Effects.spread`; None: no noise, no spread
     effects : imperfections that the model leaves out; default none
     start : SI value by state (`tank.q`); a state that is not named begins at the model's `start`, else at 0
@@ -114,20 +115,21 @@ def simulate(
     plant = build_plant(graph)
     generator = None if seed is None else np.random.default_rng(seed)
     healthy = healthy_parameters(graph, effects.spread, generator)
-    noise_y = _noise([item.noise for item in graph.sensors], time.size, generator)
-    noise_u = _noise([item.noise for item in graph.inputs], time.size, generator)
+    sensors, actuators = (instruments(items, faults, time) for items in (graph.sensors, graph.inputs))
+    draws_y, draws_u = (_draws(time.size, len(items), generator) for items in (graph.sensors, graph.inputs))
     course = _course(graph, healthy, faults, time)
     integrator = _integrator(plant, effects)
     x = _start(plant, start or {})
-    run = _Run(integrator, course, x, time, noise_y)
+    run = _Run(integrator, course, x, time, sensors, actuators, draws_y)
     values = _checked_values(graph, inputs) if isinstance(inputs, Inputs) else run.decide(inputs)
-    states, _, error = run.integrate(values)
-    outputs = integrator.outputs(states[list(course.rows)], values, course.at_rows) + noise_y
+    acting = run.acting(values)
+    states, _, error = run.integrate(acting)
+    readings = integrator.outputs(states[list(course.rows)], acting, course.at_rows)
     return Simulation(
         time=_frozen(time),
-        inputs=_frozen(values + noise_u),
-        outputs=_frozen(outputs),
-        true_inputs=_frozen(values),
+        inputs=_frozen(values + actuators.noise * draws_u),
+        outputs=_frozen(sensors.show(readings, draws_y)),
+        true_inputs=_frozen(acting),
         states=_frozen(states[list(course.rows), : plant.x.numel()]),
         parameters=_frozen(course.at_rows),
         state_names=tuple(state.name for state in plant.network.states),
@@ -163,16 +165,29 @@ class _Run:
     """One plant on one course from one start."""
 
     def __init__(
-        self, integrator: Integrator, course: _Course, x: FloatArray, time: FloatArray, noise: FloatArray
+        self,
+        integrator: Integrator,
+        course: _Course,
+        x: FloatArray,
+        time: FloatArray,
+        sensors: Instruments,
+        actuators: Instruments,
+        draws: FloatArray,
     ) -> None:
         self.integrator = integrator
         self.course = course
         self.x = x
         self.time = time
-        self.noise = noise
+        self.sensors = sensors
+        self.actuators = actuators
+        self.draws = draws
+
+    def acting(self, values: FloatArray) -> FloatArray:
+        """Give what acts of the inputs, shape (n, n_inputs)."""
+        return self.actuators.show(values, np.zeros_like(values))
 
     def integrate(self, values: FloatArray) -> tuple[FloatArray, Method, float]:
-        """Integrate with known inputs."""
+        """Integrate with inputs that act as known."""
         first = self.integrator.start(self.x, values[0], self.course.at_rows[0])
         return self.integrator.integrate(first, self.course.segments(values))
 
@@ -181,7 +196,7 @@ class _Run:
         method = _FIRST_TRY
         for _ in range(_ROUNDS):
             values = self._close(policy, method)
-            _, needed, _ = self.integrate(values)
+            _, needed, _ = self.integrate(self.acting(values))
             if needed.implicit == method.implicit and needed.substeps <= method.substeps:
                 break
             method = needed
@@ -191,20 +206,23 @@ class _Run:
         """Step through the rows, asking the policy at each."""
         graph = self.integrator.plant.graph
         advance, read, course = Caller(self.integrator.step(method)), Caller(self.integrator.read), self.course
-        values = np.zeros((self.time.size, len(graph.inputs)))
-        seen = np.full(len(graph.sensors), np.nan)
-        lengths = np.diff(course.moments)
+        values, acting = (np.zeros((self.time.size, len(graph.inputs))) for _ in range(2))
+        shown = np.full((self.time.size, len(graph.sensors)), np.nan)
+        lengths, still = np.diff(course.moments), np.zeros(len(graph.inputs))
         decide = policy.begin()
         state: FloatArray | None = None
         segment = 0
         for row, moment in enumerate(self.time):
+            seen = shown[row - 1] if row else np.full(len(graph.sensors), np.nan)
             values[row] = _checked_decision(graph, decide(float(moment), seen), float(moment))
+            acting[row] = self.actuators.show_row(row, values[row], still, acting)
             if state is None:
-                state = self.integrator.start(self.x, values[0], course.at_rows[0])
-            seen = read(state, values[row], course.at_rows[row]) + self.noise[row]
+                state = self.integrator.start(self.x, acting[0], course.at_rows[0])
+            readings = read(state, acting[row], course.at_rows[row])
+            shown[row] = self.sensors.show_row(row, readings, self.draws[row], shown)
             while segment < len(course.held) and course.held[segment] == row:
                 left, right = course.left[segment], course.right[segment]
-                state = advance(state, lengths[segment], values[row], left, right)
+                state = advance(state, lengths[segment], acting[row], left, right)
                 segment += 1
         return values
 
@@ -219,7 +237,8 @@ def _integrator(plant: Plant, effects: Effects) -> Integrator:
 
 
 def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time: FloatArray) -> _Course:
-    events = [moment for fault in faults for moment in (fault.start, fault.end) if moment is not None]
+    own = [fault for fault in faults if not fault.instrument]
+    events = [moment for fault in own for moment in (*fault.switches(float(time[-1])), fault.end) if moment is not None]
     inside = [moment for moment in events if time[0] < moment < time[-1]]
     moments = np.union1d(time, inside)
     held = np.searchsorted(time, moments[:-1], side="right") - 1
@@ -243,9 +262,8 @@ def _start(plant: Plant, start: Mapping[str, float]) -> FloatArray:
     return np.array(list(x.values()), dtype=np.float64)
 
 
-def _noise(sizes: Sequence[float], rows: int, generator: np.random.Generator | None) -> FloatArray:
-    scale = np.array(sizes, dtype=np.float64)
-    return np.zeros((rows, scale.size)) if generator is None else generator.standard_normal((rows, scale.size)) * scale
+def _draws(rows: int, items: int, generator: np.random.Generator | None) -> FloatArray:
+    return np.zeros((rows, items)) if generator is None else generator.standard_normal((rows, items))
 
 
 def _checked_time(graph: BondGraph, inputs: Inputs | Policy) -> FloatArray:

@@ -3,14 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import inf, isfinite
+from math import inf, isfinite, nan
 
 import numpy as np
 
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
-from faultbond.model.graph import BondGraph, Parameter
-from faultbond.types import FloatArray
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Unit
+from faultbond.types import BoolArray, FaultKind, FloatArray
+
+MOST_RETURNS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,6 +20,10 @@ class Fault:
     """A change of a parameter to `value` (SI) or by `factor` of its healthy value; one of the two is None.
 
     A step at `start`, or a straight line that begins at `start` and ends at `end`; seconds on the recording's clock.
+    With `on` it is there for so many seconds, and with `off` it comes back after that many, again and again.
+
+    The same for what is wrong with a sensor or input, as `flow.bias`, `flow.gain`, `flow.noise`: their healthy values
+    are 0, 1 and the declared noise. `flow.stuck` holds the value of `value`, or where that is None the last one.
     """
 
     parameter: str
@@ -25,6 +31,28 @@ class Fault:
     factor: float | None = None
     start: float
     end: float | None = None
+    on: float | None = None
+    off: float | None = None
+
+    @property
+    def instrument(self) -> str:
+        """The sensor or input at fault; empty of a parameter."""
+        return self.parameter.partition(".")[0] if "." in self.parameter else ""
+
+    @property
+    def kind(self) -> str:
+        """What is wrong with the instrument: `bias`; empty of a parameter."""
+        return self.parameter.partition(".")[2]
+
+    def switches(self, last: float) -> FloatArray:
+        """Give the moments up to `last` at which it comes and goes in turn, s."""
+        if self.on is None:
+            return np.array([self.start])
+        if self.off is None:
+            return np.array([self.start, self.start + self.on])
+        period = self.on + self.off
+        begins = self.start + period * np.arange(max(int((last - self.start) / period), 0) + 1)
+        return np.stack([begins, begins + self.on], axis=1).ravel()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,16 +103,26 @@ def fault_in_si(request: FaultRequest, graph: BondGraph) -> Fault:
     Raises
     ------
     ModelError
-        Where the model has no such parameter.
+        Where the model has no such parameter, sensor or input.
     """
-    unit = _parameter(graph, request.parameter).unit
+    signal, dot, kind = request.parameter.partition(".")
+    unit = instrument_of(graph, signal).unit if dot else _parameter(graph, request.parameter).unit
     return Fault(
         parameter=request.parameter,
-        value=None if request.value is None else unit.to_si(request.value),
+        value=None if request.value is None else _value_in_si(unit, kind, request.value),
         factor=request.factor,
         start=request.start,
         end=request.end,
+        on=request.on,
+        off=request.off,
     )
+
+
+def _value_in_si(unit: Unit, kind: str, value: float) -> float:
+    """Give the SI value of a parameter, or of what is wrong with an instrument; a bias and a noise are differences."""
+    if kind == FaultKind.GAIN.value:
+        return value
+    return unit.factor * value if kind in (FaultKind.BIAS.value, FaultKind.NOISE.value) else unit.to_si(value)
 
 
 def check_faults(graph: BondGraph, faults: Sequence[Fault], last: float) -> None:
@@ -99,20 +137,76 @@ def check_faults(graph: BondGraph, faults: Sequence[Fault], last: float) -> None
     Raises
     ------
     ModelError
-        Where a parameter is unknown, a fault has no finite target, or it begins after the last row.
+        Where a parameter or instrument is unknown, a fault has no finite target, or it begins after the last row.
     """
     for fault in faults:
-        item = _parameter(graph, fault.parameter)
         where = f"{graph.file}: fault of {fault.parameter}"
-        target = fault.value if fault.factor is None else fault.factor
-        if target is None or not isfinite(target) or (fault.value is None) == (fault.factor is None):
-            raise ModelError(f"{where}: give it either a finite value or a finite factor")
-        if fault.factor is not None and item.nominal == 0.0:
-            raise ModelError(f"{where}: its nominal is 0, and a factor changes nothing; give a value")
+        _check_target(graph, fault, where)
         if not isfinite(fault.start) or fault.start > last:
             raise ModelError(f"{where}: it begins at {fault.start:g} s, but the last row is at {last:g} s")
         if fault.end is not None and not fault.start <= fault.end < inf:
             raise ModelError(f"{where}: it ends at {fault.end:g} s, before it begins at {fault.start:g} s")
+        _check_returns(fault, where, last)
+
+
+def _check_target(graph: BondGraph, fault: Fault, where: str) -> None:
+    """See that a fault has one target that means something."""
+    if fault.kind == FaultKind.STUCK.value and fault.factor is None and fault.value is None:
+        instrument_of(graph, fault.instrument)
+        return
+    healthy = healthy_value(graph, fault.parameter)
+    target = fault.value if fault.factor is None else fault.factor
+    if target is None or not isfinite(target) or (fault.value is None) == (fault.factor is None):
+        raise ModelError(f"{where}: give it either a finite value or a finite factor")
+    if fault.factor is not None and healthy == 0.0:
+        raise ModelError(f"{where}: its healthy value is 0, and a factor changes nothing; give a value")
+    if fault.factor is not None and fault.kind == FaultKind.STUCK.value:
+        raise ModelError(f"{where}: it is stuck at a value, not at a factor")
+    if fault.kind == FaultKind.NOISE.value and target < 0.0:
+        raise ModelError(f"{where}: a noise is 0 or more")
+
+
+def _check_returns(fault: Fault, where: str, last: float) -> None:
+    """See that a fault that comes and goes does so in a way that can be simulated."""
+    lengths = [item for item in (fault.on, fault.off) if item is not None]
+    if any(not isfinite(item) or item <= 0.0 for item in lengths) or (fault.on is None and fault.off is not None):
+        raise ModelError(f"{where}: it comes and goes for lengths of time above 0 s")
+    if lengths and fault.end not in (None, fault.start):
+        raise ModelError(f"{where}: it either comes and goes or follows a ramp")
+    if fault.off is not None and last - fault.start > MOST_RETURNS * sum(lengths):
+        raise ModelError(f"{where}: it would come and go more than {MOST_RETURNS} times")
+
+
+def healthy_value(graph: BondGraph, name: str) -> float:
+    """Give the healthy SI value of a parameter, or of `flow.bias`, `flow.gain`, `flow.noise`; nan of `flow.stuck`.
+
+    Raises
+    ------
+    ModelError
+        Where there is no such parameter, sensor, input or fault of one.
+    """
+    signal, dot, kind = name.partition(".")
+    if not dot:
+        return _parameter(graph, name).nominal
+    healthy = {"bias": 0.0, "gain": 1.0, "noise": instrument_of(graph, signal).noise, "stuck": nan}
+    if kind not in healthy:
+        raise ModelError(f"{graph.file}: fault of {name}: {closest(kind, tuple(healthy))}")
+    return healthy[kind]
+
+
+def instrument_of(graph: BondGraph, name: str) -> Sensor | Input:
+    """Give the sensor or input of that name.
+
+    Raises
+    ------
+    ModelError
+        Where there is none.
+    """
+    known: dict[str, Sensor | Input] = {item.name: item for item in graph.sensors}
+    known |= {item.name: item for item in graph.inputs}
+    if name not in known:
+        raise ModelError(f"{graph.file}: no sensor or input {name}; {closest(name, tuple(known))}")
+    return known[name]
 
 
 def healthy_parameters(graph: BondGraph, spread: float, generator: np.random.Generator | None) -> FloatArray:
@@ -143,18 +237,31 @@ def true_parameters(
     float array, shape (n, n_parameters), SI
     """
     values = np.tile(healthy, (times.size, 1))
-    index = {item.name: k for k, item in enumerate(graph.parameters)}
+    for k, item in enumerate(graph.parameters):
+        chosen = [fault for fault in faults if fault.parameter == item.name]
+        if chosen:
+            values[:, k] = course(float(healthy[k]), chosen, times, after=after)
+    return values
+
+
+def course(healthy: float, faults: Sequence[Fault], times: FloatArray, *, after: bool) -> FloatArray:
+    """Give one value over time, shape (n,); see `true_parameters`."""
+    values = np.full(times.size, healthy)
     ordered = sorted(faults, key=lambda fault: fault.start)
     for number, fault in enumerate(ordered):
-        k = index[fault.parameter]
-        moment = np.array([fault.start])
-        before = true_parameters(graph, healthy, ordered[:number], moment, after=False)[0, k]
-        target = fault.value if fault.value is not None else (fault.factor or 0.0) * healthy[k]
+        before = course(healthy, ordered[:number], np.array([fault.start]), after=False)[0]
+        target = fault.value if fault.value is not None else (fault.factor or 0.0) * healthy
         width = 0.0 if fault.end is None else fault.end - fault.start
         part = np.clip((times - fault.start) / width, 0.0, 1.0) if width > 0 else np.ones(times.size)
-        active = times >= fault.start if after else times > fault.start
-        values[active, k] = (before + part * (target - before))[active]
+        active = is_there(fault, times, after=after)
+        values[active] = (before + part * (target - before))[active]
     return values
+
+
+def is_there(fault: Fault, times: FloatArray, *, after: bool) -> BoolArray:
+    """Tell at which times, shape (n,), a fault is there; `after`: right after a moment at which it comes or goes."""
+    switches = fault.switches(float(np.max(times, initial=fault.start)))
+    return np.asarray(np.searchsorted(switches, times, side="right" if after else "left") % 2 == 1)
 
 
 def closest(name: str, known: Sequence[str]) -> str:

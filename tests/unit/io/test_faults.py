@@ -24,19 +24,52 @@ def test_forms(text: str, value: float | None, factor: float | None, start: floa
 
 
 @pytest.mark.parametrize(
+    ("text", "name", "value", "factor"),
+    [
+        ("flow.bias=1.4e-5@1500", "flow.bias", 1.4e-5, None),
+        ("flow.gain=x1.1@1500", "flow.gain", None, 1.1),
+        ("flow.stuck@1500", "flow.stuck", None, None),
+        (" flow.stuck = 0 @ 1500 ", "flow.stuck", 0.0, None),
+        ("u_in.noise=x3@1500", "u_in.noise", None, 3.0),
+    ],
+)
+def test_faults_of_instruments(text: str, name: str, value: float | None, factor: float | None) -> None:
+    """What is wrong with a sensor or input follows its name and a dot; a stuck one needs no value."""
+    found = parse_fault(text)
+    assert found == FaultRequest(parameter=name, value=value, factor=factor, start=1500.0, end=1500.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "on", "off"), [("K6=x8@1500,300/600", 300.0, 600.0), ("flow.stuck@1500, 20", 20.0, None)]
+)
+def test_faults_that_come_and_go(text: str, on: float, off: float | None) -> None:
+    """Behind a comma stand the seconds for which it is there, and behind a slash those for which it is gone."""
+    found = parse_fault(text)
+    assert (found.start, found.end, found.on, found.off) == (1500.0, 1500.0, on, off)
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected PARAMETER=VALUE@TIME"),
-        ("K1", "expected PARAMETER=VALUE@TIME"),
-        ("K1=5", "expected PARAMETER=VALUE@TIME"),
-        ("1K=5@3", "expected PARAMETER=VALUE@TIME"),
-        ("K1=5@", "expected PARAMETER=VALUE@TIME"),
+        ("", "expected NAME=VALUE@TIME"),
+        ("K1", "expected NAME=VALUE@TIME"),
+        ("K1=5", "expected NAME=VALUE@TIME"),
+        ("1K=5@3", "expected NAME=VALUE@TIME"),
+        ("K1=5@", "expected NAME=VALUE@TIME"),
         ("K1=five@3", "'five' is not a number"),
         ("K1=nan@3", "'nan' is not a number"),
         ("K1=xx2@3", "'x2' is not a number"),
         ("K1=5@noon", "'noon' is not a time"),
         ("K1=5@3..inf", "'inf' is not a time"),
         ("K1=5@30..20", "ends before it starts"),
+        ("flow.bias@3", "expected NAME=VALUE@TIME"),
+        ("flow.bias=@3", "expected NAME=VALUE@TIME"),
+        ("flow.bais=5@3", "'bais' is no fault of a sensor or input. Those are bias, gain, stuck, noise"),
+        ("flow.=5@3", "'' is no fault of a sensor or input"),
+        ("K1=5@30..40,5/5", "comes and goes has one TIME"),
+        ("K1=5@30,0/5", "'0' is not a length of time"),
+        ("K1=5@30,5/x", "'x' is not a length of time"),
+        ("K1=5@30,5/-1", "'-1' is not a length of time"),
     ],
 )
 def test_mistakes(text: str, message: str) -> None:
