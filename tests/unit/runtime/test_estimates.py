@@ -1,0 +1,175 @@
+"""What a lane has found: values, spreads, rates and forecasts in SI, for every kind of fault."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import plant
+
+from faultbond.runtime.estimates import slot_suspects, step_suspects
+from faultbond.runtime.forecast import forecast
+from faultbond.runtime.history import Suspect
+from faultbond.runtime.slots import plan_slots
+from faultbond.spec import EngineSpec, covariance_place, pack, unpack
+from faultbond.types import FaultKind, FloatArray
+
+PLAIN = plant("dc_motor_current")[1]
+SPEC = replace(PLAIN, parameters=(replace(PLAIN.parameters[0], limits=(6.0, 1.0)), *PLAIN.parameters[1:]))
+PLAN, WIDE = plan_slots(SPEC), SPEC.slotted
+SIZE, RATE = WIDE.slot_slice.start, WIDE.slot_slice.start + 1
+
+
+def lanes_of(spec: EngineSpec, n_lanes: int) -> FloatArray:
+    """Lanes of random positive numbers with full covariances, no two alike."""
+    generator = np.random.default_rng(7)
+    lanes = generator.uniform(0.5, 2.0, (spec.n_numbers, n_lanes))
+    for lane in lanes.T:
+        root = 0.1 * generator.normal(size=(spec.n_joint, spec.n_joint))
+        lane[spec.covariance_slice] = pack(root @ root.T + 1e-3 * np.eye(spec.n_joint))
+    return lanes
+
+
+SLOTS = lanes_of(WIDE, PLAN.n_lanes)
+
+
+def found(lane: int, slots: FloatArray = SLOTS) -> tuple[Suspect, bool]:
+    """The one suspect of a lane, and whether its fault is there."""
+    suspects, present = slot_suspects(SPEC, slots, lane, 40.0)
+    assert len(suspects) == 1
+    return suspects[0], present
+
+
+def lanes_with(kind: FaultKind) -> list[int]:
+    """Lanes of a kind."""
+    return [k for k, item in enumerate(PLAN.lanes) if item.kind is kind]
+
+
+def test_covariance_place_is_that_of_the_matrix() -> None:
+    """The place of a covariance in a lane is where the packed triangle holds it."""
+    full = unpack(WIDE, SLOTS[WIDE.covariance_slice, 3])
+    for i in range(WIDE.n_joint):
+        for j in range(i, WIDE.n_joint):
+            assert SLOTS[covariance_place(WIDE, i, j), 3] == full[i, j]
+
+
+def test_a_step_is_the_parameter_itself() -> None:
+    """The suspects of a lane of steps are its parameters with their sd, in SI."""
+    lane = lanes_of(SPEC, 1)[:, 0]
+    full = unpack(SPEC, lane[SPEC.covariance_slice])
+    for suspect, index in zip(step_suspects(SPEC, lane, (3, 0)), (3, 0), strict=True):
+        item, k = SPEC.parameters[index], SPEC.parameter_slice.start + index
+        assert (suspect.parameter, suspect.component, suspect.nominal) == (item.name, item.component, item.nominal)
+        assert suspect.estimate == pytest.approx(item.scale * lane[k])
+        assert suspect.sd == pytest.approx(item.scale * np.sqrt(full[k, k]))
+        assert (suspect.rate, suspect.rate_sd, suspect.forecasts) == (None, None, ())
+
+
+def in_numbers(lane: int) -> tuple[FloatArray, FloatArray]:
+    """Value and rate of a lane's parameter, and their covariance, from a linear map of z, SI."""
+    item = SPEC.parameters[PLAN.lanes[lane].parameter]
+    z, full = SLOTS[: WIDE.n_joint, lane], unpack(WIDE, SLOTS[WIDE.covariance_slice, lane])
+    rows = np.zeros((2, WIDE.n_joint))
+    rows[0, WIDE.parameter_slice.start + PLAN.lanes[lane].parameter] = rows[0, SIZE] = rows[1, RATE] = item.scale
+    return rows @ z, rows @ full @ rows.T
+
+
+def test_a_drift_is_the_healthy_value_and_what_moves() -> None:
+    """The value of a drift is the healthy one plus the size, its sd that of the sum; the rate is per second."""
+    for lane in lanes_with(FaultKind.DRIFT):
+        if PLAN.lanes[lane].parameter < 0:
+            continue
+        suspect, present = found(lane)
+        value, covariance = in_numbers(lane)
+        assert present
+        assert suspect.parameter == SPEC.parameters[PLAN.lanes[lane].parameter].name
+        assert [suspect.estimate, suspect.rate] == pytest.approx(value)
+        assert [suspect.sd, suspect.rate_sd] == pytest.approx(np.sqrt(np.diag(covariance)))
+
+
+def test_a_drift_has_a_forecast_for_each_limit() -> None:
+    """Each limit of the model file has the forecast of value and rate of now, with their covariance."""
+    for lane in lanes_with(FaultKind.DRIFT):
+        index = PLAN.lanes[lane].parameter
+        suspect, _ = found(lane)
+        wanted = []
+        for limit in SPEC.parameters[index].limits if index >= 0 else ():
+            (value, rate), covariance = in_numbers(lane)
+            spread = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
+            wanted.append(forecast(40.0, limit, float(value), float(rate), spread))
+        assert len(suspect.forecasts) == len(wanted) == 2 * (index == 0)
+        for one, two in zip(suspect.forecasts, wanted, strict=True):
+            assert one.limit == two.limit
+            for a, b in ((one.time, two.time), (one.earliest, two.earliest), (one.latest, two.latest)):
+                assert a == (b if b is None else pytest.approx(b, rel=1e-6))
+
+
+def test_a_fault_that_comes_and_goes_is_told_by_the_lane_in_which_it_is_there() -> None:
+    """Gone or there, the value is that of the lane in which the fault is there; only the presence differs."""
+    for lane in lanes_with(FaultKind.INTERMITTENT)[::2]:
+        there, gone = found(lane), found(lane + 1)
+        value, covariance = in_numbers(lane)
+        assert (there[1], gone[1]) == (True, False)
+        for suspect, _ in (there, gone):
+            assert suspect.estimate == pytest.approx(value[0])
+            assert suspect.sd == pytest.approx(np.sqrt(covariance[0, 0]))
+            assert (suspect.rate, suspect.forecasts) == (None, ())
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "nominal"),
+    [
+        (FaultKind.BIAS, "bias", 0.0),
+        (FaultKind.DRIFT, "bias", 0.0),
+        (FaultKind.STUCK, "stuck", None),
+        (FaultKind.GAIN, "gain", 1.0),
+    ],
+)
+def test_faults_of_a_sensor(kind: FaultKind, word: str, nominal: float | None) -> None:
+    """A bias, a drift and a value to which a sensor is stuck are in SI, a gain is relative to 1."""
+    chosen = [k for k in lanes_with(kind) if PLAN.lanes[k].output >= 0]
+    assert {PLAN.lanes[k].output for k in chosen} == {0, 1}
+    for lane in chosen:
+        output = SPEC.outputs[PLAN.lanes[lane].output]
+        suspect, present = found(lane)
+        unit, offset = (1.0, 1.0) if kind is FaultKind.GAIN else (output.noise, 0.0)
+        full = unpack(WIDE, SLOTS[WIDE.covariance_slice, lane])
+        assert present
+        assert (suspect.parameter, suspect.component, suspect.nominal) == (
+            f"{output.name}.{word}",
+            output.name,
+            nominal,
+        )
+        assert suspect.estimate == pytest.approx(offset + unit * SLOTS[SIZE, lane])
+        assert suspect.sd == pytest.approx(unit * np.sqrt(full[SIZE, SIZE]))
+        if kind is FaultKind.DRIFT:
+            assert suspect.rate == pytest.approx(unit * SLOTS[RATE, lane])
+            assert suspect.rate_sd == pytest.approx(unit * np.sqrt(full[RATE, RATE]))
+        else:
+            assert (suspect.rate, suspect.rate_sd) == (None, None)
+
+
+def test_a_fault_of_an_input_is_in_si() -> None:
+    """The bias of an input is what acts on the plant beyond what is recorded."""
+    for lane in [k for k in lanes_with(FaultKind.BIAS) if PLAN.lanes[k].input >= 0]:
+        suspect, _ = found(lane)
+        assert (suspect.parameter, suspect.component, suspect.nominal) == ("V.bias", "V", 0.0)
+        assert suspect.estimate == pytest.approx(SLOTS[SIZE, lane])
+        assert suspect.sd == pytest.approx(np.sqrt(SLOTS[covariance_place(WIDE, SIZE, SIZE), lane]))
+
+
+def test_noise_is_that_of_the_lanes_that_are_likely() -> None:
+    """The noise of a sensor is the mean over the noises tried, as likely as their lanes; no finer than these lie."""
+    for output, item in enumerate(SPEC.outputs):
+        own = [k for k in lanes_with(FaultKind.NOISE) if PLAN.lanes[k].output == output]
+        noises = item.noise * np.sqrt([PLAN.lanes[k].noise for k in own])
+        slots = SLOTS.copy()
+        slots[-1, own] = -1e4
+        slots[-1, own[1]] = -50.0
+        sharp, _ = found(own[1], slots)
+        assert (sharp.parameter, sharp.nominal) == (f"{item.name}.noise", item.noise)
+        assert sharp.estimate == pytest.approx(noises[1])
+        assert sharp.sd == pytest.approx(np.min(np.diff(noises)) / np.sqrt(12.0))
+        slots[-1, own[2]] = -50.0 + np.log(3.0)
+        split, _ = found(own[2], slots)
+        assert split.estimate == pytest.approx(0.25 * noises[1] + 0.75 * noises[2])
+        assert split.sd**2 == pytest.approx(sharp.sd**2 + 0.25 * 0.75 * (noises[2] - noises[1]) ** 2)
