@@ -132,9 +132,9 @@ class Course:
 
     @property
     def detected(self) -> bool:
-        """Whether there was a detection in this run, or is one that nothing was accepted for."""
-        before = self._began.found.detections if self._began is not None else 0
-        return self.found.detections > before or self.found.open is not None
+        """Whether there was a detection in this run, or stood open at its beginning."""
+        before = self._began.found if self._began is not None else Found()
+        return self.found.detections > before.detections or before.open is not None
 
     def no_verdict(self) -> str:
         """Say why this run says nothing about the plant; empty where it does."""

@@ -103,7 +103,7 @@ def read_saved(path: Path) -> Saved:
         Where the file cannot be read, or is not of this kind.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         about = json.loads(str(arrays.pop("about")))
         return _saved(about, arrays)

@@ -1,0 +1,404 @@
+"""Several faults one after another, and runs that go on from a file."""
+
+import io
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.app import course, keeping
+from faultbond.cli import main
+from faultbond.errors import RecordingError
+from faultbond.io.grid import Clock, Counts, Row
+from faultbond.io.saved import Found, Saved, read_saved, write_saved
+from faultbond.model.text import load_model
+from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.runtime.rule import Sure, watch
+from faultbond.types import FaultKind, Method
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MODEL = EXAMPLES / "rc" / "model.yaml"
+ROWS = 600  # at 50 Hz; C changes at 2 s, R at 9 s
+CUT = 200  # in the diagnosis of C
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a folder with two.csv, in which two parameters change one after the other."""
+    place = tmp_path_factory.mktemp("recordings")
+    rows = [f"{k * 0.02:.2f},{(5, 9, 3)[k // 40 % 3]}" for k in range(ROWS)]
+    (place / "inputs.csv").write_text("\n".join(["time,V", *rows]) + "\n")
+    faults = ["--fault", "C=160@2", "--fault", "R=x1.6@9"]
+    common = ["simulate", str(MODEL), "--inputs", str(place / "inputs.csv"), "--seed", "1", *faults]
+    assert main([*common, "-o", str(place / "two.csv")]) == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> list[dict[str, Any]]:
+    """Give the records of a run over all rows, in which a rule accepts."""
+    return run(folder, 0, ROWS, "--accept", "auto")
+
+
+def run(folder: Path, first: int, end: int, *options: str, code: int = 1) -> list[dict[str, Any]]:
+    """Run some rows and give the records."""
+    header, *rows = (folder / "two.csv").read_text().splitlines(keepends=True)
+    part, target = folder / "part.csv", folder / "part.jsonl"
+    part.write_text("".join([header, *rows[first:end]]))
+    assert main(["run", str(MODEL), str(part), "--json", str(target), *options]) == code
+    return [json.loads(line) for line in target.read_text(encoding="utf-8").splitlines()]
+
+
+def kinds(records: list[dict[str, Any]]) -> list[str]:
+    """Give what happened, in order, without diagnoses."""
+    return [record["record"] for record in records if record["record"] != "diagnosis"]
+
+
+def test_a_rule_accepts_and_the_next_fault_is_found(whole: list[dict[str, Any]]) -> None:
+    """The sure candidate becomes the new normal, with its values and who decided; the next alarm is of the next one."""
+    assert kinds(whole) == ["run", "detection", "accepted", "detection", "end"]
+    first, accepted, second, end = (item for item in whole if item["record"] not in ("run", "diagnosis"))
+    assert (accepted["components"], accepted["kind"], accepted["by"]) == (["C"], "step", "rule")
+    assert accepted["parameters"]["C"]["estimate"] == pytest.approx(160e-6, rel=0.1)
+    assert accepted["probability"] > 0.95
+    assert accepted["time"] - first["time"] >= 200 * 0.02 - 1e-9
+    assert 8.5 < second["change_time"] < second["time"] < 10.0
+    assert end["detections"] == 2
+    last = whole[-2]["candidates"][0]
+    assert set(last["parameters"]) == {"R"}
+    assert last["parameters"]["R"]["estimate"] == pytest.approx(16e3, rel=0.1)
+
+
+def test_without_a_rule_nobody_accepts(folder: Path) -> None:
+    """Only who asks for it has candidates accepted; until then there is one detection."""
+    assert kinds(run(folder, 0, ROWS)) == ["run", "detection", "end"]
+
+
+@pytest.mark.parametrize("cuts", [[12, 15, CUT], [130, 350]])
+def test_a_run_cut_in_pieces_is_the_whole_run(cuts: list[int], folder: Path, whole: list[dict[str, Any]]) -> None:
+    """Runs that go on from each other give the records of one run, to the last digit; each also ends with its own."""
+    state = folder / f"{cuts[0]}.state"
+    ends = [*cuts, ROWS]
+    pieces = [
+        run(folder, first, end, "--accept", "auto", "--state", str(state), code=int(end > 125))
+        for first, end in zip([0, *cuts], ends, strict=True)
+    ]
+    told = [record for piece in pieces for record in piece]
+    assert [record for record in whole if record not in told] == []
+    extra = [record["record"] for record in told if record not in whole]
+    assert set(extra) == {"run", "end", "diagnosis"}
+    assert extra.count("diagnosis") <= len(cuts)
+    assert [piece[0]["continues"] for piece in pieces] == [None, *(pytest.approx((end - 1) * 0.02) for end in cuts)]
+    assert pieces[-1][-1] == whole[-1]
+
+
+def test_a_person_accepts(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The best candidate of a kept run becomes the new normal; the run that goes on finds the next fault only."""
+    state = str(folder / "person.state")
+    run(folder, 0, 300, "--state", state)
+    capsys.readouterr()
+    assert main(["accept", str(MODEL), state]) == 0
+    assert "Accepted at 5.98 s: C (" in capsys.readouterr().out
+    assert main(["accept", str(MODEL), state]) == 2
+    assert "There is no alarm to explain" in capsys.readouterr().err
+    assert kinds(run(folder, 300, 420, "--state", state, code=0)) == ["run", "end"]
+    assert "Accepted at 5.98 s: C (" in capsys.readouterr().out
+    after = run(folder, 420, ROWS, "--state", state)
+    assert kinds(after) == ["run", "detection", "end"]
+    assert after[-1]["detections"] == 2
+    assert set(after[-2]["candidates"][0]["parameters"]) == {"R"}
+
+
+def test_a_person_rejects(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A rejected candidate is out, the others share what it had, and who then accepts takes the next one."""
+    state = str(folder / "rejected.state")
+    before = run(folder, 0, 300, "--state", state)[-2]["candidates"]
+    capsys.readouterr()
+    assert main(["reject", str(MODEL), state, "C", "--json", str(folder / "r.jsonl")]) == 0
+    rejected, diagnosis = [json.loads(line) for line in (folder / "r.jsonl").read_text().splitlines()]
+    assert (rejected["record"], rejected["components"], rejected["by"]) == ("rejected", ["C"], "person")
+    assert rejected["parameters"] == before[0]["parameters"]
+    left = {item["components"][0]: item["probability"] for item in diagnosis["candidates"]}
+    assert left["C"] == 0.0
+    rest = sum(item["probability"] for item in before[1:])
+    for item in before[1:]:
+        assert left[item["components"][0]] == pytest.approx(item["probability"] / rest, rel=1e-6, abs=1e-12)
+    shown = capsys.readouterr().out
+    assert "Rejected at 5.98 s: C, step" in shown
+    assert "What is left:\n" in shown
+    found = read_saved(Path(state)).found
+    assert found.open is not None
+    assert len(found.rejected) == 1
+    assert main(["reject", str(MODEL), state, "nobody"]) == 2
+    assert "no hypothesis has just these components" in capsys.readouterr().err
+
+
+def test_what_an_open_alarm_of_before_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run that finds an alarm standing diagnoses on, tells of that alarm, and ends with exit code 1."""
+    state = str(folder / "open.state")
+    run(folder, 0, CUT, "--state", state)
+    capsys.readouterr()
+    assert kinds(run(folder, CUT, 260, "--state", state)) == ["run", "end"]
+    shown = capsys.readouterr().out
+    assert "Fault detected at 2." in shown
+    assert "Most likely the C changed" in shown
+    assert "Samples  60, " in shown
+
+
+def test_rows_that_were_there_before_are_passed_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording that has grown may be given again; one without a later row is a mistake that is told."""
+    state = str(folder / "grown.state")
+    run(folder, 0, 300, "--accept", "auto", "--state", state)
+    records = run(folder, 0, ROWS, "--accept", "auto", "--state", state)
+    assert records[-1]["duplicate"] == 300
+    assert records[-1]["samples"] == ROWS
+    assert kinds(records) == ["run", "accepted", "detection", "end"]
+    capsys.readouterr()
+    run(folder, 0, 300, "--state", state, code=2)
+    assert "no row is later than 11.98 s, where the saved run ended" in capsys.readouterr().err
+
+
+def test_without_a_time_column_the_clock_goes_on(tmp_path: Path, folder: Path) -> None:
+    """Rows that have no time follow on the last one of the run before."""
+    lines = (folder / "two.csv").read_text().splitlines()
+    model, state, target = tmp_path / "m.yaml", tmp_path / "x.state", tmp_path / "x.jsonl"
+    model.write_text(MODEL.read_text() + "time: none\n")
+    for first, end in ((1, 51), (51, 91)):
+        rows = [line.partition(",")[2] for line in (lines[0], *lines[first:end])]
+        (tmp_path / "r.csv").write_text("\n".join(rows) + "\n")
+        assert main(["run", str(model), str(tmp_path / "r.csv"), "--state", str(state), "--json", str(target)]) == 0
+    end_record = json.loads(target.read_text().splitlines()[-1])
+    assert end_record["time"] == pytest.approx(89 * 0.02)
+    assert (end_record["samples"], end_record["missing"]) == (90, 0)
+
+
+def live(folder: Path, monkeypatch: pytest.MonkeyPatch, rows: list[str], *options: str) -> int:
+    """Run rows that come on standard input."""
+    text = "".join(line + "\n" for line in rows).encode()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
+    return main(["run", str(MODEL), "-", "--json", str(folder / "live.jsonl"), *options])
+
+
+def test_a_live_run_is_kept_and_heeds_what_is_decided(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A live run writes its file at the alarm; what `accept` changes there is done to the run, which goes on."""
+    rows = (folder / "two.csv").read_text().splitlines()
+    state = folder / "live.state"
+    taken = course.Course.take
+
+    def take(self: course.Course, point: Any) -> None:
+        if point.index == 300:
+            assert main(["accept", str(MODEL), str(state), "C"]) == 0
+        taken(self, point)
+
+    monkeypatch.setattr(course.Course, "take", take)
+    assert live(folder, monkeypatch, rows, "--state", str(state)) == 1
+    records = [json.loads(line) for line in (folder / "live.jsonl").read_text().splitlines()]
+    assert kinds(records) == ["run", "detection", "accepted", "detection", "end"]
+    decided = next(record for record in records if record["record"] == "accepted")
+    assert (decided["time"], decided["by"]) == (pytest.approx(6.0), "person")
+    found = read_saved(state).found
+    assert [item.time for item in found.accepted] == [decided["time"]]
+    assert found.detections == 2
+
+
+def test_a_live_run_heeds_rejections(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `reject` rules out in the file of a live run is out in the run."""
+    rows = (folder / "two.csv").read_text().splitlines()[:350]
+    state = folder / "ruled_out.state"
+    taken = course.Course.take
+
+    def take(self: course.Course, point: Any) -> None:
+        if point.index == 300:
+            assert main(["reject", str(MODEL), str(state), "C"]) == 0
+        taken(self, point)
+
+    monkeypatch.setattr(course.Course, "take", take)
+    assert live(folder, monkeypatch, rows, "--state", str(state)) == 1
+    records = [json.loads(line) for line in (folder / "live.jsonl").read_text().splitlines()]
+    assert kinds(records) == ["run", "detection", "rejected", "end"]
+    left = {item["components"][0]: item["probability"] for item in records[-2]["candidates"]}
+    assert left["C"] == 0.0
+
+
+def test_a_live_run_that_is_stopped_is_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C ends a live run with its file written up to the last point."""
+    rows = (folder / "two.csv").read_text().splitlines()
+    state = folder / "stopped.state"
+    taken = course.Course.take
+
+    def take(self: course.Course, point: Any) -> None:
+        if point.index == 50:
+            raise KeyboardInterrupt
+        taken(self, point)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(course.Course, "take", take)
+        assert live(folder, patch, rows, "--state", str(state)) == 130
+    assert read_saved(state).clock.counts.samples >= 50
+
+
+def test_a_live_run_writes_at_times(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without an alarm the file is written whenever a minute has passed."""
+    clock = iter(range(0, 10**6, 2))
+    monkeypatch.setattr("time.monotonic", lambda: float(next(clock)))
+    written: list[int] = []
+    monkeypatch.setattr(keeping, "write_saved", lambda _, saved: written.append(saved.clock.counts.samples))
+    rows = (folder / "two.csv").read_text().splitlines()[:92]
+    live(folder, monkeypatch, rows, "--state", str(folder / "times.state"))
+    assert 2 <= len(written) <= 5
+    assert written[-1] == 91
+
+
+def other_arrays(path: Path) -> None:
+    """Replace a file by an archive of something else."""
+    with path.open("wb") as stream:
+        np.savez(stream, x=np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda path: path.write_bytes(b"nothing"), "this is not a state that this version of faultbond saved"),
+        (lambda path: path.write_bytes(path.read_bytes()[:2000]), "this is not a state"),
+        (other_arrays, "this is not a state"),
+        (lambda path: resaved(path, model_sha256="0"), "it was saved with an earlier form of this model"),
+        (lambda path: resaved(path, model="other", model_sha256="0"), "it was saved with the model 'other'"),
+        (lambda path: resaved(path, numbers={"index": np.zeros(())}), "made by another version of faultbond"),
+    ],
+)
+def test_a_file_that_cannot_be_gone_on_from(
+    change: Callable[[Path], object], message: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file of something else is refused in one line that says what to do, and is left as it is."""
+    state = tmp_path / "x.state"
+    write_saved(state, kept())
+    resaved(state, model_sha256=load_model(MODEL).sha256, model="RC circuit")
+    change(state)
+    before = state.read_bytes()
+    assert main(["run", str(MODEL), str(folder / "two.csv"), "--state", str(state)]) == 2
+    shown = capsys.readouterr().err
+    assert message in shown
+    assert shown.count("\n") == 1
+    assert state.read_bytes() == before
+
+
+def test_where_nothing_can_be_kept(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder that is not there, a file that is not there yet, and a network without time are told before the run."""
+    two = str(folder / "two.csv")
+    assert main(["run", str(MODEL), two, "--state", str(tmp_path / "no" / "x.state")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+    assert main(["accept", str(MODEL), str(tmp_path / "x.state")]) == 2
+    assert "there is no such file. `faultbond run MODEL REC --state" in capsys.readouterr().err
+    static = EXAMPLES / "thesis" / "fig_3_7.yaml"
+    for option in (["--state", "x"], ["--accept", "auto"]):
+        assert main(["run", str(static), two, *option]) == 2
+        assert f"leave out {option[0]}" in capsys.readouterr().err
+
+
+def kept() -> Saved:
+    """Give a small run with everything in it that can be."""
+    suspect = Suspect(
+        parameter="C",
+        component="C",
+        nominal=None,
+        estimate=1.5,
+        sd=float("nan"),
+        rate=1e-3,
+        rate_sd=1e-5,
+        forecasts=(Forecast(limit=2.0, time=500.0, earliest=None, latest=float("inf")),),
+    )
+    candidate = Candidate(
+        suspects=(suspect,),
+        probability=0.9,
+        group=True,
+        kind=FaultKind.DRIFT,
+        kinds=((FaultKind.DRIFT, 0.8), (FaultKind.STEP, 0.2)),
+        present=False,
+    )
+    found = Found(
+        detections=2,
+        watched=7,
+        waiting=1,
+        open=Detection(time=4.0, sample=4, change_time=3.0, signals=("V_C",)),
+        accepted=(Accepted(time=2.0, candidate=candidate, by=Decider.PERSON),),
+        rejected=(0, 3),
+        sure=Sure(hypothesis=1, since=5),
+    )
+    row = Row(time=0.1 + 0.2, u=np.array([1 / 3, np.nan]), y=np.zeros(0))
+    clock = Clock(
+        counts=Counts(samples=9, late=1), placed=(row, row), origin=(0, 0.1), usual=0.02, last_index=8, last_time=0.16
+    )
+    return Saved(
+        model="m",
+        model_sha256="ab",
+        version="0",
+        method=Method.BANK,
+        numbers={"index": np.array(8.0), "held": np.array([np.nan, np.inf, 1 / 3])},
+        clock=clock,
+        found=found,
+    )
+
+
+def resaved(path: Path, **changes: Any) -> None:
+    """Change a file that keeps a run."""
+    write_saved(path, replace(read_saved(path), **changes))
+
+
+def test_what_is_kept_comes_back(tmp_path: Path) -> None:
+    """Every number comes back to the last bit, and everything that was found and decided."""
+    before = kept()
+    write_saved(tmp_path / "x", before)
+    after = read_saved(tmp_path / "x")
+    assert repr(after.found) == repr(before.found)  # nan differs from itself
+    assert (after.model, after.method, after.version) == (before.model, before.method, before.version)
+    assert {k: v.tobytes() for k, v in after.numbers.items()} == {k: v.tobytes() for k, v in before.numbers.items()}
+    assert (after.clock.counts, after.clock.origin) == (before.clock.counts, before.clock.origin)
+    assert (after.clock.last_index, after.clock.last_time, after.clock.usual) == (8, 0.16, 0.02)
+    assert len(after.clock.placed) == 2
+    assert after.clock.placed[0].repeats(before.clock.placed[0])
+
+
+def test_a_file_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If writing fails, the file of before is still there, and no draft is left."""
+    path = tmp_path / "x"
+    write_saved(path, kept())
+    before = path.read_bytes()
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(np, "savez", fail)
+    with pytest.raises(OSError):  # noqa: PT011 - any
+        write_saved(path, kept())
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(RecordingError, match="cannot be read: No such file"):
+        read_saved(tmp_path / "y")
+
+
+def said(hypothesis: int, *, probability: float = 0.99, doubt: bool = False, alone: bool = True) -> Diagnosis:
+    """Give a diagnosis with a best candidate."""
+    best = Candidate(
+        suspects=(), probability=probability, group=True, kinds=((FaultKind.STEP, 1.0),), hypothesis=hypothesis
+    )
+    other = Candidate(suspects=(), probability=1 - probability, group=not alone, hypothesis=9)
+    unexplained = Unexplained(signal="V_C", sd=3.0, since=0.0, until=1.0) if doubt else None
+    return Diagnosis(time=0.0, candidates=(best, other), unexplained=unexplained)
+
+
+def test_the_rule() -> None:
+    """A candidate is accepted once it has been sure without a break for 200 samples; any doubt begins anew."""
+    sure = watch(Sure(), said(3), 100, 0.95)
+    assert sure == Sure(hypothesis=3, since=100)
+    assert not sure.ripe(299)
+    assert sure.ripe(300)
+    assert watch(sure, said(3), 200, 0.95) == sure
+    assert watch(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200)
+    for doubtful in (said(3, probability=0.9), said(3, doubt=True), said(3, alone=False)):
+        assert watch(sure, doubtful, 200, 0.95) == Sure()
+    assert not Sure().ripe(1000)
