@@ -1,0 +1,1 @@
+"""Method `classic`, the thesis' own: the on-line part. numpy only."""

@@ -1,0 +1,188 @@
+"""From the error indices of the tested sets to a ranking of all hypotheses: limited testing and reasoning.
+
+A tested set that explains, all its outputs within their limit, clears its complement; one that does not makes it a
+conflict. A hypothesis is left if every tested set that contains it explains. Those left come first, small ones before
+large ones, then by hitting index. Source: thesis 6.4 to 6.6, 7.4; docs/decisions/011-classic.md.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond import sets
+from faultbond.runtime.classic.indices import indices_of, limits_of
+from faultbond.runtime.classic.plan import ClassicPlan
+from faultbond.runtime.classic.settings import Erratum
+from faultbond.runtime.classic.state import ClassicState
+from faultbond.runtime.history import Candidate, Diagnosis, Suspect
+from faultbond.spec import EngineSpec
+from faultbond.types import BoolArray, FloatArray
+
+CLIP = 0.5  # largest error index that counts
+MAX_CANDIDATES = 100
+ALIKE = 0.5  # of the noise/signal ratio; indices that differ by less tell nothing
+REFUTED = 4.0  # noise/signal ratios that a hypothesis costs if no tested set that contains it explains
+SIZE = 1.0  # noise/signal ratios that each further suspect costs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reasoning:
+    """What the tests say of all hypotheses.
+
+    error : error index of each tested set, averaged over the outputs, (n_tested,)
+    explains : whether it explains, (n_tested,)
+    contains : whether a tested set contains a hypothesis, (n_hypotheses, n_tested)
+    left : whether a hypothesis is left, (n_hypotheses,)
+    cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,)
+    hitting : hitting index of each hypothesis, (n_hypotheses,)
+    mean : error index of a hypothesis: the mean of those of the tested sets that contain it, (n_hypotheses,)
+    noise : noise/signal ratio
+    """
+
+    error: FloatArray
+    explains: BoolArray
+    contains: BoolArray
+    left: BoolArray
+    cleared: FloatArray
+    hitting: FloatArray
+    mean: FloatArray
+    noise: float
+
+
+def noise_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatArray:
+    """Give the noise/signal ratio N of each output, (n_outputs,): declared noise over the rms of what was read."""
+    if plan.settings.noise is not None:
+        return np.full(len(spec.outputs), plan.settings.noise)
+    usual = np.sqrt(state.squares)
+    return np.minimum(np.where(usual > 0.0, spec.output_noise / np.where(usual > 0.0, usual, 1.0), 1.0), 1.0)
+
+
+def current_limits(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatArray:
+    """Give the limit of the error index of each output at the last sample, (n_outputs,)."""
+    noise = noise_of(spec, plan, state)
+    return limits_of(plan.settings, noise, plan.accuracy, np.array(plan.algebraic), max(state.running, 0))
+
+
+def contained(tested: Sequence[Sequence[int]], hypotheses: Sequence[Sequence[int]]) -> BoolArray:
+    """Tell which tested sets contain which hypotheses, (n_hypotheses, n_tested)."""
+    largest = [frozenset(item) for item in tested]
+    return np.array([[set(item) <= other for other in largest] for item in hypotheses], dtype=bool)
+
+
+def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
+    """Give the hitting index of each hypothesis, (n_hypotheses,).
+
+    A hypothesis misses the conflict set of every tested set that contains it, and hits all others.
+
+    Source
+    ------
+    Thesis 6.6; `sets.hitting_index` says the same of one hypothesis.
+    """
+    clipped = np.minimum(error, CLIP)
+    return np.asarray(np.where(contains, clipped, CLIP - clipped).sum(axis=1))
+
+
+def left_over(contains: BoolArray, explains: BoolArray) -> BoolArray:
+    """Tell which hypotheses are left: those of which every tested set that contains them explains, if there is one.
+
+    Source
+    ------
+    Thesis 6.4.2; `sets.hypotheses_left` gives the same as sets.
+    """
+    return np.asarray((contains <= explains).all(axis=1) & contains.any(axis=1))
+
+
+def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasoning:
+    """Reason from the tested sets about all hypotheses of the model."""
+    indices = indices_of(state.sums)[:, 1:]
+    error = indices.mean(axis=0)
+    limit = current_limits(spec, plan, state)[:, None]
+    average = Erratum.AVERAGE in plan.settings.printed
+    explains: BoolArray = np.asarray(error <= limit.mean() if average else (indices <= limit).all(axis=0))
+    contains = contained(plan.tested, spec.hypotheses)
+    counts = np.maximum(contains.sum(axis=1), 1)
+    return Reasoning(
+        error=error,
+        explains=explains,
+        contains=contains,
+        left=left_over(contains, explains),
+        cleared=(contains & explains).sum(axis=1) / counts,
+        hitting=hitting_indices(contains, error),
+        mean=(contains * error).sum(axis=1) / counts,
+        noise=float(noise_of(spec, plan, state).mean()),
+    )
+
+
+def conflicts(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> sets.Diagnoses[str]:
+    """Give the conflict sets that the tests show, by parameter names, and the diagnoses that hit them all.
+
+    Source
+    ------
+    Thesis 6.4.2: hitting sets of the conflicts found, without their parts that have been cleared.
+    """
+    suspects = frozenset(item.name for item in spec.parameters if item.suspect)
+    found = reason(spec, plan, state)
+    names = [frozenset(spec.parameters[k].name for k in item) for item in plan.tested]
+    verdicts = dict(zip(names, map(bool, found.explains), strict=True))
+    conflicting = sets.conflict_sets(suspects, verdicts)
+    cleared = [suspects - tested for tested, explains in verdicts.items() if explains]
+    hitting = sets.minimal_hitting_sets(conflicting, max_size=max(map(len, names), default=0))
+    return sets.Diagnoses(sets=sets.without_cleared(hitting, cleared), conflicts=conflicting, tests=len(names))
+
+
+def penalties(plan: ClassicPlan, hypotheses: tuple[tuple[int, ...], ...], found: Reasoning) -> FloatArray:
+    """Give how bad each hypothesis is, in noise/signal ratios: its error index, and what it takes to believe it."""
+    if Erratum.RANKING in plan.settings.printed:
+        return found.hitting / max(found.noise, 1e-12)
+    sizes = np.array([len(item) for item in hypotheses], dtype=float)
+    return np.asarray(found.mean / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared))
+
+
+def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
+    """Give the hypotheses, best first.
+
+    The thesis gives no probabilities. The weights here fall by e for each noise/signal ratio of error index.
+    """
+    found = reason(spec, plan, state)
+    penalty = penalties(plan, spec.hypotheses, found)
+    weight = np.exp(-np.minimum(penalty - penalty.min(initial=0.0 if not penalty.size else np.inf), 700.0))
+    order = np.argsort(penalty, kind="stable")[:MAX_CANDIDATES]
+    total = float(weight.sum()) or 1.0
+    candidates = tuple(
+        Candidate(
+            suspects=suspects_of(spec, plan, state, int(k)),
+            probability=float(weight[k] / total),
+            group=bool(penalty[k] <= penalty[order[0]] + ALIKE),
+            hypothesis=int(k),
+        )
+        for k in order
+    )
+    return Diagnosis(time=state.time, candidates=candidates)
+
+
+def suspects_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis: int) -> tuple[Suspect, ...]:
+    """Give the suspects of a hypothesis with the mean of their estimates in all tested sets that contain it.
+
+    Source
+    ------
+    Thesis 7.4. Ours: the standard deviation has a part from each estimate and one from how they differ.
+    """
+    chosen = spec.hypotheses[hypothesis]
+    lanes = [lane for lane, tested in enumerate(plan.tested, start=1) if set(chosen) <= set(tested)]
+    suspects = []
+    for index in chosen:
+        item = spec.parameters[index]
+        slots = [plan.tested[lane - 1].index(index) for lane in lanes]
+        values = state.factors[slots, lanes]
+        variances = state.covariance[slots, slots, lanes]
+        suspects.append(
+            Suspect(
+                parameter=item.name,
+                component=item.component,
+                nominal=item.nominal,
+                estimate=float(item.scale * values.mean()),
+                sd=float(abs(item.scale) * np.sqrt(max(float(variances.mean()), 0.0) + values.var())),
+            )
+        )
+    return tuple(suspects)

@@ -1,0 +1,126 @@
+"""What method `classic` remembers: numbers only, of fixed size, so that a run can be saved and gone on with."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from faultbond.runtime.classic.plan import ClassicPlan
+from faultbond.runtime.classic.settings import Erratum
+from faultbond.spec import EngineSpec
+from faultbond.types import FloatArray
+
+_WHOLE = ("index", "running", "alarm")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClassicState:
+    """The numbers; lane 0 is the healthy model, the others are the tested sets.
+
+    index : samples taken
+    running : samples since monitoring began, T of the thesis; -1: not yet
+    alarm : sample of the alarm; -1: none
+    time, at : of the newest sample, and of the sample that was last worked on, which the prefilter delays; s
+    raw : newest samples as they came, oldest first, shape (window, n_signals); raw_times : (window,)
+    frames : filtered samples, newest first, missing ones held, shape (depth, n_signals)
+    present : whether each signal of the newest frame was there
+    held_inputs, peak, since_step : to find steps of inputs, (n_inputs,)
+    squares : mean square of each output, (n_outputs,); counts : samples in it
+    samples_states, before_states, states : A, B and their blend, (n_states, n_lanes)
+    rates : change of the blend in a second, (n_states, n_lanes)
+    trust : P_A
+    expected : predicted outputs, (n_outputs, n_lanes)
+    sums : numerator and denominator of the error index, (2, n_outputs, n_lanes)
+    index_before : error index one sample earlier, (n_outputs, n_lanes)
+    quiet_at : time at which each output was last below half its limit, (n_outputs,)
+    factors : estimated parameters over their scale, (n_slots, n_lanes)
+    covariance : of the factors, (n_slots, n_slots, n_lanes)
+    misfits : mean square of what is left over of each law while healthy, (n_sides,); misfit_counts : samples in it
+    """
+
+    index: int
+    running: int
+    alarm: int
+    time: float
+    at: float
+    trust: float
+    raw: FloatArray
+    raw_times: FloatArray
+    frames: FloatArray
+    present: FloatArray
+    held_inputs: FloatArray
+    peak: FloatArray
+    since_step: FloatArray
+    squares: FloatArray
+    counts: FloatArray
+    samples_states: FloatArray
+    before_states: FloatArray
+    states: FloatArray
+    rates: FloatArray
+    expected: FloatArray
+    sums: FloatArray
+    index_before: FloatArray
+    quiet_at: FloatArray
+    factors: FloatArray
+    covariance: FloatArray
+    misfits: FloatArray
+    misfit_counts: FloatArray
+
+    def save(self) -> dict[str, FloatArray]:
+        """Give all numbers by name, for `numpy.savez`."""
+        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+
+    @staticmethod
+    def restore(saved: dict[str, FloatArray]) -> "ClassicState":
+        """Give the state that `save` wrote."""
+        numbers: dict[str, Any] = {name: int(saved[name]) for name in _WHOLE}
+        numbers |= {name: float(saved[name]) for name in ("time", "at", "trust")}
+        return ClassicState(**({name: np.asarray(saved[name]) for name in saved} | numbers))
+
+
+def points_of(spec: EngineSpec, plan: ClassicPlan) -> tuple[int, ...]:
+    """Give the length of the parabola of each input and output; inputs without declared noise are not filtered."""
+    own = dict(plan.settings.lengths)
+    usual = 16 if Erratum.SIXTEEN in plan.settings.printed and plan.settings.length == 17 else plan.settings.length
+    inputs = (own.get(item.name, usual if item.noise > 0.0 else 1) for item in spec.inputs)
+    return (*inputs, *(own.get(item.name, usual) for item in spec.outputs))
+
+
+def delay_of(spec: EngineSpec, plan: ClassicPlan) -> int:
+    """Give the samples by which the method lags: half the longest parabola."""
+    return max(points // 2 for points in (1, *points_of(spec, plan)))
+
+
+def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
+    """Give the state before the first sample, at time `t0` (s)."""
+    n_u, n_y, n_x, lanes = len(spec.inputs), len(spec.outputs), len(plan.states), plan.n_lanes
+    window = 2 * delay_of(spec, plan) + 1
+    return ClassicState(
+        index=0,
+        running=-1,
+        alarm=-1,
+        time=t0,
+        at=t0,
+        trust=1.0,
+        raw=np.full((window, n_u + n_y), np.nan),
+        raw_times=np.full(window, np.nan),
+        frames=np.full((plan.depth, n_u + n_y), np.nan),
+        present=np.zeros(n_u + n_y),
+        held_inputs=np.full(n_u, np.nan),
+        peak=np.zeros(n_u),
+        since_step=np.full(n_u, np.inf),
+        squares=np.zeros(n_y),
+        counts=np.zeros(n_y),
+        samples_states=np.zeros((n_x, lanes)),
+        before_states=np.zeros((n_x, lanes)),
+        states=np.zeros((n_x, lanes)),
+        rates=np.zeros((n_x, lanes)),
+        expected=np.full((n_y, lanes), np.nan),
+        sums=np.zeros((2, n_y, lanes)),
+        index_before=np.zeros((n_y, lanes)),
+        quiet_at=np.full(n_y, t0),
+        factors=np.zeros((plan.n_slots, lanes)),
+        covariance=np.zeros((plan.n_slots, plan.n_slots, lanes)),
+        misfits=np.zeros(len(plan.sides)),
+        misfit_counts=np.zeros(len(plan.sides)),
+    )

@@ -1,0 +1,140 @@
+"""The functions of method `classic`, made from routes: which they are, and what they are checked against."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faultbond.errors import StructureError
+from faultbond.model.text import load_model
+from faultbond.runtime.classic.plan import ClassicPlan
+from faultbond.runtime.classic.settings import Erratum, Settings
+from faultbond.runtime.classic.tape import evaluate
+from faultbond.spec import EngineSpec
+from faultbond.structure.causality import assign_causality
+from faultbond.structure.components import ComponentNetwork, build_components
+from faultbond.structure.network import build_network
+from faultbond.structure.solving.backward_euler import plant_of, random_inputs, simulate
+from faultbond.synthesis.classic.build import build_classic, largest_sets
+from faultbond.synthesis.classic.functions import expected, from_before, from_samples, read_by
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+ROWS = 12
+
+
+@cache
+def network_of(name: str) -> ComponentNetwork:
+    """The component network of an example."""
+    graph = load_model(EXAMPLES / name / "model.yaml")
+    return build_components(graph, build_network(graph, assign_causality(graph)))
+
+
+@cache
+def built(name: str, settings: Settings | None = None) -> tuple[EngineSpec, ClassicPlan]:
+    """An example with its plan."""
+    return build_classic(load_model(EXAMPLES / name / "model.yaml"), settings)
+
+
+def test_functions_of_the_tank() -> None:
+    """The flow follows from the depth, the depth from its past and the measured flow, as figures 7.12 and 7.13 need."""
+    formulas = dict(built("tank")[1].formulas)
+    assert formulas["state pressure"] == "measured"
+    assert formulas["output flow"].startswith("flow_0 = sqrt(K2*sqrt(-((pressure_0 - K8)/(K1 + K2 + K7**2*")
+    assert formulas["output pressure"].startswith(
+        "pressure_0 = dt*(K3*(sqrt(flow_0**2*5.08e11/K2) - K4*u_out_0 - K6)) + pressure_1"
+    )
+    assert built("tank")[1].algebraic == (True, False)
+
+
+def test_functions_of_the_motor() -> None:
+    """The current follows from two speeds, and the speed from past states and the voltage (thesis figure 4.4, 4.5)."""
+    spec, plan = built("dc_motor")
+    formulas = dict(plan.formulas)
+    assert formulas["state armature.f"] == "armature.f_0 = (C*omega_0 + J*(omega_0 - omega_1)/dt)/K"
+    assert "V_0" in formulas["output omega"]
+    assert formulas["law of R"] == "R.e_0 - R*armature.f_0 = 0; R.e_0 = V_0 - L*L.rate_0 - K*omega_0"
+    assert formulas["law of C"] == "C.e_0 - C*omega_0 = 0; C.e_0 = K*armature.f_0 - J*J.rate_0"
+    assert plan.algebraic == (False,)
+    assert [item.name for item in spec.parameters] == ["R", "L", "K", "J", "C"]
+
+
+def test_states_are_not_differentiated() -> None:
+    """No output and no state from one sample is found by a store's rate from its state."""
+    for name in ("tank", "dc_motor", "dc_motor_current", "rlc", "rc", "cascaded_tanks"):
+        network = network_of(name)
+        sums = {state.sum: (state.signal, 0) for state in network.states}
+        asked = [expected(network, output) for output in network.outputs]
+        for state, item in zip(network.states, from_samples(network), strict=True):
+            asked.append(from_before(network, state.signal, read_by(network, item)))
+        for _, route in asked:
+            assert all(step.finds == sums[step.equation] for step in route.steps if step.equation in sums)
+
+
+def test_printed_states_use_inputs_only() -> None:
+    """As printed, no output enters the prediction of another."""
+    assert (
+        dict(built("dc_motor_current")[1].formulas)["output omega"] == "omega_0 = (J*omega_1 + dt*(K*i_0))/(C*dt + J)"
+    )
+    _, plan = built("dc_motor_current", Settings(printed=frozenset({Erratum.INPUTS})))
+    found = dict(plan.formulas)["output omega"]
+    assert "i_0" not in found
+    assert "V_0" in found
+
+
+@pytest.mark.parametrize("name", ["tank", "dc_motor", "dc_motor_current", "rlc", "rc", "cascaded_tanks"])
+def test_functions_agree_with_a_backward_euler_plant(name: str) -> None:
+    """On a record of the nominal plant every function gives what was simulated, and no law has a misfit."""
+    graph = load_model(EXAMPLES / name / "model.yaml")
+    network = network_of(name)
+    spec, plan = built(name)
+    numbers = plant_of(graph)
+    start = {state.signal: 1.5 + k for k, state in enumerate(network.states)}
+    values = {key: float(value) for key, value in numbers.values.items()}
+    inputs = {key: tuple(map(float, item)) for key, item in random_inputs(numbers, ROWS, 4).items()}
+    record = simulate(network, values, inputs, float(numbers.sample_time), start, ROWS)
+    environment = [np.array([np.nan])] * len(plan.names)
+    known = {"dt": float(numbers.sample_time), **{item.name: item.nominal for item in spec.parameters}}
+    for signal, series in record.items():
+        known |= {f"{signal}_{frame}": float(series[-1 - frame]) for frame in range(4)}
+    for place, key in enumerate(plan.names):
+        environment[place] = np.array([known[key]])
+    for state, one, two in zip(plan.states, plan.from_samples, plan.from_before, strict=True):
+        assert one is not None
+        for program in (one, two):
+            assert evaluate(program, environment)[0, 0] == pytest.approx(known[f"{state}_0"], rel=1e-6)
+    for output, program in zip(network.outputs, plan.expected, strict=True):
+        assert evaluate(program, environment)[0, 0] == pytest.approx(known[f"{output}_0"], rel=1e-6)
+    for side in plan.sides:
+        terms = [abs(known[key]) for key in known if key.endswith("_0")]
+        assert abs(evaluate(side.program, environment)[0, 0]) < 1e-6 * max(terms)
+
+
+def test_largest_sets_are_tested() -> None:
+    """Of 28 hypotheses of the tank its 21 pairs are tested, and each is estimated from the laws of its members."""
+    spec, plan = built("tank")
+    assert len(spec.hypotheses) == 28
+    assert len(plan.tested) == 21
+    names = [item.name for item in spec.parameters]
+    laws = {
+        tuple(names[k] for k in chosen): [plan.sides[k].equation for k in used]
+        for chosen, used in zip(plan.tested, plan.uses, strict=True)
+    }
+    assert laws["K8", "K1"] == ["pump"]  # one relation, one law left over
+    assert laws["K1", "K6"] == ["pipe", "leak"]
+    assert laws["K3", "K6"] == ["tank"]
+    assert laws["K2", "K4"] == ["orifice", "orifice"]  # K2 is in both relations
+    assert largest_sets([(0,), (1,), (2,), (0, 1)]) == ((2,), (0, 1))
+
+
+def test_singles_alone_if_asked() -> None:
+    """With `largest` 1 the seven single suspects are the hypotheses and the tests, as in thesis 7.3."""
+    spec, plan = built("tank", Settings(largest=1))
+    assert plan.tested == spec.hypotheses == tuple((k,) for k in range(7))
+
+
+def test_what_has_no_time_is_refused() -> None:
+    """A static network has no states to follow."""
+    graph = load_model(EXAMPLES / "thesis" / "fig_6_1.yaml")
+    with pytest.raises(StructureError, match="follows a plant in time"):
+        build_classic(graph)
