@@ -1,11 +1,13 @@
 """One self-contained HTML page about a run; it opens from a file and needs no network."""
 
+import re
 from collections.abc import Mapping
 from importlib import resources
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.model.graph import BondGraph
+from faultbond.report.advising import check_rows
 from faultbond.report.charts import payload, sections
 from faultbond.report.drawing import draw, graph_title
 from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text, probability_text
@@ -70,6 +72,7 @@ def render_report(
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
         doubtful=diagnosis is not None and diagnosis.unexplained is not None,
+        checks=check_rows(graph, diagnosis, Notation.PRINT) if diagnosis else (),
         drawing=draw(graph, strokes, _heat(diagnosis)),
         not_drawn=_not_drawn(graph, diagnosis),
         drawing_title=graph_title(graph),
@@ -85,7 +88,8 @@ def render_report(
 
 
 def _unbroken(sentence: str) -> str:
-    """Keep a number and its power of ten, and a number and its per cent sign, on one line."""
+    """Keep a number and its power of ten, and a number and its per cent sign or unit of time, on one line."""
+    sentence = re.sub(r"(\d) (s|min|h|d|UTC)\b", rf"\1{NO_BREAK}\2", sentence)
     return sentence.replace(" %", f"{NO_BREAK}%").replace(f" {TIMES} ", f"{NO_BREAK}{TIMES}{NO_BREAK}")
 
 

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from faultbond.model.graph import BondGraph
+from faultbond.report.advising import check_rows
 from faultbond.report.numbers import Notation, clock_text, duration_text
 from faultbond.report.verdict import (
     Counts,
@@ -57,6 +58,7 @@ def print_diagnosis(
         _print_table(console, graph, diagnosis)
         if untested:
             console.print(Text(f"Not tested, since each would explain anything: {untested}.", style="dim"))
+        _print_checks(console, graph, diagnosis)
     style = "bold" if history.detections else "bold yellow" if counts.no_verdict else "bold green"
     console.print(Text(verdict_sentence(graph, history, counts, Notation.FILE), style=style))
 
@@ -108,6 +110,17 @@ def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> No
         console.print(Text(remainder, style="dim"))
     if several:
         console.print(Text(f"{GROUP_MARK} not yet distinguishable from the best", style="dim"))
+    console.print()
+
+
+def _print_checks(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> None:
+    rows = check_rows(graph, diagnosis, Notation.FILE)
+    if not rows:
+        return
+    console.print(Text.assemble(("What to check next", "bold underline"), ("  best first", "dim")))
+    for row in rows:
+        cost = f", cost {row.cost}" if row.cost else ""
+        console.print(Text.assemble(f" {row.action}", (f": tells {row.parts} ({row.gain}{cost})", "dim")))
     console.print()
 
 

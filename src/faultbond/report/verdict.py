@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from faultbond.model.graph import BondGraph
+from faultbond.report.advising import action
 from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
 from faultbond.report.suspects import OTHERWISE, SuspectRow, change_of, instrument_of, otherwise, owner_of, rows_of
 from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, History, Unexplained
@@ -108,7 +109,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notatio
     group = best_group(diagnosis)
     if diagnosis.unexplained is not None:
         return f"{unexplained_sentence(diagnosis.unexplained)} {_nearest(graph, diagnosis, notation)}"
-    return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, group)
+    return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, diagnosis, notation)
 
 
 def accepted_text(graph: BondGraph, history: History) -> str:
@@ -176,12 +177,16 @@ def _nearest(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
     return f"Nearest comes {what} of {_owners(graph, best)}: {_changes(graph, diagnosis, notation)}."
 
 
-def _unsure(graph: BondGraph, group: Sequence[Candidate]) -> str:
+def _unsure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
+    group = best_group(diagnosis)
     listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
     shared = [suspect for suspect in group[0].suspects if all(suspect.parameter in other.parameters for other in group)]
-    common = join([f"{suspect.parameter} of the {suspect.component}" for suspect in shared])
+    common = join([f"{suspect.parameter} of the {owner_of(graph, suspect)}" for suspect in shared])
     hint = f" All contain {common}." if shared else ""
-    return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
+    if not diagnosis.advice:
+        return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
+    best = diagnosis.advice[0]
+    return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, best, notation)}."
 
 
 def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:

@@ -1,0 +1,72 @@
+"""What to do next, in words: the checks of a diagnosis that would tell its candidates apart."""
+
+from dataclasses import dataclass
+
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import Notation, duration_text, figure, unit_text
+from faultbond.report.suspects import instrument_title
+from faultbond.runtime.history import Advice, Diagnosis
+from faultbond.types import CheckKind
+
+LISTED = 4  # checks shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRow:
+    """One check, all text."""
+
+    action: str
+    parts: str  # what it would tell from what
+    gain: str
+    cost: str  # empty where all cost the same
+
+
+def check_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[CheckRow, ...]:
+    """Give the best checks, the best first."""
+    same = len({item.cost for item in diagnosis.advice}) < 2
+    return tuple(
+        CheckRow(
+            action=action(graph, item, notation),
+            parts=parts(graph, item),
+            gain=f"{item.gain:.2f} bits",
+            cost="" if same else f"{item.cost:g}",
+        )
+        for item in diagnosis.advice[:LISTED]
+    )
+
+
+def action(graph: BondGraph, item: Advice, notation: Notation) -> str:
+    """Say what to do: `look at the pipe`."""
+    match item.kind:
+        case CheckKind.COMPONENT:
+            known = any(part.name == item.target for part in graph.components)
+            return f"{'look at' if known else 'check'} the {_owner(graph, item.target)}"
+        case CheckKind.SIGNAL:
+            return f"measure {item.target} by hand"
+        case CheckKind.INPUT:
+            return _move(graph, item, notation)
+
+
+def parts(graph: BondGraph, item: Advice) -> str:
+    """Say what a check would tell apart: `pipe from valve or leak`."""
+    groups = [" or ".join(_set(graph, components) for components in group) for group in item.separates]
+    return " from ".join(groups)
+
+
+def _move(graph: BondGraph, item: Advice, notation: Notation) -> str:
+    unit = graph.input(item.target).unit
+    to = ""
+    if item.value is not None:
+        label = unit_text(unit.text, notation)
+        to = f" to {figure(unit.from_si(item.value), digits=3).number(notation)}" + (f" {label}" if label else "")
+    wait = "" if item.within is None else f" and wait {duration_text(item.within, digits=2)}"
+    return f"move {item.target}{to}{wait}"
+
+
+def _set(graph: BondGraph, components: tuple[str, ...]) -> str:
+    return " with ".join(_owner(graph, name) for name in components)
+
+
+def _owner(graph: BondGraph, name: str) -> str:
+    """Name a component as it is, a sensor or an input as such."""
+    return name if any(item.name == name for item in graph.components) else instrument_title(graph, name)
