@@ -22,7 +22,8 @@ import numpy as np
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import case
 from benchmarks.play import engine_of
-from faultbond.runtime.monitor import Sample, finish, init, step
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation
 from faultbond.types import FloatArray
 
