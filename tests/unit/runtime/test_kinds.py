@@ -1,0 +1,165 @@
+"""One recording of each kind of fault: the right part and kind are first, with their value, and a run can be saved."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from made import differing, plant, run, samples_of
+
+from faultbond.runtime.history import Candidate
+from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.state import Sample, State, init
+from faultbond.simulate import Fault, Inputs, random_steps, simulate
+from faultbond.types import FaultKind, FloatArray
+
+NAME = "dc_motor_current"
+DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there
+START = ONSET * DT
+NOISE = {"omega": 0.06, "i": 0.02}  # rad/s, A
+RAMP, PERIOD = 20.0, 2.5  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A fault, and what should be said of it at the end.
+
+    changed: gives readings and inputs as recorded, from those of the plant; of rows from the onset on
+    """
+
+    kind: FaultKind
+    component: str
+    value: float
+    rate: float | None = None
+    present: bool = True
+    faults: tuple[Fault, ...] = ()
+    changed: Callable[[FloatArray, FloatArray, FloatArray], None] | None = None
+
+
+def _biased(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 0] += 8.0 * NOISE["omega"]
+
+
+def _drifting(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 1] += 0.05 * since
+
+
+def _amplified(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 0] *= 1.2
+
+
+def _stuck(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 1] = 2.5
+
+
+def _noisy(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 0] += np.random.default_rng(3).normal(0.0, np.sqrt(24.0) * NOISE["omega"], len(y))
+
+
+def _less_told(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[:, 0] -= 1.5
+
+
+def _switches(last: float) -> tuple[Fault, ...]:
+    """R is doubled every other two and a half seconds."""
+    moments = np.arange(START, last, PERIOD)
+    return tuple(
+        Fault(parameter="R", factor=2.0 if k % 2 == 0 else 1.0, start=float(moment)) for k, moment in enumerate(moments)
+    )
+
+
+END = (ROWS - 1) * DT
+CASES = {
+    "step": Case(
+        kind=FaultKind.STEP, component="J", value=0.9, faults=(Fault(parameter="J", factor=0.6, start=START),)
+    ),
+    "drift": Case(
+        kind=FaultKind.DRIFT,
+        component="R",
+        value=3.0 + 0.3 * (END - START),
+        rate=0.3,
+        faults=(Fault(parameter="R", factor=3.0, start=START, end=START + RAMP),),
+    ),
+    "gone": Case(
+        kind=FaultKind.INTERMITTENT, component="R", value=6.0, present=False, faults=_switches(START + 3.5 * PERIOD)
+    ),
+    "there": Case(kind=FaultKind.INTERMITTENT, component="R", value=6.0, faults=_switches(START + 2.5 * PERIOD)),
+    "bias": Case(kind=FaultKind.BIAS, component="omega", value=8.0 * NOISE["omega"], changed=_biased),
+    "sensor drift": Case(kind=FaultKind.DRIFT, component="i", value=0.05 * (END - START), rate=0.05, changed=_drifting),
+    "gain": Case(kind=FaultKind.GAIN, component="omega", value=1.2, changed=_amplified),
+    "stuck": Case(kind=FaultKind.STUCK, component="i", value=2.5, changed=_stuck),
+    "noise": Case(kind=FaultKind.NOISE, component="omega", value=5.0 * NOISE["omega"], changed=_noisy),
+    "input bias": Case(kind=FaultKind.BIAS, component="V", value=1.5, changed=_less_told),
+}
+
+
+@cache
+def recording(name: str) -> tuple[Sample, ...]:
+    """Samples of the motor with that fault."""
+    case, graph = CASES[name], plant(NAME)[0]
+    time = np.asarray(np.arange(ROWS) * DT, dtype=np.float64)
+    voltage = random_steps(time, np.random.default_rng(6), low=2, high=12, shortest=0.5, longest=2.0)
+    made = simulate(graph, Inputs(time=time, values=voltage[:, None]), case.faults, seed=12)
+    u, y = made.inputs.copy(), made.outputs.copy()
+    if case.changed is not None:
+        case.changed(y[ONSET:], u[ONSET:], time[ONSET:] - START)
+    return samples_of(time, u, y)
+
+
+@cache
+def ended(name: str) -> tuple[State, State]:
+    """The state in the middle of a diagnosis, before the bank is renewed, and that after the recording."""
+    _, spec, engine = plant(NAME)
+    state = middle = init(spec)
+    for sample in recording(name):
+        state, _ = step(spec, engine, state, sample)
+        middle = state if state.index == state.alarm + 25 else middle
+    assert ONSET <= state.alarm == middle.alarm < ROWS - 60
+    return middle, state
+
+
+def best(name: str) -> Candidate:
+    """The best candidate at the end."""
+    diagnosis = finish(plant(NAME)[1], ended(name)[1])
+    assert diagnosis is not None
+    return diagnosis.candidates[0]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_kind_and_its_value_are_found(name: str) -> None:
+    """The part at fault is first, by far, with the kind of its fault and its value within three standard deviations."""
+    case, found = CASES[name], best(name)
+    assert (found.components, found.kind) == ((case.component,), case.kind)
+    assert found.probability > 0.95
+    assert dict(found.kinds)[case.kind] > 0.6
+    assert found.present == case.present
+    suspect = found.suspects[0]
+    assert suspect.estimate == pytest.approx(case.value, abs=3.0 * suspect.sd)
+    assert suspect.sd < 0.1 * case.value
+    if case.rate is None:
+        assert suspect.rate is None
+    else:
+        assert suspect.rate is not None
+        assert suspect.rate_sd is not None
+        assert suspect.rate == pytest.approx(case.rate, abs=3.0 * suspect.rate_sd)
+        assert suspect.rate_sd < 0.2 * case.rate
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if CASES[name].kind is not FaultKind.INTERMITTENT])
+def test_what_explains_the_data_leaves_nothing(name: str) -> None:
+    """Where the kind of fault is right, nothing is unexplained."""
+    diagnosis = finish(plant(NAME)[1], ended(name)[1])
+    assert diagnosis is not None
+    assert diagnosis.unexplained is None
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_run_saved_with_any_kind_of_alarm_goes_on(name: str) -> None:
+    """Saved and restored in the middle of a diagnosis, a run ends in the same numbers, to the last bit."""
+    _, spec, engine = plant(NAME)
+    middle, whole = ended(name)
+    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
+    assert not differing(middle, restored)
+    again, _ = run(spec, engine, recording(name)[middle.index :], restored)
+    assert not differing(again, whole)
