@@ -8,7 +8,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import check_rows
-from faultbond.report.charts import payload, sections
+from faultbond.report.chart import payload
+from faultbond.report.charts import sections
 from faultbond.report.drawing import draw, graph_title
 from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text, probability_text
 from faultbond.report.suspects import instrument_title

@@ -82,8 +82,10 @@ def owner_of(graph: BondGraph, suspect: Suspect) -> str:
 
 def title_of(graph: BondGraph, suspect: Suspect) -> str:
     """Name a suspect in full: `K1 of pipe`, `bias of flow sensor`."""
-    _, word = instrument_of(suspect.parameter)
-    return f"{word or suspect.parameter} of {owner_of(graph, suspect)}"
+    signal, word = instrument_of(suspect.parameter)
+    if word == FaultKind.STUCK.value:
+        return f"value at which the {owner_of(graph, suspect)} is stuck"
+    return f"{word if signal else suspect.parameter} of {owner_of(graph, suspect)}"
 
 
 def is_undetermined(graph: BondGraph, suspect: Suspect) -> bool:

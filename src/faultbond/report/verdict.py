@@ -129,7 +129,7 @@ def unexplained_sentence(found: Unexplained) -> str:
     size = figure(found.sd, digits=2).number(Notation.FILE)
     return (
         f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
-        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}."
+        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
     )
 
 

@@ -49,6 +49,12 @@
     const { ctx, bbox } = plot;
     const right = bbox.left + bbox.width, top = bbox.top, bottom = bbox.top + bbox.height;
     ctx.save();
+    if (chart.shade) {
+      const [from, to] = [0, 1].map((end) => Math.min(Math.max(plot.valToPos(chart.shade[end] + ends[0], "x", true), bbox.left), right));
+      ctx.fillStyle = `color-mix(in srgb, ${color("level")} 14%, transparent)`;
+      ctx.fillRect(from, top, to - from, bbox.height);
+      if (to > from) write(ctx, chart.shade[2], to - 4 * devicePixelRatio, bottom - 4 * devicePixelRatio, color("level"), "right");
+    }
     for (const [value, label] of chart.levels) {
       const y = plot.valToPos(value, "y", true);
       if (y <= top || y >= bottom) continue;
@@ -56,13 +62,14 @@
       line(ctx, bbox.left, y, right, y, paint, [6, 4]);
       write(ctx, label, bbox.left + 6 * devicePixelRatio, y - 2, paint, "left");
     }
-    for (const mark of data.marks) {
+    for (const mark of chart.now == null ? data.marks : [{ x: chart.now, label: "now" }]) {
       const x = plot.valToPos(mark.x + ends[0], "x", true);
       if (x < bbox.left || x > right) continue;
       const alarm = mark.label === "alarm";
-      line(ctx, x, top, x, bottom, color(mark.label), alarm ? [] : [2, 4]);
+      const paint = color(mark.label) || color("soft");
+      line(ctx, x, top, x, bottom, paint, alarm ? [] : [2, 4]);
       const away = (alarm ? 4 : -4) * devicePixelRatio;
-      write(ctx, mark.label, x + away, top + 16 * devicePixelRatio, color(mark.label), alarm ? "left" : "right");
+      write(ctx, mark.label, x + away, top + 16 * devicePixelRatio, paint, alarm ? "left" : "right");
     }
     ctx.restore();
   }
@@ -118,14 +125,16 @@
     if (busy) return;
     busy = true;
     range = [plot.scales.x.min, plot.scales.x.max];
-    for (const other of plots) if (other !== plot) other.setScale("x", { min: range[0], max: range[1] });
+    for (const other of plots) if (other !== plot && !other.alone) other.setScale("x", { min: range[0], max: range[1] });
     busy = false;
   }
 
   function build(place) {
     const chart = data.charts[Number(place.dataset.chart)];
+    const alone = chart.now != null;
+    const whole = alone ? [chart.x[0] + ends[0], chart.x[chart.x.length - 1] + ends[0]] : ends;
     const { rows, series, bands } = columns(chart);
-    const scales = { x: { time: data.calendar, auto: false, min: range[0], max: range[1] }, y: { range: limits(chart) } };
+    const scales = { x: { time: data.calendar, auto: false, min: (alone ? whole : range)[0], max: (alone ? whole : range)[1] }, y: { range: limits(chart) } };
     if (chart.relativeTo) {
       scales.share = { from: "y", range: (plot, low, high) => [low, high].map((value) => 100 * value / chart.relativeTo) };
     }
@@ -133,15 +142,16 @@
       width: Math.max(place.clientWidth, 320), height: HEIGHT, scales, series, bands, axes: axes(chart),
       tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), "Etc/UTC"),
       padding: [12, chart.relativeTo ? 0 : RIGHT, 0, 0],
-      cursor: { sync: { key: "faultbond", setSeries: false, scales: ["x", null] }, drag: { x: true, y: false }, y: false },
+      cursor: { sync: alone ? undefined : { key: "faultbond", setSeries: false, scales: ["x", null] }, drag: { x: true, y: false }, y: false },
       legend: { live: true },
       hooks: {
         draw: [(drawn) => annotate(drawn, chart)],
-        setScale: [(scaled, name) => { if (name === "x" && plots.includes(scaled)) follow(scaled); }],
+        setScale: [(scaled, name) => { if (name === "x" && !alone && plots.includes(scaled)) follow(scaled); }],
         ready: [(made) => made.root.querySelectorAll(".edge").forEach((row) => row.remove())],
       },
     }, rows, place);
-    plot.over.addEventListener("dblclick", () => plot.setScale("x", { min: ends[0], max: ends[1] }));
+    plot.over.addEventListener("dblclick", () => plot.setScale("x", { min: whole[0], max: whole[1] }));
+    plot.alone = alone;
     return plot;
   }
 
