@@ -14,6 +14,7 @@ _ITERATIONS = 12
 _SECANTS = 8
 _DOUBLINGS = 12
 _ABSURD = 1e12
+_STEEPEST = 1e100  # slope that can still be squared
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
 
@@ -152,27 +153,44 @@ def _fit(
     free: IntArray,
     size: FloatArray,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Levenberg-Marquardt from one guess: state, covariance of its free part, cost."""
-    state, damping = guess.copy(), 1e-3
-    prior = np.diag(1.0 / size**2)
+    """Levenberg-Marquardt from one guess: state, covariance of its free part, cost.
+
+    Free states count in units of `size`, in which what is known of them beforehand is a unit matrix: with least squares
+    on the slopes themselves, not on their squares, no direction is lost however precise the sensors are.
+    """
+    state, damping, slope = guess.copy(), 1e-3, np.zeros((0, len(free)))
 
     def cost_of(trial: FloatArray) -> float:
         misfit = _misfits(spec, engine, samples, trial[:, None])[:, 0]
-        away = trial[free] - centre[free]
-        return float(misfit @ misfit + away @ prior @ away)
+        away = (trial[free] - centre[free]) / size
+        return float(misfit @ misfit + away @ away)
 
     cost = cost_of(state)
     for _ in range(_ITERATIONS):
         move = np.maximum(1e-6 * np.abs(state[free]), 1e-6 * size)
-        misfit, slope = _slopes(spec, engine, samples, state, free, move)
-        normal = slope.T @ slope + prior
-        gradient = slope.T @ misfit + prior @ (state[free] - centre[free])
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -gradient)
+        misfit, steep = _slopes(spec, engine, samples, state, free, move)
+        slope = np.clip(np.nan_to_num(steep * size), -_STEEPEST, _STEEPEST)
         trial = state.copy()
-        trial[free] += step
+        trial[free] += size * _step(slope, misfit, (state[free] - centre[free]) / size, damping)
         trial_cost = cost_of(trial)
         if trial_cost < cost:
             state, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-9)
         else:
             damping = min(damping * 10.0, 1e9)
-    return state, np.asarray(np.linalg.inv(normal)), cost
+    return state, size[:, None] * _spread(slope) * size, cost
+
+
+def _step(slope: FloatArray, misfit: FloatArray, away: FloatArray, damping: float) -> FloatArray:
+    """Give the damped step to the least sum of squares of misfit and distance."""
+    damped = np.diag(np.sqrt(damping * (1.0 + np.sum(slope**2, axis=0))))
+    rows = np.concatenate([slope, np.eye(len(away)), damped])
+    right = np.concatenate([misfit, away, np.zeros(len(away))])
+    return np.asarray(-np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
+def _spread(slope: FloatArray) -> FloatArray:
+    """Give the covariance that slopes and a unit prior leave."""
+    _, found, directions = np.linalg.svd(slope)
+    known = np.zeros(slope.shape[1])
+    known[: len(found)] = found
+    return np.asarray((directions.T / (1.0 + known**2)) @ directions)

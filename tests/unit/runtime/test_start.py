@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from made import TANK_START, plant, recorded, run, samples_of
 
+from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, Status
 from faultbond.simulate import Inputs, simulate
 from faultbond.spec import Engine, EngineSpec, unpack
+from faultbond.synthesis.engine import build_engine
 from faultbond.types import FloatArray
 
 
@@ -123,3 +125,31 @@ def test_plant_at_rest_without_outputs(name: str) -> None:
     full = unpack(spec, state.lane[spec.covariance_slice, 0])
     sd = np.sqrt(np.diag(full))
     assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 1e-9
+
+
+@pytest.mark.parametrize("noise", ["1e-3 V", "1e-6 V", "1e-12 V"])
+def test_precise_sensor_of_a_sum(noise: str) -> None:
+    """However precise a sensor is that shows two states only together, the start is found and their sum is known."""
+    text = f"""
+name: two stores
+sample_time: 1 s
+inputs: {{V: {{unit: V}}}}
+components:
+  source: {{type: Se, law: e = V}}
+  R: {{type: R, parameters: {{R: 10 ohm}}}}
+  C1: {{type: C, parameters: {{C1: 1 F}}}}
+  C2: {{type: C, parameters: {{C2: 1.5 F}}}}
+junctions: {{loop: 1}}
+bonds: [source -> loop -> R, loop -> C1, loop -> C2]
+sensors: {{V_C: {{reads: C1.e + C2.e, unit: V, noise: {noise}}}}}
+"""
+    spec, engine = build_engine(parse_model(text, file="two"), compiled=False)
+    rows, place = np.zeros((START_SAMPLES, spec.n_sample)), spec.sample_fields
+    rows[1:, place["dt"]] = rows[:, place["scale"]] = rows[:, place["use"]] = 1.0
+    rows[:, place["u"]] = rows[:, place["u_before"]] = rows[:, place["y"]] = 3e6  # settled
+    mean, covariance = solve_start(spec, engine, rows)
+    assert mean.sum() == pytest.approx(3e6, rel=1e-3)
+    assert np.all(np.isfinite(covariance))
+    assert float(covariance.sum()) < 1.0
+    if noise == "1e-3 V":
+        assert np.all(np.sqrt(np.diag(covariance)) > 1e5)
