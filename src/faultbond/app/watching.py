@@ -143,6 +143,11 @@ def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, repo
         missing=counted.missing,
         late=counted.late,
         duplicate=counted.duplicate,
+        untimed=counted.untimed,
+        unused=counted.unused,
+        clock_jumps=counted.clock_jumps,
+        saturated=counted.saturated,
+        frozen=counted.frozen,
         no_verdict=course.no_verdict(),
     )
     history, title = trace.history(), watcher.title

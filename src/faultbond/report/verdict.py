@@ -28,11 +28,18 @@ class Counts:
     missing: int = 0
     late: int = 0
     duplicate: int = 0
+    untimed: int = 0
+    unused: int = 0
+    clock_jumps: int = 0
+    saturated: int = 0
+    frozen: int = 0
     no_verdict: str = ""
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
-        found = ((self.missing, "missing"), (self.late, "late"), (self.duplicate, "duplicate"))
+        names = ("missing", "late", "duplicate", "untimed", "unused", "saturated", "frozen")
+        found = [(getattr(self, name), name) for name in names]
+        found.append((self.clock_jumps, "clock jump" if self.clock_jumps == 1 else "clock jumps"))
         return ", ".join(f"{number} {name}" for number, name in found if number)
 
 

@@ -43,6 +43,8 @@ def test_what_was_watched_is_stated() -> None:
         assert part in text
     assert "100 missing, 2 duplicate" in text
     assert "late" not in text
+    worse = printed(history, Counts(samples=4920, untimed=1, unused=7, clock_jumps=1, saturated=3, frozen=70))
+    assert "1 untimed, 7 unused, 3 saturated, 70 frozen, 1 clock jump" in worse
 
 
 def test_group_is_marked_and_explained() -> None:
