@@ -12,7 +12,7 @@ from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.runtime.slotted import SWITCHING, advance_slots, begin_slots, shared, slot_lanes, widened
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import Trail, onsets
+from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault
 from faultbond.spec import EngineSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine
@@ -158,6 +158,7 @@ def toy_trail(spec: EngineSpec, n: int) -> Trail:
     generator = np.random.default_rng(4)
     samples = seen_samples(spec, generator.normal(0.0, 1.5, (n, len(spec.outputs))).tolist())
     lanes = np.repeat(correlated(spec)[:, None], n, axis=1).T
+    lanes[:, spec.parameter_slice] *= generator.uniform(0.8, 1.2, (n, len(spec.parameters)))
     lanes[:, -1] = generator.normal(0.0, 2.0, n)
     return Trail(samples=samples, lanes=lanes)
 
@@ -168,16 +169,16 @@ def test_lanes_from_onsets_are_mixed() -> None:
     plan, wide = plan_slots(SPEC), SPEC.slotted
     found = begin_slots(SPEC, ToyEngine(SPEC), trail, 3, np.array([8.0]))
     y = trail.samples[:, SPEC.sample_fields["y"]][:, 0]
-    healthy = trail.lanes[0]
     for k, item in enumerate(plan.lanes[: plan.switched]):
-        unit = healthy[SPEC.parameter_slice][item.parameter] if item.parameter >= 0 else 1.0
         trials = []
-        for onset, width in onsets(8, 3):
+        for onset in range(1, 9):
+            factors = trail.lanes[onset - 1, SPEC.parameter_slice]
+            unit = factors[item.parameter] if item.parameter >= 0 else 1.0
             size = item.size * unit
             if item.kind is FaultKind.STUCK:
                 size = trail.samples[onset - 1, SPEC.sample_fields["y"]][item.output] / SPEC.outputs[item.output].noise
             gain = y[onset:].sum() * (float(item.parameter >= 0) + 0.1 * size)
-            trials.append(trail.lanes[onset - 1, -1] + gain + np.log(width))
+            trials.append(trail.lanes[onset - 1, -1] + gain)
         wanted = np.log(np.sum(np.exp(trials)) / SPEC.thresholds.history_samples)
         assert found[-1, k] == pytest.approx(wanted, rel=1e-12)
     assert np.array_equal(found[wide.loop_slice.stop : -1], plan.roles)
