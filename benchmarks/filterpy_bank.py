@@ -154,7 +154,8 @@ def wait(model: StepModel, spec: EngineSpec, readings: Sequence[Reading], start:
 
 
 def _usual(spec: EngineSpec, trail: Sequence[Snapshot]) -> FloatArray:
-    return np.sqrt(np.mean([item.mean[: len(spec.states)] ** 2 for item in trail], axis=0))
+    squares = np.array([item.mean[: len(spec.states)] ** 2 for item in trail])
+    return np.asarray(np.sqrt(squares.mean(axis=0)))
 
 
 def _snapshot(bank: Bank) -> Snapshot:

@@ -5,7 +5,8 @@
 The plant, its controller, its noise and its faults are those of the toolbox (see examples/three_tank), and so are the
 three residuals beside which we stand: an equation that the others leave over, in derivative, integral and mixed
 causality. Their thresholds are the 99 % quantiles of healthy runs with other seeds, and three samples in a row beyond
-one of them are an alarm; the residuals know their true start and do not count before the faults can begin.
+one of them are an alarm; the residuals know their true start and do not count before the faults can begin. V3 and T3
+enter the same equation and cannot be told apart by anybody, but a ramp in V2 is seen at once and so differs from both.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
+from multiprocessing import Pool
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ import numpy as np
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import case
 from benchmarks.play import engine_of
+from faultbond.runtime.history import Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation
@@ -40,12 +43,14 @@ HEADER = (
     "asked",
     "faultbond: median, 95 %",
     "missed",
+    "verdict",
     "residuals: median, 95 %",
     "missed",
-    "first",
-    "in the group",
-    "groups",
+    "truth in the group at 10 s",
+    "at 20 s",
+    "groups at 20 s",
 )
+PROCESSES = 2
 _EPSILON = 1e-9  # s
 
 
@@ -53,15 +58,16 @@ _EPSILON = 1e-9  # s
 class Outcome:
     """One run with one fault (`fault` "": none): alarms in s, None where there was none.
 
-    alarm, first, group : of faultbond; the last diagnosis' best candidate, and those that it cannot tell apart from it
+    alarm : of faultbond
+    early, late : what its diagnosis cannot tell apart when the ramp ends, and at the end of the recording
     residuals : alarm of the residuals
     """
 
     fault: str
     seed: int
     alarm: float | None
-    first: str
-    group: tuple[str, ...]
+    early: tuple[str, ...]
+    late: tuple[str, ...]
     residuals: float | None
 
     def delay(self, alarm: float | None) -> float:
@@ -75,20 +81,23 @@ def record(fault: str, seed: int, rows: int = ROWS) -> Simulation:
     return case("three_tank", seed, faults, seconds=rows * STEP).recording
 
 
-def watch(recording: Simulation) -> tuple[float | None, str, tuple[str, ...]]:
-    """Give the alarm of faultbond, the first candidate of its last diagnosis, and the group."""
+def watch(recording: Simulation) -> tuple[float | None, tuple[str, ...], tuple[str, ...]]:
+    """Give the alarm of faultbond, and its groups when the ramp ends and at the end."""
     spec, engine = engine_of("three_tank")
-    state, alarm = init(spec), None
+    state, alarm, early = init(spec), None, None
     steps = np.diff(recording.time, prepend=recording.time[0])
     for time, dt, u, y in zip(recording.time, steps, recording.inputs, recording.outputs, strict=True):
         state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
         if report.detection is not None and alarm is None:
             alarm = report.detection.time
-    last = finish(spec, state)
-    if last is None:
-        return alarm, "", ()
-    group = tuple(sorted("+".join(item.parameters) for item in last.candidates if item.group))
-    return alarm, "+".join(last.candidates[0].parameters), group
+        if report.diagnosis is not None and time < END + _EPSILON:
+            early = report.diagnosis
+    return alarm, _group(early), _group(finish(spec, state))
+
+
+def _group(diagnosis: Diagnosis | None) -> tuple[str, ...]:
+    candidates = diagnosis.candidates if diagnosis is not None else ()
+    return tuple(sorted("+".join(item.parameters) for item in candidates if item.group))
 
 
 def residuals(recording: Simulation) -> FloatArray:
@@ -130,33 +139,40 @@ def judge(recording: Simulation) -> float | None:
     return float(recording.time[np.argmax(held) + IN_A_ROW - 1]) if held.any() else None
 
 
-def play(fault: str, seed: int, rows: int = ROWS) -> Outcome:
-    """Record one run, and see what both make of it."""
+def play(job: tuple[str, int, int]) -> Outcome:
+    """Record one run (fault, seed, rows), and see what both make of it."""
+    fault, seed, rows = job
     recording = record(fault, seed, rows)
-    alarm, first, group = watch(recording)
-    return Outcome(fault=fault, seed=seed, alarm=alarm, first=first, group=group, residuals=judge(recording))
+    alarm, early, late = watch(recording)
+    return Outcome(fault=fault, seed=seed, alarm=alarm, early=early, late=late, residuals=judge(recording))
 
 
 def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     """Give the line of one fault."""
     ours = [outcome.delay(outcome.alarm) for outcome in outcomes]
     theirs = [outcome.delay(outcome.residuals) for outcome in outcomes]
-    groups = Counter(", ".join(outcome.group) for outcome in outcomes)
+    missed = sum(map(math.isinf, ours))
+    groups = Counter(", ".join(outcome.late) for outcome in outcomes)
     return (
         fault,
-        f"{ASKED[fault]:g} s",
+        f"{ASKED[fault]:g} s, none missed",
         _delays(ours),
-        str(sum(map(math.isinf, ours))),
+        str(missed),
+        "met" if _quantile(ours, 0.5) <= ASKED[fault] + _EPSILON and not missed else "falls short",
         _delays(theirs),
         str(sum(map(math.isinf, theirs))),
-        _percent([outcome.first == fault for outcome in outcomes]),
-        _percent([fault in outcome.group for outcome in outcomes]),
+        _percent([fault in outcome.early for outcome in outcomes]),
+        _percent([fault in outcome.late for outcome in outcomes]),
         "; ".join(f"{name or 'none'} ({count})" for name, count in groups.most_common(3)),
     )
 
 
+def _quantile(values: Sequence[float], part: float) -> float:
+    return float(np.quantile(values, part, method="inverted_cdf"))
+
+
 def _delays(values: Sequence[float]) -> str:
-    both = (float(np.quantile(values, part, method="inverted_cdf")) for part in (0.5, 0.95))
+    both = (_quantile(values, part) for part in (0.5, 0.95))
     return ", ".join("never" if math.isinf(value) else f"{value:.2f} s" for value in both)
 
 
@@ -180,8 +196,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
     chosen = parser.parse_args(argv)
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
-    outcomes = {fault: [play(fault, seed) for seed in seeds] for fault in ("", *ASKED)}
-    long = [play("", seed, LONG_ROWS) for seed in seeds[:LONG_RUNS]]
+    limits()  # before there are other processes
+    with Pool(PROCESSES) as pool:
+        outcomes = {fault: pool.map(play, [(fault, seed, ROWS) for seed in seeds]) for fault in ("", *ASKED)}
+        long = pool.map(play, [("", seed, LONG_ROWS) for seed in seeds[:LONG_RUNS]])
     rows = [row(fault, outcomes[fault]) for fault in ASKED]
     early = sum(o.alarm is not None and o.alarm < BEGIN for fault in ASKED for o in outcomes[fault])
     notes = (

@@ -48,14 +48,14 @@ def test_bond_graph_is_the_published_plant(fault: str) -> None:
 
 def test_faults_are_found_and_a_healthy_plant_is_left_alone() -> None:
     """Each ramp is found within 3 s, none in a healthy run; valve 3 and tank 3 share, T1 and T2 are told apart."""
-    found = {fault: three_tank.play(fault, seed=11) for fault in ("", *three_tank.ASKED)}
+    found = {fault: three_tank.play((fault, 11, three_tank.ROWS)) for fault in ("", *three_tank.ASKED)}
     assert found[""].alarm is None
-    assert found[""].group == ()
+    assert found[""].late == ()
     for fault in three_tank.ASKED:
         assert 0.2 < found[fault].delay(found[fault].alarm) < 3.0
-    assert {"V3", "T3"} <= set(found["V3"].group) & set(found["T3"].group)
-    assert (found["T1"].first, found["T2"].first) == ("T1", "T2")
-    assert {"V3", "T3"}.isdisjoint(found["T1"].group)
+        assert fault in found[fault].early
+    assert {"V3", "T3"} <= set(found["V3"].late) & set(found["T3"].late)
+    assert (found["T1"].late, found["T2"].late) == (("T1",), ("T2",))
 
 
 def test_alarm_of_the_residuals_takes_three_in_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,11 +75,12 @@ def test_alarm_of_the_residuals_takes_three_in_a_row(monkeypatch: pytest.MonkeyP
 def test_line_of_the_table() -> None:
     """A run with an alarm before the fault, or none, counts as missed; the line tells groups and how often."""
     runs = [
-        three_tank.Outcome(fault="V3", seed=k, alarm=alarm, first=first, group=("T3", "V3"), residuals=other)
-        for k, (alarm, first, other) in enumerate([(7.0, "V3", 7.5), (7.5, "T3", None), (3.0, "V3", 8.0)])
+        three_tank.Outcome(fault="V3", seed=k, alarm=alarm, early=early, late=("T3", "V3"), residuals=other)
+        for k, (alarm, early, other) in enumerate([(7.0, ("V3",), 7.5), (7.5, ("V2",), None), (3.0, ("V3",), 8.0)])
     ]
     cells = three_tank.row("V3", runs)
-    assert cells[:6] == ("V3", "4.35 s", "1.50 s, never", "1", "2.00 s, never", "1")
-    assert cells[6:] == ("67 %", "100 %", "T3, V3 (3)")
+    assert cells[:5] == ("V3", "4.35 s, none missed", "1.50 s, never", "1", "falls short")
+    assert cells[5:] == ("2.00 s, never", "1", "67 %", "100 %", "T3, V3 (3)")
+    assert three_tank.row("V3", runs[:2])[4] == "met"
     assert math.isinf(runs[2].delay(runs[2].alarm))
     assert three_tank.false_alarms("Healthy", runs) == "Healthy: false alarms in 3 of 3 runs, of the residuals in 2."
