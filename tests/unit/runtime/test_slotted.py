@@ -14,7 +14,7 @@ from faultbond.runtime.slotted import SWITCHING, advance_slots, begin_slots, sha
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault
-from faultbond.spec import EngineSpec, covariance_place, pack, unpack
+from faultbond.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind, FloatArray
 
@@ -199,6 +199,21 @@ def test_pairs_come_and_go_over_the_whole_trail() -> None:
             gain = sum(value * (float(mode == 0) + 0.1 * size) for value, mode in zip(y, modes, strict=True))
             total[modes[-1]] += weight * np.exp(gain)
         assert found[-1, k : k + 2] == pytest.approx(trail.lanes[0, -1] + np.log(total), rel=1e-9)
+
+
+def test_slow_errors_are_begun_anew() -> None:
+    """What slow errors have taken up of the fault by the alarm is forgotten in all lanes with a slot."""
+    slow = SlowErrorSpec(name="omega", sd=0.5, memory=10.0, alarms=False)
+    spec = replace(SPEC, slow_errors=(slow,))
+    trail = toy_trail(spec, 5)
+    trail.lanes[:, spec.slow_slice] = 0.3
+    found = begin_slots(spec, ToyEngine(spec), trail, 3, np.array([8.0]))
+    wanted = np.zeros(spec.slotted.n_joint)
+    wanted[spec.slow_slice] = slow.sd**2
+    for lane in found.T:
+        full = unpack(spec.slotted, lane[spec.slotted.covariance_slice])
+        assert lane[spec.slow_slice] == 0.0
+        assert full[spec.slow_slice][0] == pytest.approx(wanted, rel=1e-12)
 
 
 def test_without_lanes_nothing_is_done() -> None:
