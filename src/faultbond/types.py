@@ -66,7 +66,8 @@ class CheckKind(Enum):
 class Method(Enum):
     """Detection and diagnosis method."""
 
-    BANK = "bank"
+    BANK = "bank"  # a filter for every hypothesis
+    CLASSIC = "classic"  # that of the thesis
 
 
 class EngineChoice(Enum):

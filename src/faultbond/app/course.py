@@ -49,7 +49,7 @@ class Course:
         self._began = before
         self.found = before.found if before is not None else Found()
         self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
-        self._told = -1
+        self._told, self._lost = -1, 0
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
             self._trace.before(() if self.found.open is None else (self.found.open,), self.found.accepted)
@@ -145,14 +145,17 @@ class Course:
         if self.found.waiting == samples:
             absent = next(item.name for item, seen in zip(spec.inputs, self._seen, strict=True) if not seen)
             return f"no row has a value of the input {absent}"
-        needed = spec.thresholds.warm_up_samples + 1
-        if samples - self.found.waiting < needed:
-            return f"the recording ended after {samples} samples, and the alarms are off for the first {needed - 1}"
+        if samples - self.found.waiting <= self._watcher.asleep:
+            off = self._watcher.asleep
+            return f"the recording ended after {samples} samples, and the alarms are off for the first {off}"
+        if self._lost:
+            return "the filter lost the plant again and again; check units, noise and accuracies in the model file"
         return "no row has a value of a sensor once the alarms are on"
 
     def _count(self, sample: Sample, status: Status) -> None:
         self._seen |= np.isfinite(sample.u)
         watched = status in ALARMS_ON and bool(np.isfinite(sample.y).any())
+        self._lost += status is Status.LOST
         waiting = status is Status.WAITING
         if watched or waiting:
             found = self.found

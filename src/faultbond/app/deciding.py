@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from faultbond.app.keeping import read_before
-from faultbond.app.methods import restored
+from faultbond.app.methods import ONE_FAULT, restored
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.out import Out
 from faultbond.io.saved import Saved, write_saved
@@ -55,9 +55,11 @@ def _opened(model: Path, state: Path) -> tuple[BondGraph, EngineSpec, Saved, Sta
     graph = load_model(model)
     if graph.grid is TimeGrid.NONE:
         raise FaultbondError(f"{model}: a run on a network without time is not kept, so nothing can be decided in it.")
-    saved = read_before(state, graph, Method.BANK)
+    saved = read_before(state, graph)
     if saved is None:
         raise RecordingError(f"{state}: there is no such file. `faultbond run MODEL REC --state {state}` writes it.")
+    if saved.method is not Method.BANK:
+        raise FaultbondError(f"{state}: {ONE_FAULT}")
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.specify import build_spec  # noqa: PLC0415 - loads casadi
 

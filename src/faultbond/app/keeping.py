@@ -13,8 +13,8 @@ from faultbond.types import Method
 EVERY = 60.0  # s between two writings of a live run
 
 
-def read_before(path: Path | None, graph: BondGraph, method: Method) -> Saved | None:
-    """Give the run that a new one goes on from; None where there is no file yet.
+def read_before(path: Path | None, graph: BondGraph, method: Method | None = None) -> Saved | None:
+    """Give the run that a new one, of a method, goes on from; None where there is no file yet.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def read_before(path: Path | None, graph: BondGraph, method: Method) -> Saved | 
         return None
     saved = read_saved(path)
     _refuse_other_model(path, saved, graph)
-    if saved.method is not method:
+    if method not in (None, saved.method):
         raise RecordingError(
             f"{path}: it was saved by --method {saved.method.value}. Give that method, or name another file."
         )

@@ -6,16 +6,22 @@ from typing import Protocol
 
 from faultbond.app.engines import build_watcher
 from faultbond.app.rows import resumed
-from faultbond.errors import RecordingError
+from faultbond.errors import FaultbondError, RecordingError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
+from faultbond.runtime.classic import state as classic
+from faultbond.runtime.classic import watch as classic_watch
+from faultbond.runtime.classic.plan import ClassicPlan
+from faultbond.runtime.classic.ranking import current_limits
+from faultbond.runtime.classic.state import ClassicState
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice, FloatArray, Method
 
+ONE_FAULT = "The method `classic` knows one healthy model: only `bank` goes on from a fault that was accepted."
 Numbers = Mapping[str, FloatArray]
 
 
@@ -29,6 +35,10 @@ class Watcher(Protocol):
     @property
     def title(self) -> str:
         """The engine, in words."""
+
+    @property
+    def asleep(self) -> int:
+        """Samples after the start for which the alarms are off."""
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
@@ -64,6 +74,7 @@ class Bank:
     ) -> None:
         self.spec = spec
         self.title = engine.title
+        self.asleep = spec.thresholds.warm_up_samples
         self._engine = engine
         self._probe = probe
         self._state = init(spec) if saved is None else restored(spec, saved)
@@ -102,8 +113,57 @@ class Bank:
         return self._state.save()
 
 
+class Classic:
+    """The method `classic`, that of the thesis.
+
+    Parameters
+    ----------
+    spec, plan : the model
+    saved : what another watcher saved; None begins anew
+    """
+
+    def __init__(self, spec: EngineSpec, plan: ClassicPlan, saved: Numbers | None = None) -> None:
+        self.spec = spec
+        self.title = f"the thesis' algorithms, {len(plan.formulas)} closed forms"
+        self.asleep = classic.delay_of(spec, plan) + plan.depth + spec.thresholds.warm_up_samples
+        self._plan = plan
+        fresh = classic.init(spec, plan)
+        self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))
+
+    def resume(self) -> None:
+        """Expect a sample after a time of unknown length."""
+        if self._state.alarm < 0:
+            self._state = replace(classic.init(self.spec, self._plan), index=self._state.index)
+
+    def step(self, sample: Sample) -> Report:
+        """Take one sample; the statistic is that part of its limit which it is of the bank's."""
+        self._state, report = classic_watch.step(self.spec, self._plan, self._state, sample)
+        limits = current_limits(self.spec, self._plan, self._state)
+        return replace(report, cusum=report.cusum / limits * self.spec.thresholds.cusum_limit)
+
+    def finish(self) -> Diagnosis | None:
+        """Give the last diagnosis, if a fault was detected."""
+        return classic_watch.finish(self.spec, self._plan, self._state)
+
+    def accept(self, hypothesis: int) -> Candidate:
+        """Refuse: the method knows one healthy model."""
+        raise FaultbondError(ONE_FAULT)
+
+    def reject(self, hypothesis: int) -> Candidate:
+        """Refuse: the method knows one healthy model."""
+        raise FaultbondError(ONE_FAULT)
+
+    def save(self) -> Numbers:
+        """Give what is remembered, by name."""
+        return self._state.save()
+
+
 def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: Numbers | None = None) -> Watcher:
     """Give a watcher of a plant, at its beginning, or as it was saved."""
+    if method is Method.CLASSIC:
+        from faultbond.synthesis.classic.build import build_classic  # noqa: PLC0415 - loads casadi and sympy
+
+        return Classic(*build_classic(graph), saved)
     spec, engine = build_watcher(graph, choice)
     from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
 
@@ -118,7 +178,11 @@ def restored(spec: EngineSpec, saved: Numbers) -> State:
     RecordingError
         Where it does not fit the model.
     """
-    fresh = init(spec).save()
+    return State.restore(_fitting(init(spec).save(), saved))
+
+
+def _fitting(fresh: Numbers, saved: Numbers) -> dict[str, FloatArray]:
+    """Give saved numbers whose names and shapes are those of a fresh state."""
     if {name: values.shape for name, values in fresh.items()} != {name: saved[name].shape for name in saved}:
         raise RecordingError("the saved state was made by another version of faultbond. Delete its file to begin anew.")
-    return State.restore(dict(saved))
+    return dict(saved)
