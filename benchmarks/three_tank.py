@@ -50,6 +50,12 @@ HEADER = (
     "at 20 s",
     "groups at 20 s",
 )
+HEADING = """## Three tanks of the Fault Diagnosis Toolbox
+
+The toolbox' own example: three tanks in a row under feedback, noise of 0.01 on level p1 and flow q2, six faults that
+grow to 0.3 from 6 s to 10 s. Delays count from the start of the ramp. Beside ours stand the three residuals of the
+toolbox on the same data, with thresholds at the 99 % quantile of healthy runs and three samples in a row for an alarm.
+V3 and T3 enter the same equation and cannot be told apart."""
 PROCESSES = 2
 _EPSILON = 1e-9  # s
 
@@ -214,7 +220,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         chosen.json.write_text(json.dumps({"notes": notes, "runs": runs}, indent=1) + "\n", encoding="utf-8")
     if chosen.markdown is not None:
         command = f"python -m benchmarks.three_tank --seeds {chosen.seeds} --first-seed {chosen.first_seed}"
-        write_part(chosen.markdown, "three_tank", f"`{command}`\n\n{as_markdown(HEADER, rows)}\n\n" + " ".join(notes))
+        text = f"{HEADING}\n\n`{command}`\n\n{as_markdown(HEADER, rows)}\n\n" + " ".join(notes)
+        write_part(chosen.markdown, "three_tank", text)
 
 
 if __name__ == "__main__":

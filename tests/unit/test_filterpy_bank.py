@@ -82,6 +82,9 @@ def outcome(alarm: float, rank: int) -> Outcome:
 def test_lines_of_the_table() -> None:
     """Both stand side by side, an early alarm is counted."""
     lines = rivals.rows_of_both("rlc.C", [(outcome(21.0, 1), outcome(22.0, 2)), (outcome(21.5, 1), outcome(15.0, 1))])
-    assert lines[0][1:] == ("1.6 s", "1.5 s (median 1 s; none missed)", "never (median 2 s; 1 missed)")
-    assert lines[1][2:] == ("2 of 2 (100 %)", "0 of 2 (0 %)")
-    assert lines[-1] == ("rlc, C x1.34: alarms before the fault", "0", "0", "1")
+    assert lines[0][1:] == ("1.6 s", "1.5 s (median 1 s; none missed)", "never (median 2 s; 1 missed)", "better")
+    assert lines[1][2:] == ("2 of 2 (100 %)", "0 of 2 (0 %)", "better")
+    assert lines[2][2:] == ("1 % (median 1 %)", "none (median 1 %)", "better")
+    assert lines[-1] == ("rlc, C x1.34: alarms before the fault", "0", "0", "1", "better")
+    turned = rivals.rows_of_both("rlc.C", [(outcome(22.0, 1), outcome(21.0, 1))])
+    assert [line[-1] for line in turned] == ["worse", "equal", "equal", "equal"]
