@@ -158,7 +158,7 @@ def _played(folder: str, recording: Simulation, suspects: Sequence[str]) -> Play
 
 _LEAK, _PIPE = ("K6", 8.37), ("K1", 1.85)  # the leak: 8.7e-5 m3/s
 SMALL_LEAK = 1.0 + 1.0e-5 / 1.04e-5  # 0.010 l/s more
-_TANK_LOOKS, _MOTOR_LOOKS = (120.0, 300.0, 600.0, 1200.0), (2.0, 5.0, 10.0, 20.0)
+_TANK_LOOKS, _MOTOR_LOOKS = (120.0, 300.0, 600.0), (2.0, 5.0, 10.0, 20.0)
 _SETS: dict[str, tuple[tuple[str, float], ...]] = {
     "K1": (_PIPE,),
     "K6": (_LEAK,),

@@ -157,6 +157,7 @@ class EngineSpec:
     hypotheses: tuple[tuple[int, ...], ...]  # sets of parameter indices
     thresholds: Thresholds
     explain_anything: tuple[tuple[int, ...], ...] = ()  # sets that no data can contradict; not tested
+    reserve: tuple[tuple[int, ...], ...] = ()  # testable sets, too many to be tested at once; the likeliest are, later
     checks: tuple[CheckSpec, ...] = ()
     slot: bool = False  # whether lanes have the slot for one more fault
 
@@ -173,9 +174,20 @@ class EngineSpec:
         return tuple(Instrument(name=name, is_output=out, index=k) for k, name, out in (*outputs, *inputs))
 
     @property
-    def n_hypotheses(self) -> int:
-        """Sets of parameters, and instruments."""
+    def n_begun(self) -> int:
+        """Hypotheses that are tested from the alarm on: sets of parameters, and instruments."""
         return len(self.hypotheses) + len(self.instruments)
+
+    @property
+    def n_hypotheses(self) -> int:
+        """All hypotheses: those tested from the alarm on, then those in reserve."""
+        return self.n_begun + len(self.reserve)
+
+    def members(self, hypothesis: int) -> tuple[int, ...]:
+        """Give the parameters of a hypothesis; none of an instrument."""
+        if hypothesis < len(self.hypotheses):
+            return self.hypotheses[hypothesis]
+        return () if hypothesis < self.n_begun else self.reserve[hypothesis - self.n_begun]
 
     @cached_property
     def n_joint(self) -> int:

@@ -27,7 +27,7 @@ RECORDS = {
     "diagnosis": (
         "time candidates unexplained signal since until components parameters nominal estimate sd probability group "
         "kind kinds present rate rate_sd forecasts limit earliest latest advice check target gain cost value within "
-        "separates"
+        "separates untested sets"
     ),
     "accepted": "time components parameters probability kind by",
     "rejected": "time components parameters probability kind by",

@@ -36,7 +36,7 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     wanted = frozenset(components)
     found = [
         k
-        for k, chosen in enumerate(spec.hypotheses)
+        for k, chosen in enumerate(map(spec.members, range(spec.n_hypotheses)))
         if wanted
         in (
             frozenset(spec.parameters[i].component for i in chosen),
@@ -63,7 +63,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         Where there is no alarm to explain.
     """
     candidate = candidate_of(spec, state, hypothesis)
-    lane = int(best_lanes(spec, state.bank.likelihoods)[hypothesis])
+    lane = int(best_lanes(spec, state.bank)[hypothesis])
     steps = state.steps.shape[1]
     if lane < steps:
         changed, healthy = state, state.steps[:, lane]
@@ -123,8 +123,9 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
 
 def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
     """Give the parameters of a hypothesis, or its sensor or input."""
-    if hypothesis < len(spec.hypotheses):
-        return frozenset(spec.parameters[i].name for i in spec.hypotheses[hypothesis])
+    members = spec.members(hypothesis)
+    if members:
+        return frozenset(spec.parameters[i].name for i in members)
     return frozenset({spec.instruments[hypothesis - len(spec.hypotheses)].name})
 
 

@@ -62,7 +62,7 @@ def _rivals(spec: EngineSpec, engine: Engine, state: State, diagnosis: Diagnosis
     """Give the candidates that matter, with probabilities that add up to 1."""
     kept = [item for item in diagnosis.candidates[:MOST] if item.probability >= LEAST]
     total = sum(item.probability for item in kept)
-    lanes = best_lanes(spec, state.bank.likelihoods)
+    lanes = best_lanes(spec, state.bank)
     steps, rivals = state.steps.shape[1], []
     for item in kept:
         lane = int(lanes[item.hypothesis])

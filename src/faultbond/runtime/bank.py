@@ -4,11 +4,12 @@ Steps of parameters run in lanes of `faultbond.runtime.stepped`, all other kinds
 `faultbond.runtime.slotted`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.growing import PER_SET, Tested, extend, factors, grow, n_grown
+from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import advance_slots, begin_slots
@@ -19,11 +20,20 @@ from faultbond.types import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bank:
-    """All lanes: `steps` (n_numbers, n), `slots` (n_numbers of slot lanes, m); `misfit` of both, in this order."""
+    """All lanes.
+
+    steps : (n_numbers, n), those of the hypotheses, then those of sets taken from the reserve
+    slots : (n_numbers of slot lanes, m)
+    misfit : of both, in this order
+    healthy : (n_numbers, 1), the healthy lane before the fault; none where there is no reserve
+    grown : (n_grown,), which sets of the reserve have lanes; -1: not yet
+    """
 
     steps: FloatArray
     slots: FloatArray
     misfit: Misfit
+    healthy: FloatArray
+    grown: FloatArray
 
     @property
     def likelihoods(self) -> FloatArray:
@@ -33,11 +43,13 @@ class Bank:
 
 def no_bank(spec: EngineSpec) -> Bank:
     """Give a bank of zeros, of the right size."""
-    n, m = plan_lanes(spec).n_lanes, plan_slots(spec).n_lanes
+    n, m = plan_lanes(spec).n_lanes + PER_SET * n_grown(spec), plan_slots(spec).n_lanes
     return Bank(
         steps=np.zeros((spec.n_numbers, n)),
         slots=np.zeros((spec.slotted.n_numbers, m)),
         misfit=no_misfit(spec, n + m, 0),
+        healthy=np.zeros((spec.n_numbers, 1 if spec.reserve else 0)),
+        grown=np.full(n_grown(spec), -1.0),
     )
 
 
@@ -57,8 +69,15 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak
         Number of the sample of the alarm.
     """
     steps = begin_steps(spec, engine, trail, change)
+    later = np.zeros((spec.n_numbers, PER_SET * n_grown(spec)))  # of no weight until the sets are chosen
     slots = begin_slots(spec, engine, trail, change, peak)
-    return Bank(steps=steps, slots=slots, misfit=no_misfit(spec, steps.shape[1] + slots.shape[1], index))
+    return Bank(
+        steps=np.concatenate([steps, later], axis=1),
+        slots=slots,
+        misfit=no_misfit(spec, steps.shape[1] + later.shape[1] + slots.shape[1], index),
+        healthy=trail.lanes[0][:, None].copy() if spec.reserve else np.zeros((spec.n_numbers, 0)),
+        grown=np.full(n_grown(spec), -1.0),
+    )
 
 
 def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, index: int) -> Bank:
@@ -66,12 +85,40 @@ def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArra
     steps, one = advance_steps(spec, engine, bank.steps, packed)
     slots, two = advance_slots(spec, engine, bank.slots, packed)
     innovations = np.concatenate([one, two], axis=1)
-    return Bank(steps=steps, slots=slots, misfit=add_misfit(spec, bank.misfit, packed, innovations, index))
+    return replace(
+        bank,
+        steps=steps,
+        slots=slots,
+        misfit=add_misfit(spec, bank.misfit, packed, innovations, index),
+    )
 
 
-def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, index: int) -> Bank:
-    """Begin lanes of steps again from what the bank has found; see `renew_steps`."""
-    steps = renew_steps(spec, engine, trail, bank.steps)
+def tested_sets(spec: EngineSpec, bank: Bank) -> Tested:
+    """Give the sets of steps that have lanes since the alarm, by their best lanes."""
+    plan = plan_lanes(spec)
+    own = bank.steps[:, : plan.n_lanes]
+    best, _ = extremes(plan, own[-1])
+    mean, variance = factors(spec, own[:, best])
+    return Tested(sets=spec.hypotheses, likelihood=own[-1, best], mean=mean, variance=variance)
+
+
+def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int) -> Bank:
+    """Begin lanes of steps again from what the bank has found, and those of the likeliest sets in reserve.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    trail : the last samples and healthy lanes
+    bank : the bank before
+    alarm : place of the alarm in the trail
+    index : number of the sample of now
+    """
+    own, grown = plan_lanes(spec).n_lanes, bank.grown
+    steps = bank.steps.copy()
+    steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own], alarm)
+    if spec.reserve:
+        extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
+        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm)
     renewed = np.zeros(bank.misfit.sums.shape[2], dtype=bool)
     renewed[: steps.shape[1]] = np.any(steps != bank.steps, axis=0)
-    return Bank(steps=steps, slots=bank.slots, misfit=begin_again(bank.misfit, renewed, index))
+    return replace(bank, steps=steps, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

@@ -111,17 +111,26 @@ class Advice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Untested:
+    """Sets too many to be tested: how many, and the estimated probability that one of them is the true one."""
+
+    sets: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """Ranked candidates at a time, best first.
 
     unexplained: that none of the modelled faults explains the data. advice: what to do next, the best for its cost
-    first.
+    first. untested: what else it could be; None where all sets are tested.
     """
 
     time: float
     candidates: tuple[Candidate, ...]
     unexplained: Unexplained | None = None
     advice: tuple[Advice, ...] = ()
+    untested: Untested | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.runtime.alarm import accumulated, detect, slow_ratios
-from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
-from faultbond.runtime.history import Detection, Diagnosis, Unexplained
+from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank, tested_sets
+from faultbond.runtime.growing import extend
+from faultbond.runtime.history import Detection, Diagnosis, Unexplained, Untested
 from faultbond.runtime.packing import corrected, pack_sample
-from faultbond.runtime.ranking import lane_table, leading_lane, rank
+from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Changes, Report, Sample, State, Status, bank_fields
 from faultbond.runtime.stepped import Trail
@@ -85,13 +86,15 @@ def _silent(spec: EngineSpec, status: Status) -> Report:
 def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
     """Collect the first samples, then solve the start and filter what was collected."""
     count = state.index - state.begun + 1
-    needed = START_SAMPLES if any(item.start_sd is None for item in spec.states) else 1
+    again = bool(np.any(state.lane))  # the filter ran before: the start that the model gives is long past
+    needed = START_SAMPLES if again or any(item.start_sd is None for item in spec.states) else 1
     if count < needed or (needed > 1 and count < START_PATIENCE and not _all_seen(spec, state)):
         return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
     chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
     samples = state.trail_samples[chosen]
-    mean, covariance = solve_start(spec, engine, samples)
-    lane = healthy_lane(spec, mean, covariance)
+    known = state.lane if state.accepted >= 0 else None
+    mean, covariance = solve_start(spec, engine, samples, known, again=again)
+    lane = healthy_lane(spec, mean, covariance, known)
     lanes = state.trail_lanes.copy()
     innovations = np.zeros((1, 2 * len(spec.outputs), 1))
     for slot, sample in zip(chosen, samples, strict=True):
@@ -150,12 +153,13 @@ def _judge(
     if alarm >= 0:
         bank = advance_bank(spec, engine, bank, packed, state.index)
         if state.index - alarm in RENEWALS:
-            bank = renew_bank(spec, engine, _cut_trail(state, alarm)[0], bank, state.index)
+            trail, place = _cut_trail(state, alarm)
+            bank = renew_bank(spec, engine, trail, bank, place, state.index)
     elif warm:
         detection, change = detect(spec, state)
         if detection is not None:
-            alarm, trail = state.index, _cut_trail(state, change)
-            bank = begin_bank(spec, engine, *trail, state.peak, state.index)
+            alarm = state.index
+            bank = begin_bank(spec, engine, *_cut_trail(state, change), state.peak, state.index)
     due = alarm >= 0 and (state.index - alarm) % DIAGNOSIS_EVERY == 0
     report = _report(
         spec,
@@ -181,14 +185,31 @@ def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     """Give the diagnosis of now, after a detection."""
     bank = _without(spec, state)
-    return replace(rank(spec, state.time, bank), unexplained=_unexplained(spec, state, leading_lane(spec, bank)))
+    return replace(
+        rank(spec, state.time, bank),
+        unexplained=_unexplained(spec, state, leading_lane(spec, bank)),
+        untested=_untested(spec, state.bank),
+    )
+
+
+def _untested(spec: EngineSpec, bank: Bank) -> Untested | None:
+    """Tell how likely the sets are that have no lanes, by the closed form."""
+    if not spec.reserve:
+        return None
+    left = np.setdiff1d(np.arange(len(spec.reserve)), bank.grown.astype(np.intp))
+    costs = spec.thresholds.cost_per_suspect * np.array([len(chosen) for chosen in spec.reserve])
+    score = (extend(spec, tested_sets(spec, bank), bank.healthy[:, 0]).likelihood - costs)[left]
+    own = scores(spec, bank)
+    top = max(float(own.max()), float(score.max(initial=-np.inf)))
+    rest = float(np.exp(score - top).sum())
+    return Untested(sets=len(left), probability=rest / (rest + float(np.exp(own - top).sum())))
 
 
 def _without(spec: EngineSpec, state: State) -> Bank:
     """Give the bank without the hypotheses that were rejected."""
     if not np.any(state.rejected):
         return state.bank
-    out = state.rejected[lane_table(spec).hypothesis] > 0
+    out = state.rejected[table_of(spec, state.bank).hypothesis] > 0
     steps, slots, n = state.steps.copy(), state.slots.copy(), state.steps.shape[1]
     steps[-1, out[:n]] = slots[-1, out[n:]] = -np.inf
     return replace(state.bank, steps=steps, slots=slots)

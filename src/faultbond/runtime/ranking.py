@@ -12,6 +12,7 @@ import numpy as np
 
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.estimates import slot_suspects, step_suspects
+from faultbond.runtime.growing import PER_SET
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.slots import plan_slots
@@ -36,36 +37,52 @@ class LaneTable:
     costs: FloatArray
 
 
+def table_of(spec: EngineSpec, bank: Bank) -> LaneTable:
+    """Give the table of a bank."""
+    return lane_table(spec, tuple(int(k) for k in bank.grown))
+
+
 @lru_cache(maxsize=8)
-def lane_table(spec: EngineSpec) -> LaneTable:
-    """Give the hypotheses, kinds and weights of all lanes; starts of a hypothesis weigh the same."""
+def lane_table(spec: EngineSpec, grown: tuple[int, ...] = ()) -> LaneTable:
+    """Give the hypotheses, kinds and weights of all lanes; starts of a hypothesis weigh the same.
+
+    grown: which sets of the reserve have lanes, -1: not yet.
+    """
     steps, slots = plan_lanes(spec), plan_slots(spec)
     counts = np.bincount(steps.hypothesis, minlength=len(spec.hypotheses))
+    later = np.repeat(np.array(grown, dtype=np.intp), PER_SET)
+    none = np.where(later < 0, -np.inf, -np.log(PER_SET))
     settings = spec.thresholds
     instruments = [
         settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments
     ]
-    kinds = [_KINDS.index(FaultKind.STEP)] * steps.n_lanes + [_KINDS.index(lane.kind) for lane in slots.lanes]
+    in_reserve = [settings.cost_per_suspect * len(chosen) for chosen in spec.reserve]
+    kinds = [_KINDS.index(FaultKind.STEP)] * (steps.n_lanes + len(later))
+    kinds += [_KINDS.index(lane.kind) for lane in slots.lanes]
     return LaneTable(
-        hypothesis=np.concatenate([steps.hypothesis, slots.hypothesis]),
+        hypothesis=np.concatenate([steps.hypothesis, spec.n_begun + np.maximum(later, 0), slots.hypothesis]),
         kind=np.array(kinds, dtype=np.intp),
-        weight=np.concatenate([-np.log(counts[steps.hypothesis]), slots.weight]),
-        costs=np.array([*(settings.cost_per_suspect * steps.sizes), *instruments]),
+        weight=np.concatenate([-np.log(counts[steps.hypothesis]), none, slots.weight]),
+        costs=np.array([*(settings.cost_per_suspect * steps.sizes), *instruments, *in_reserve]),
     )
 
 
-def by_kind(spec: EngineSpec, likelihoods: FloatArray) -> FloatArray:
+def by_kind(spec: EngineSpec, bank: Bank) -> FloatArray:
     """Give the weighted likelihood, in logarithm, of each hypothesis and kind, shape (n_hypotheses, n_kinds)."""
-    table = lane_table(spec)
+    table = table_of(spec, bank)
     total = np.full((spec.n_hypotheses, len(_KINDS)), -np.inf)
-    finite = np.where(np.isfinite(likelihoods), likelihoods, _LOWEST)
-    np.logaddexp.at(total, (table.hypothesis, table.kind), finite + table.weight)
+    np.logaddexp.at(total, (table.hypothesis, table.kind), _weighted(table, bank))
     return total
 
 
-def scores(spec: EngineSpec, likelihoods: FloatArray) -> FloatArray:
-    """Give the score of each hypothesis, shape (n_hypotheses,), from the log-likelihoods of all lanes."""
-    return _scores(spec, by_kind(spec, likelihoods))
+def _weighted(table: LaneTable, bank: Bank) -> FloatArray:
+    likelihoods = bank.likelihoods
+    return np.asarray(np.where(np.isfinite(likelihoods), likelihoods, _LOWEST) + table.weight)
+
+
+def scores(spec: EngineSpec, bank: Bank) -> FloatArray:
+    """Give the score of each hypothesis, shape (n_hypotheses,); -inf of those that have no lanes."""
+    return _scores(spec, by_kind(spec, bank))
 
 
 def _scores(spec: EngineSpec, kinds: FloatArray) -> FloatArray:
@@ -74,14 +91,13 @@ def _scores(spec: EngineSpec, kinds: FloatArray) -> FloatArray:
 
 def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:
     """Give the ranked candidates of a bank, best first."""
-    likelihoods = bank.likelihoods
-    kinds = by_kind(spec, likelihoods)
+    kinds = by_kind(spec, bank)
     score = _scores(spec, kinds)
     weight = np.exp(score - score.max())
     probability = weight / weight.sum()
-    order = np.argsort(-score, kind="stable")[:MAX_CANDIDATES]
+    order = [int(k) for k in np.argsort(-score, kind="stable") if score[k] > -np.inf][:MAX_CANDIDATES]
     group = score >= score.max() - spec.thresholds.group_nats
-    best = best_lanes(spec, likelihoods)
+    best = best_lanes(spec, bank)
     candidates = tuple(
         _candidate(spec, time, bank, int(best[k]), float(probability[k]), bool(group[k]), kinds[k]) for k in order
     )
@@ -90,18 +106,20 @@ def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:
 
 def leading_lane(spec: EngineSpec, bank: Bank) -> int:
     """Give the lane that tells of the best candidate; lanes of steps come first."""
-    return int(best_lanes(spec, bank.likelihoods)[np.argmax(scores(spec, bank.likelihoods))])
+    return int(best_lanes(spec, bank)[np.argmax(scores(spec, bank))])
 
 
-def best_lanes(spec: EngineSpec, likelihoods: FloatArray) -> IntArray:
-    """Give the likeliest lane of each hypothesis among those of its likeliest kind, shape (n_hypotheses,)."""
-    table = lane_table(spec)
-    leading = np.argmax(by_kind(spec, likelihoods), axis=1)
-    finite = np.where(np.isfinite(likelihoods), likelihoods, _LOWEST) + table.weight
-    finite = np.where(table.kind == leading[table.hypothesis], finite, -np.inf)
-    order = np.lexsort((-finite, table.hypothesis))
+def best_lanes(spec: EngineSpec, bank: Bank) -> IntArray:
+    """Give the likeliest lane of each hypothesis among those of its likeliest kind, shape (n_hypotheses,).
+
+    What stands for a hypothesis that has no lanes means nothing.
+    """
+    table = table_of(spec, bank)
+    leading = np.argmax(by_kind(spec, bank), axis=1)
+    weighted = np.where(table.kind == leading[table.hypothesis], _weighted(table, bank), -np.inf)
+    order = np.lexsort((-weighted, table.hypothesis))
     first = np.searchsorted(table.hypothesis[order], np.arange(spec.n_hypotheses))
-    return np.asarray(order[first], dtype=np.intp)
+    return np.asarray(order[np.minimum(first, len(order) - 1)], dtype=np.intp)
 
 
 def _candidate(
@@ -111,9 +129,9 @@ def _candidate(
     steps = bank.steps.shape[1]
     shares = np.exp(kinds - np.logaddexp.reduce(kinds))
     order = [int(k) for k in np.argsort(-shares, kind="stable") if np.isfinite(kinds[k])]
-    hypothesis = int(lane_table(spec).hypothesis[lane])
+    hypothesis = int(table_of(spec, bank).hypothesis[lane])
     if lane < steps:
-        suspects, present = step_suspects(spec, bank.steps[:, lane], spec.hypotheses[hypothesis]), True
+        suspects, present = step_suspects(spec, bank.steps[:, lane], spec.members(hypothesis)), True
     else:
         suspects, present = slot_suspects(spec, bank.slots, lane - steps, time)
     return Candidate(

@@ -2,7 +2,17 @@
 
 from collections.abc import Sequence
 
-from faultbond.runtime.history import Accepted, Advice, Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.runtime.history import (
+    Accepted,
+    Advice,
+    Candidate,
+    Detection,
+    Diagnosis,
+    Forecast,
+    Suspect,
+    Unexplained,
+    Untested,
+)
 from faultbond.types import Method
 
 Record = dict[str, object]
@@ -54,7 +64,12 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
         "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
         "advice": [_advice(item) for item in diagnosis.advice],
+        "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
     }
+
+
+def _untested(untested: Untested) -> Record:
+    return {"sets": untested.sets, "probability": untested.probability}
 
 
 def _advice(advice: Advice) -> Record:

@@ -69,7 +69,7 @@ def _from_onsets(
 ) -> FloatArray:
     chosen = range(plan.switched)
     mixture: Mixture | None = None
-    for onset, width in onsets(len(samples) - 1, change):
+    for onset, width in onsets(spec, len(samples) - 1, change):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
         lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak)
         lanes[-1] = trail.lanes[onset - 1, -1]

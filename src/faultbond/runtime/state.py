@@ -80,6 +80,8 @@ class State:
     slots: FloatArray
     misfit: FloatArray
     misfit_since: FloatArray
+    healthy: FloatArray
+    grown: FloatArray
     rejected: FloatArray  # (n_hypotheses,): 1 where a person has ruled it out
     reading_gain: FloatArray
     reading_offset: FloatArray
@@ -91,7 +93,13 @@ class State:
     @property
     def bank(self) -> Bank:
         """The bank."""
-        return Bank(steps=self.steps, slots=self.slots, misfit=Misfit(sums=self.misfit, since=self.misfit_since))
+        return Bank(
+            steps=self.steps,
+            slots=self.slots,
+            misfit=Misfit(sums=self.misfit, since=self.misfit_since),
+            healthy=self.healthy,
+            grown=self.grown,
+        )
 
     def save(self) -> dict[str, FloatArray]:
         """Give all numbers by name, for `numpy.savez`."""
@@ -144,6 +152,8 @@ def bank_fields(bank: Bank) -> Changes:
         "slots": bank.slots,
         "misfit": bank.misfit.sums,
         "misfit_since": bank.misfit.since,
+        "healthy": bank.healthy,
+        "grown": bank.grown,
     }
 
 

@@ -17,6 +17,8 @@ from faultbond.types import FloatArray
 
 ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
+LARGE_BANK = 250_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
+SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
 _LOWEST = -1e300  # likelihood of a lane that is no number
 
 
@@ -66,7 +68,7 @@ def begin_steps(
         return engine.advance(lanes, _without_step(spec, samples[onset:]))[0]
 
     mixture: Mixture | None = None
-    for onset, width in onsets(len(trail.samples) - 1, change):
+    for onset, width in onsets(spec, len(trail.samples) - 1, change):
         mixture = mix(mixture, begun(onset), width)
     return mixed(spec, mixture)
 
@@ -87,8 +89,10 @@ def relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     return again
 
 
-def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
+def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray, alarm: int) -> FloatArray:
     """Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
+
+    `alarm` is the place of the alarm in the trail.
 
     A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
     nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier.
@@ -96,7 +100,7 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
     plan = plan_lanes(spec)
     best, worst = extremes(plan, bank[-1])
     starts = found_lanes(spec, plan, bank, best, trail.lanes[0][spec.parameter_slice])
-    again = begin_steps(spec, engine, trail, len(trail.samples) - 1, starts)
+    again = begin_steps(spec, engine, trail, alarm, starts)
     better = _likelihoods(again) > _likelihoods(bank[:, worst])
     renewed = bank.copy()
     renewed[:, worst[better]] = again[:, better]
@@ -133,12 +137,19 @@ def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     return still
 
 
-def onsets(alarm: int, change: int) -> list[tuple[int, float]]:
-    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far back."""
-    places, back = {change, alarm}, 1
-    while back < alarm:
-        places.add(alarm - back)
-        back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
+def onsets(spec: EngineSpec, alarm: int, change: int) -> list[tuple[int, float]]:
+    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far back.
+
+    A bank with very many lanes would take too long to begin at all of them; it tries few, about `change`.
+    """
+    large = plan_lanes(spec).n_lanes * spec.n_packed > LARGE_BANK
+    if large:
+        places = {change, *(change + side * back for back in SPARSE_BACK for side in (-1, 1) if change + back <= alarm)}
+    else:
+        places, back = {change, alarm}, 1
+        while back < alarm:
+            places.add(alarm - back)
+            back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
     chosen = sorted(place for place in places if place >= 1) or [alarm]
     edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
     return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]

@@ -27,6 +27,7 @@ _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
 _OUTSIDE = 4.0  # accuracies by which an estimate may leave the range about a healthy value at its end
+MOST_BEGUN = 300  # sets tested from the alarm on; where there are more, the larger ones wait in reserve
 PROCESS_NOISE = 0.02  # sd added to a state each sample, in noises of the sensor that shows it best
 
 
@@ -36,6 +37,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     graph = plant.graph
     choice = choose_sets(model)
     states = tuple(_state(model, k) for k in range(len(model.states)))
+    begun, reserve = _in_turn(choice.sets)
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
         SlowErrorSpec(
@@ -59,7 +61,8 @@ def build_spec(model: StepModel) -> EngineSpec:
         inputs=tuple(_input(item) for item in graph.inputs),
         outputs=tuple(_output(item, model.direct[k]) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
-        hypotheses=choice.sets,
+        hypotheses=begun,
+        reserve=reserve,
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)
@@ -67,6 +70,14 @@ def build_spec(model: StepModel) -> EngineSpec:
         ),
         thresholds=_thresholds(graph, grid, [error.memory for error in slow if error.alarms]),
     )
+
+
+def _in_turn(sets: tuple[tuple[int, ...], ...]) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[int, ...], ...]]:
+    """Part the sets in those tested from the alarm on, small ones first, and those in reserve."""
+    sizes = sorted({len(chosen) for chosen in sets})
+    most = max((size for size in sizes if sum(len(chosen) <= size for chosen in sets) <= MOST_BEGUN), default=1)
+    begun = tuple(chosen for chosen in sets if len(chosen) <= max(most, min(sizes, default=1)))
+    return begun, tuple(chosen for chosen in sets if chosen not in set(begun))
 
 
 def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresholds:
