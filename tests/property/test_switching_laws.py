@@ -1,5 +1,6 @@
 """Faults that come and go: pairs of lanes that mix, as interacting models do, against plain sums over modes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from faultbond.synthesis.specify import build_spec
 from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-SPEC = build_spec(build_step_model(build_plant(load_model(EXAMPLES / "dc_motor_current" / "model.yaml"))))
+MOTOR = build_spec(build_step_model(build_plant(load_model(EXAMPLES / "dc_motor_current" / "model.yaml"))))
+SPEC = replace(MOTOR, loops=(0.5, 2.0))
 WIDE = SPEC.slotted
 STAY = np.array([[1.0 - SWITCHING, SWITCHING], [SWITCHING, 1.0 - SWITCHING]])
 
@@ -73,6 +75,8 @@ def test_moments_are_those_of_two_normal_densities(seed: int, apart: float, leve
         mean, covariance = two_normals(lanes, joint / joint.sum())
         assert found[: WIDE.n_joint, now] == pytest.approx(mean, rel=1e-9, abs=1e-9)
         assert moments(found[:, now])[1] == pytest.approx(covariance, rel=1e-6, abs=1e-7)
+        loops = lanes[WIDE.loop_slice] @ (joint / joint.sum())
+        assert found[WIDE.loop_slice, now] == pytest.approx(loops, rel=1e-9, abs=1e-9)
         assert found[-1, now] == pytest.approx(
             level + np.logaddexp(apart, 0.0) + np.log(joint.sum()), rel=1e-9, abs=1e-9
         )
