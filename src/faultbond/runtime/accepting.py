@@ -78,6 +78,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         alarm=-1,
         accepted=last,
         lane=healthy[:, None].copy(),
+        normal=healthy[:, None].copy(),
         trail_lanes=trail,
         cusum=np.zeros_like(state.cusum),
         cusum_start=np.full_like(state.cusum_start, last),

@@ -92,7 +92,7 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
         return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
     chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
     samples = state.trail_samples[chosen]
-    known = state.lane if state.accepted >= 0 else None
+    known = state.normal if state.accepted >= 0 else None
     mean, covariance = solve_start(spec, engine, samples, known, again=again)
     lane = healthy_lane(spec, mean, covariance, known)
     lanes = state.trail_lanes.copy()

@@ -5,9 +5,11 @@ switched off), so no other form of the model is needed. A state that these sampl
 nominal plant would settle under the first inputs, and is as uncertain as it is large.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from faultbond.spec import Engine, EngineSpec, pack
+from faultbond.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
@@ -19,8 +21,23 @@ _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the s
 _REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
 
 
-def healthy_lane(spec: EngineSpec, mean: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Give the lane, shape (n_numbers, 1), of a healthy plant with states `mean`, `covariance`."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Data:
+    """The model, packed samples, shape (n_samples, n_sample), and the lane whose parameters hold, if not nominal."""
+
+    spec: EngineSpec
+    engine: Engine
+    samples: FloatArray
+    known: FloatArray | None
+
+
+def healthy_lane(
+    spec: EngineSpec, mean: FloatArray, covariance: FloatArray, known: FloatArray | None = None
+) -> FloatArray:
+    """Give the lane, shape (n_numbers, 1), of a healthy plant with states `mean`, `covariance`.
+
+    `known` (n_numbers, 1) is a lane whose parameters are taken in place of the nominal ones: those that were accepted.
+    """
     n = spec.n_joint
     joint = np.zeros(n)
     full = np.zeros((n, n))
@@ -34,10 +51,16 @@ def healthy_lane(spec: EngineSpec, mean: FloatArray, covariance: FloatArray) -> 
         full[k, k] = parameter.accuracy**2
     for k, index in enumerate(spec.noisy_inputs, spec.noise_slice.start):
         full[k, k] = spec.inputs[index].noise ** 2
+    if known is not None:
+        place = spec.parameter_slice
+        joint[place] = known[place, 0]
+        full[place, place] = unpack(spec, known[spec.covariance_slice, 0])[place, place]
     return np.concatenate([joint, pack(full), spec.loops, [0.0]])[:, None]
 
 
-def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+def solve_start(
+    spec: EngineSpec, engine: Engine, samples: FloatArray, known: FloatArray | None = None, *, again: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Give mean (n_states,) and covariance (n_states, n_states), SI, of the states before the first sample.
 
     Parameters
@@ -45,18 +68,23 @@ def solve_start(spec: EngineSpec, engine: Engine, samples: FloatArray) -> tuple[
     spec, engine : the model
     samples : float array, shape (n_samples, n_sample)
         The first packed samples.
+    known : float array, shape (n_numbers, 1)
+        A lane whose parameters hold; None: the nominal ones do.
+    again : bool
+        Whether the plant has run before, so that what the model says of the start does not hold.
     """
-    known = np.array([state.start_sd is not None for state in spec.states], dtype=bool)
+    given = np.array([state.start_sd is not None and not again for state in spec.states], dtype=bool)
     mean = np.array([state.start_mean for state in spec.states])
     sd = np.array([state.start_sd or 0.0 for state in spec.states])
-    free = np.flatnonzero(~known)
+    free = np.flatnonzero(~given)
     if not len(free):
         return mean, np.diag(sd**2)
+    data = _Data(spec=spec, engine=engine, samples=samples, known=known)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are possible, and lose
-        centre = _settled(spec, engine, samples[0], mean)
-        size = _sizes(spec, engine, samples, mean, centre, free)
+        centre = _settled(data, mean)
+        size = _sizes(data, mean, centre, free)
         best = min(
-            (_fit(spec, engine, samples, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
+            (_fit(data, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
             key=lambda found: found[2],
         )
     covariance = np.diag(sd**2)
@@ -74,68 +102,60 @@ def _guesses(mean: FloatArray, centre: FloatArray, free: IntArray, size: FloatAr
     return guesses
 
 
-def _settled(spec: EngineSpec, engine: Engine, sample: FloatArray, mean: FloatArray) -> FloatArray:
+def _settled(data: _Data, mean: FloatArray) -> FloatArray:
     """Give the states of the nominal plant after a long while under the first inputs; `mean` where they run away."""
-    fields = spec.sample_fields
-    still = sample.copy()
+    spec = data.spec
+    fields, still = spec.sample_fields, data.samples[0].copy()
     still[fields["use"]] = 0.0
     still[fields["kick"]] = 0.0
     still[fields["dt"]] = spec.sample_time or 1.0
     still[fields["u_before"]] = still[fields["u"]]
     n_x = len(mean)
-    lane = healthy_lane(spec, mean, np.zeros((n_x, n_x)))
+    lane = healthy_lane(spec, mean, np.zeros((n_x, n_x)), data.known)
     lane[spec.covariance_slice] = 0.0
     for _ in range(_DOUBLINGS):  # ever longer steps: the step is L-stable, so this settles what can settle
-        lane, _ = engine.advance(lane, np.repeat(still[None, :], 4, axis=0))
+        lane, _ = data.engine.advance(lane, np.repeat(still[None, :], 4, axis=0))
         still[fields["dt"]] *= 2.0
     reached = lane[:n_x, 0]
     return np.where(np.isfinite(reached) & (np.abs(reached) < _ABSURD), reached, mean)
 
 
-def _misfits(spec: EngineSpec, engine: Engine, samples: FloatArray, states: FloatArray) -> FloatArray:
+def _misfits(data: _Data, states: FloatArray) -> FloatArray:
     """Give measured minus predicted in noise units, shape (n_samples * n_outputs, n_guesses); 0 where missing."""
-    fields = spec.sample_fields
-    off = samples.copy()
+    spec, samples = data.spec, data.samples
+    fields, off = spec.sample_fields, samples.copy()
     off[:, fields["use"]] = 0.0
     n = spec.n_joint
-    lanes = np.concatenate([healthy_lane(spec, state, np.zeros((len(state),) * 2)) for state in states.T], axis=1)
+    nothing = np.zeros((len(states),) * 2)
+    lanes = np.concatenate([healthy_lane(spec, state, nothing, data.known) for state in states.T], axis=1)
     lanes[n : n + spec.n_packed] = 0.0
-    _, found = engine.advance(lanes, off)
+    _, found = data.engine.advance(lanes, off)
     noise = np.array([output.noise for output in spec.outputs])
     weight = samples[:, fields["use"]] / np.sqrt(samples[:, fields["scale"]]) / noise
     misfit = found[:, : len(spec.outputs), :] * weight[:, :, None]
     return np.asarray(np.nan_to_num(misfit.reshape(-1, states.shape[1]), nan=1e6, posinf=1e6, neginf=-1e6))
 
 
-def _slopes(
-    spec: EngineSpec,
-    engine: Engine,
-    samples: FloatArray,
-    state: FloatArray,
-    free: IntArray,
-    move: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _slopes(data: _Data, state: FloatArray, free: IntArray, move: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Give the misfit at a state and its slopes by the free states, by differences of size `move`."""
     guesses = np.repeat(state[:, None], len(free) + 1, axis=1)
     guesses[free, np.arange(1, len(free) + 1)] += move
-    misfit = _misfits(spec, engine, samples, guesses)
+    misfit = _misfits(data, guesses)
     return misfit[:, 0], (misfit[:, 1:] - misfit[:, :1]) / move
 
 
-def _sizes(
-    spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatArray, centre: FloatArray, free: IntArray
-) -> FloatArray:
+def _sizes(data: _Data, state: FloatArray, centre: FloatArray, free: IntArray) -> FloatArray:
     """Give the size of each free state at which it would explain outputs as large as the measured ones.
 
     By secants of that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use.
     """
-    fields = spec.sample_fields
-    noise = np.array([output.noise for output in spec.outputs])
+    fields, samples = data.spec.sample_fields, data.samples
+    noise = data.spec.output_noise
     measured = samples[:, fields["y"]] * samples[:, fields["use"]] / noise
     total = float(np.linalg.norm(measured)) + np.sqrt(measured.size)
     size = np.ones(len(free))
     for _ in range(_SECANTS):
-        _, slope = _slopes(spec, engine, samples, state, free, size)
+        _, slope = _slopes(data, state, free, size)
         effect = np.linalg.norm(slope, axis=0) * size
         size = size * np.clip(total / np.maximum(effect, 1e-300), 1e-3, 1e3)
     usual = np.abs(centre[free])
@@ -145,13 +165,7 @@ def _sizes(
 
 
 def _fit(
-    spec: EngineSpec,
-    engine: Engine,
-    samples: FloatArray,
-    guess: FloatArray,
-    centre: FloatArray,
-    free: IntArray,
-    size: FloatArray,
+    data: _Data, guess: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Levenberg-Marquardt from one guess: state, covariance of its free part, cost.
 
@@ -161,14 +175,14 @@ def _fit(
     state, damping, slope = guess.copy(), 1e-3, np.zeros((0, len(free)))
 
     def cost_of(trial: FloatArray) -> float:
-        misfit = _misfits(spec, engine, samples, trial[:, None])[:, 0]
+        misfit = _misfits(data, trial[:, None])[:, 0]
         away = (trial[free] - centre[free]) / size
         return float(misfit @ misfit + away @ away)
 
     cost = cost_of(state)
     for _ in range(_ITERATIONS):
         move = np.maximum(1e-6 * np.abs(state[free]), 1e-6 * size)
-        misfit, steep = _slopes(spec, engine, samples, state, free, move)
+        misfit, steep = _slopes(data, state, free, move)
         slope = np.clip(np.nan_to_num(steep * size), -_STEEPEST, _STEEPEST)
         trial = state.copy()
         trial[free] += size * _step(slope, misfit, (state[free] - centre[free]) / size, damping)

@@ -83,6 +83,7 @@ class State:
     healthy: FloatArray
     grown: FloatArray
     rejected: FloatArray  # (n_hypotheses,): 1 where a person has ruled it out
+    normal: FloatArray  # (n_numbers, 1): the lane that was accepted last
     reading_gain: FloatArray
     reading_offset: FloatArray
     reading_noise: FloatArray
@@ -135,6 +136,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         trail_lanes=np.zeros((depth, spec.n_numbers)),
         trail_times=np.zeros(depth),
         rejected=np.zeros(spec.n_hypotheses),
+        normal=np.zeros((spec.n_numbers, 1)),
         reading_gain=np.ones(n_y),
         reading_offset=np.zeros(n_y),
         reading_noise=np.ones(n_y),

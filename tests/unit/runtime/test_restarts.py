@@ -1,0 +1,66 @@
+"""What holds when the filter has to begin anew in the middle of a run."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import plant, recorded, run
+
+from faultbond.app.rows import resumed
+from faultbond.runtime.accepting import accept, find_hypothesis
+from faultbond.runtime.state import State, Status
+from faultbond.simulate import Fault
+from faultbond.spec import covariance_place
+
+FAULT = Fault(parameter="C", factor=1.6, start=4.0)
+_, SPEC, ENGINE = plant("rc")
+SAMPLES = recorded("rc", 1000, FAULT)  # at 50 Hz
+
+
+@pytest.fixture(scope="module")
+def accepted() -> State:
+    """Give the state after the fault was accepted at 10 s."""
+    state, _ = run(SPEC, ENGINE, SAMPLES[:500])
+    return accept(SPEC, state, find_hypothesis(SPEC, ["C"]))[0]
+
+
+def lost(state: State) -> State:
+    """Give the state after a sample that the filter could not take."""
+    with np.errstate(over="ignore"):
+        wild = replace(SAMPLES[500], y=np.full(1, 1e300))
+        state, reports = run(SPEC, ENGINE, [wild, wild, wild], state)
+    assert any(report.status is Status.LOST for report in reports)
+    return state
+
+
+@pytest.mark.parametrize("begin", [resumed, lost])
+def test_what_was_accepted_stays_when_the_filter_begins_anew(begin: Callable[[State], State], accepted: State) -> None:
+    """After a gap, or a sample that broke the filter, the accepted parameter is still the normal one: no alarm."""
+    state, reports = run(SPEC, ENGINE, SAMPLES[520:], begin(accepted))
+    assert reports[0].status is Status.STARTING
+    assert reports[-1].status is Status.WATCHING
+    place = SPEC.parameter_slice.start + [item.name for item in SPEC.parameters].index("C")
+    assert state.lane[place, 0] == pytest.approx(1.6, rel=0.05)
+    assert state.lane[covariance_place(SPEC, place, place), 0] < 0.1**2
+
+
+def test_without_an_accepted_fault_the_nominal_plant_begins_anew() -> None:
+    """A fault that nobody accepted is found again after a gap."""
+    state, _ = run(SPEC, ENGINE, SAMPLES[:190])
+    state, reports = run(SPEC, ENGINE, SAMPLES[300:600], resumed(state))
+    assert any(report.detection is not None for report in reports)
+    assert state.alarm >= 0
+
+
+def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
+    """Where the model says how the plant starts, that does not hold when the filter begins anew much later."""
+    spec = replace(SPEC, states=tuple(replace(item, start_mean=0.0, start_sd=1e-3) for item in SPEC.states))
+    healthy = recorded("rc", 600)
+    state, first = run(spec, ENGINE, healthy[:300])
+    assert first[0].status is Status.WARMING
+    later = next(k for k in range(300, 500) if abs(healthy[k].y[0]) > 5.0)
+    state, reports = run(spec, ENGINE, healthy[later:], resumed(state))
+    assert [report.status for report in reports[:20]].count(Status.STARTING) == 19
+    assert all(report.detection is None for report in reports)
+    assert abs(reports[20].expected[0] - healthy[later + 20].y[0]) < 6.0 * np.sqrt(reports[20].variance[0])
