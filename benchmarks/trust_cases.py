@@ -109,7 +109,7 @@ def biased(folder: str, sensor: str, sds: float, seed: int) -> Played:
     return replace(found, outputs=outputs, suspects=frozenset({sensor}), onset=onset)
 
 
-def any_pair(folder: str, alike: bool, seed: int) -> Played:  # noqa: FBT001 - filled in by partial
+def any_pair(folder: str, alike: bool, seed: int) -> Played:
     """Give a motor of which two parameters step by 1.5 or 2, up or down; `alike`: both in the same direction."""
     generator = np.random.default_rng([seed, 11])
     pairs = list(combinations(MOTOR, 2))
@@ -206,7 +206,11 @@ def _cases() -> list[Case]:
         Case(key="bias.current.i", make=partial(biased, "dc_motor_current", "i", 5.0), looks=_MOTOR_LOOKS),
         Case(key="drift.K1", make=drifting, looks=(NEVER,)),
         Case(key="missing.K6", make=partial(with_missing, partial(stepped, "tank", (_LEAK,)), 0.05), looks=_TANK_LOOKS),
-        Case(key="missing.R", make=partial(with_missing, partial(stepped, "dc_motor", [("R", 2.0)]), 0.05), looks=_MOTOR_LOOKS),
+        Case(
+            key="missing.R",
+            make=partial(with_missing, partial(stepped, "dc_motor", [("R", 2.0)]), 0.05),
+            looks=_MOTOR_LOOKS,
+        ),
     ]
     return found
 

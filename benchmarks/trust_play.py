@@ -1,17 +1,19 @@
 """One run of the table of trust: the recording passes the monitor, and what it says is kept in few numbers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.play import engine_of
-from benchmarks.trust_cases import Case, Played, graph_of
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
+from benchmarks.trust_cases import Case, Played
+from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
+from faultbond.spec import EngineSpec
 
 OPEN = 60.0  # percent
+LIMIT = 2.5  # in nominals: when a drifting parameter reaches it is forecast
 _EPSILON = 1e-9
 
 
@@ -45,6 +47,7 @@ class Run:
     """
 
     key: str
+    folder: str
     seed: int
     delay: float | None
     early: bool
@@ -58,10 +61,14 @@ def play(case: Case, seed: int) -> Run:
     """Simulate and watch."""
     made = case.make(seed)
     spec, engine = engine_of(made.folder)
+    if made.rate:
+        spec = _with_limit(spec, made.suspects)
     state, detection = init(spec), None
     diagnoses: list[Diagnosis] = []
     cusum, opened, until = 0.0, 0.0, max(case.looks, default=0.0)
-    for time, dt, u, y in zip(made.time, np.diff(made.time, prepend=made.time[0]), made.inputs, made.outputs, strict=True):
+    for time, dt, u, y in zip(
+        made.time, np.diff(made.time, prepend=made.time[0]), made.inputs, made.outputs, strict=True
+    ):
         if detection is not None:
             opened += dt * float(u[0] >= OPEN)
             if time > detection.time + until + _EPSILON and opened >= case.opened:
@@ -89,6 +96,7 @@ def _run(
         looks.append(claims[-1] if final or not seen else seen[-1])
     return Run(
         key=case.key,
+        folder=made.folder,
         seed=seed,
         delay=detection.time - made.onset if detection is not None and found else None,
         early=early,
@@ -115,7 +123,7 @@ def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
         moving = true.suspects[0]
         if made.rate and moving.rate is not None:
             rate = abs(moving.rate / made.rate - 1.0)
-            covered = _covered(made, moving.forecasts)
+            covered = _covered(made, moving)
     return Claim(
         after=diagnosis.time - alarm,
         best=best.probability,
@@ -130,10 +138,18 @@ def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
     )
 
 
-def _covered(made: Played, forecasts: Sequence[object]) -> bool | None:
-    return None if not forecasts else True
+def _covered(made: Played, moving: Suspect) -> bool:
+    """Whether the forecast of when the limit is reached covers the moment at which it will be."""
+    (found,) = moving.forecasts
+    end = float(made.time[-1]) + (found.limit - made.values[moving.parameter]) / made.rate
+    early = found.earliest is None or found.earliest > end
+    late = found.latest is not None and found.latest < end
+    return not early and not late
 
 
-def folder_of(case: Case) -> str:
-    """Give the example of a case."""
-    return graph_of(case.make(0).folder).name
+def _with_limit(spec: EngineSpec, names: frozenset[str]) -> EngineSpec:
+    """Give the specification with a limit for the parameters that drift."""
+    parameters = tuple(
+        replace(item, limits=(LIMIT * item.nominal,)) if item.name in names else item for item in spec.parameters
+    )
+    return replace(spec, parameters=parameters)
