@@ -135,7 +135,8 @@ def test_a_clock_that_is_set_back_a_little() -> None:
 def test_nine_old_rows_are_late(live: bool) -> None:
     """Fewer than ten rows that are too old are late, and so are more of them that do not go on from each other."""
     new = [float(number) for number in range(300)]
-    for old in ([100.5 + number for number in range(9)], [100.5 - number for number in range(30)]):
+    apart = [-1e9 + 100.0 * number for number in range(30)]
+    for old in ([100.5 + number for number in range(9)], [100.5 - number for number in range(30)], apart):
         points, counts = points_of(rows(*new[:200], *old, *new[200:]), live=live)
         assert [point.time for point in points] == new
         assert counts == Counts(samples=300, late=len(old))
