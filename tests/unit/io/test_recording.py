@@ -4,6 +4,7 @@ import io
 import math
 import os
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import process_time
@@ -54,11 +55,13 @@ def test_values_are_converted_to_si(tmp_path: Path) -> None:
 
 def test_values_at_an_end_of_the_range_are_saturated(tmp_path: Path) -> None:
     """A value at an end or beyond, whatever the units round, is nan and counted; so is one at 0."""
-    level = Column(header="level", unit=Unit("cm", 0.01), role="sensor level", lower=0.0, upper=0.7 * 3)
-    columns = Columns(time=TimeColumn(), inputs=(), outputs=(level,), sample_time=1.0)
-    rows = read(tmp_path, "time,level\n0,0\n1,-5\n2,0.001\n3,209.999\n4,210\n5,1e9\n6,\n", columns)
-    assert [row.saturated for row in rows] == [1, 1, 0, 0, 1, 1, 0]
-    assert np.isfinite([row.y[0] for row in rows]).tolist() == [False, False, True, True, False, False, False]
+    level = Column(header="level", unit=Unit("cm", 0.01), role="sensor level", lower=0.0, upper=math.nextafter(2.1, 3))
+    text = "time,level\n0,0\n1,-5\n2,0.001\n3,209.999\n4,210\n5,1e9\n6,\n"
+    for column, ends in ((level, [1, 1, 0, 0, 1, 1, 0]), (replace(level, upper=math.inf), [1, 1, 0, 0, 0, 0, 0])):
+        columns = Columns(time=TimeColumn(), inputs=(), outputs=(column,), sample_time=1.0)
+        rows = read(tmp_path, text, columns)
+        assert [row.saturated for row in rows] == ends
+        assert [math.isnan(row.y[0]) for row in rows] == [*map(bool, ends[:-1]), True]
 
 
 @pytest.mark.parametrize("text", ["", "  ", "x", "nan", "inf", "-inf", "1e999", "1_0", "0x10", "1.5z"])
