@@ -9,6 +9,7 @@ from enum import Enum
 TIMES = "\N{MULTIPLICATION SIGN}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
+TINY = 1e-300  # smaller numbers are 0
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
 
 
@@ -57,7 +58,7 @@ def power_of_ten(exponent: int) -> str:
 
 def exponent_of(value: float) -> int:
     """Give the power of ten by which a number of this size is best written; 0: written out."""
-    if value == 0.0 or not math.isfinite(value):
+    if abs(value) < TINY or not math.isfinite(value):
         return 0
     exponent = math.floor(math.log10(abs(value)))
     return 0 if exponent in PLAIN_EXPONENTS else exponent
@@ -87,7 +88,7 @@ def figure(value: float, sd: float | None = None, digits: int = 6) -> Figure:
     """
     if not math.isfinite(value):
         return Figure("unknown", "", 0)
-    if sd is None or not math.isfinite(sd) or sd <= 0.0:
+    if sd is None or not math.isfinite(sd) or sd < TINY:
         return _exact(value, digits)
     exponent = exponent_of(max(abs(value), sd))
     place = last_place(sd)

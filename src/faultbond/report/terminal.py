@@ -28,6 +28,7 @@ from faultbond.runtime.history import Diagnosis, History
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 TABLE_WIDTH = 112  # the same for the ranked table, whose units are long
 GROUP_MARK = "●"
+CONTRADICTED = "The data contradict them all; the percentages tell only which comes nearest."
 WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 
 
@@ -110,6 +111,8 @@ def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> No
         console.print(Text(remainder, style="dim"))
     if several:
         console.print(Text(f"{GROUP_MARK} not yet distinguishable from the best", style="dim"))
+    if diagnosis.unexplained is not None:
+        console.print(Text(CONTRADICTED, style="dim"))
     console.print()
 
 

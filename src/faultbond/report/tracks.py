@@ -1,5 +1,7 @@
 """The charts of what is suspected: estimates from diagnosis to diagnosis, and where a drift leads."""
 
+from math import isfinite
+
 import numpy as np
 
 from faultbond.model.graph import BondGraph
@@ -24,7 +26,7 @@ def forecast_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
     return tuple(
         _forecast_chart(graph, history, candidate, suspect, item)
         for candidate, suspect in _suspects(history)[:CHARTS]
-        if candidate.kind is FaultKind.DRIFT
+        if candidate.kind is FaultKind.DRIFT and isfinite(suspect.estimate)
         for item in suspect.forecasts
         if item.time is not None
     )
@@ -105,8 +107,8 @@ def _forecast_chart(
     ]
     for (label, moment), color in zip(moments.items(), ("line1", "line0", "line2"), strict=True):
         if moment is not None and moment > now:
-            slope = (item.limit - suspect.estimate) / (moment - now)
-            line = suspect.estimate + slope * (clock - now)
+            part = np.clip((clock - now) / (moment - now), 0.0, 1.0)
+            line = suspect.estimate + part * (item.limit - suspect.estimate)
             line[(clock < now) | (clock > moment)] = np.nan
             traces.append(Trace(label=label, values=(line - unit.offset) / unit.factor, color=color, width=1.3))
     return Chart(

@@ -7,8 +7,10 @@ from faultbond.report.numbers import (
     certainty_text,
     change_text,
     clock_text,
+    coarse_clock_text,
     duration_text,
     figure,
+    pace,
     probability_text,
     unit_text,
 )
@@ -71,3 +73,41 @@ def test_clock_shows_dates_of_unix_seconds_only() -> None:
 def test_duration_takes_a_handy_unit(seconds: float, text: str) -> None:
     """A length of time is given in the unit in which it is a small number."""
     assert duration_text(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("rate", "size", "name"),
+    [(1.0, 50.0, "s"), (-1.0, 500.0, "min"), (1.0, 1e5, "h"), (1.0, 1e6, "d"), (1e-9, 1.0, "d"), (0.0, 0.0, "s")],
+)
+def test_rates_are_told_in_a_time_in_which_something_happens(rate: float, size: float, name: str) -> None:
+    """The unit of time is the smallest in which a hundredth of the value changes, a day at most."""
+    assert pace(rate, size)[1] == name
+
+
+@pytest.mark.parametrize(
+    ("time", "width", "text"),
+    [
+        (4213.7, 1700.0, "4200 s"),
+        (4213.7, 90.0, "4214 s"),
+        (4213.7, 9.0, "4213.7 s"),
+        (4213.7, 0.0, "4213.7 s"),
+        (1.7e9 + 4321.0, 30.0, "2023-11-14 23:25:21 UTC"),
+        (1.7e9 + 4321.0, 1000.0, "2023-11-14 23:25 UTC"),
+        (1.7e9 + 4321.0, 1e6, "2023-11-14 23:00 UTC"),
+    ],
+)
+def test_uncertain_times_are_rounded(time: float, width: float, text: str) -> None:
+    """A time is told to a tenth of its uncertainty."""
+    assert coarse_clock_text(time, width) == text
+
+
+def test_numbers_too_small_for_a_power_are_zero() -> None:
+    """Neither a value nor a standard deviation near the end of the numbers stops the report."""
+    assert figure(5e-324).both(Notation.FILE) == "0"
+    assert figure(1.0, 5e-324).both(Notation.FILE) == "1"
+
+
+def test_durations_may_have_fewer_digits() -> None:
+    """A forecast has no use for three digits."""
+    assert duration_text(551.0, digits=2) == "9.2 min"
+    assert duration_text(98765.0, digits=2) == "27 h"
