@@ -1,11 +1,13 @@
 """Lanes with a slot against a plain filter: the RC circuit and every kind of fault in it, written by hand."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from faultbond.dynamics.plant import build_plant
+from faultbond.dynamics.step import build_step_model
 from faultbond.model.text import load_model
 from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.runtime.slotted import slot_lanes
@@ -13,8 +15,9 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised
 from faultbond.simulate import Inputs, random_steps, simulate
 from faultbond.spec import EngineSpec, unpack
-from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.specify import build_spec
 from faultbond.types import FaultKind, FloatArray
 
 RC = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
@@ -117,10 +120,11 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
 
 @pytest.fixture(scope="module")
 def circuit() -> tuple[EngineSpec, VirtualMachine]:
-    """The circuit and its interpreter."""
-    spec, engine = build_engine(load_model(RC), compiled=False)
-    assert isinstance(engine, VirtualMachine)
-    return spec, engine
+    """The circuit and the interpreter of its lanes with a slot; its reading is linear as long as it is healthy."""
+    plant = build_plant(load_model(RC))
+    spec = build_spec(build_step_model(plant))
+    model = replace(build_step_model(plant, all_inputs=True), measure_is_linear=True)
+    return spec, VirtualMachine(build_filter(spec.slotted, model))
 
 
 def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, VirtualMachine]) -> None:
@@ -136,7 +140,7 @@ def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, 
     total = np.zeros(plan.n_lanes)
     assert {lane.kind for lane in plan.lanes} == set(FaultKind) - {FaultKind.STEP}
     for sample in samples[1:]:
-        lanes, innovations = engine.slot.advance(lanes, sample[None, :])
+        lanes, innovations = engine.advance(lanes, sample[None, :])
         y, dt, before = (float(sample[place[name]][0]) for name in ("y", "dt", "u_before"))
         for k, lane in enumerate(plan.lanes):
             acts = acts_of(lane)
