@@ -23,6 +23,7 @@ from faultbond.report.verdict import (
     remainder_text,
     span_of,
     table_rows,
+    untested_sentence,
     verdict_sentence,
 )
 from faultbond.runtime.history import Diagnosis, History
@@ -72,6 +73,7 @@ def render_report(
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
+        left_out=untested_sentence(diagnosis) if diagnosis else "",
         doubtful=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, Notation.PRINT) if diagnosis else (),
         drawing=draw(graph, strokes, _heat(diagnosis)),

@@ -21,6 +21,7 @@ from faultbond.report.verdict import (
     remainder_text,
     span_of,
     table_rows,
+    untested_sentence,
     verdict_sentence,
 )
 from faultbond.runtime.history import Diagnosis, History
@@ -113,6 +114,8 @@ def _print_table(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> No
         console.print(Text(f"{GROUP_MARK} not yet distinguishable from the best", style="dim"))
     if diagnosis.unexplained is not None:
         console.print(Text(CONTRADICTED, style="dim"))
+    if left := untested_sentence(diagnosis):
+        console.print(Text(left, style="dim"))
     console.print()
 
 

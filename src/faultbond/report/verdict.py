@@ -156,7 +156,7 @@ def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
     }.get(best.kind, "")
     if not event or _has_instrument(best):
         event = f"{owners} {'is' if one else 'are'} at fault"
-    sure = certainty_text(best.probability)
+    sure = certainty_text(best.probability * (1.0 - (diagnosis.untested.probability if diagnosis.untested else 0.0)))
     return f"Most likely {event}: {_changes(graph, diagnosis, notation)}, {sure}.{otherwise(best)}"
 
 
@@ -263,6 +263,15 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[Row]) -> str:
     bound = max(candidate.probability for candidate in left)
     limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
     return f"... and {len(left)} more below {limit:g} %"
+
+
+def untested_sentence(diagnosis: Diagnosis) -> str:
+    """Say how many sets were too many to be tested, and what that may hide; empty where all were tested."""
+    left = diagnosis.untested
+    if left is None or not left.sets:
+        return ""
+    share = probability_text(left.probability)
+    return f"Another {left.sets} sets were too many to be tested; the truth is among them with about {share} %."
 
 
 def _kinds(candidate: Candidate) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts
-from faultbond.runtime.history import Candidate, History, Unexplained
+from faultbond.runtime.history import Candidate, History, Unexplained, Untested
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph("tank [red]one[/red]")
@@ -108,3 +108,16 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
         "3000 s and 4000 s, on average. Nearest comes a change of the pipe: K1 rose"
     )
     assert "sure" not in verdict
+
+
+def test_sets_too_many_to_be_tested_are_counted() -> None:
+    """What they may hide is told, and the verdict is less sure by as much."""
+    run = with_last(
+        tank_history(GRAPH), (Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=0.999, group=True),)
+    )
+    for left, sure in ((None, "99 % sure"), (Untested(sets=1330, probability=0.2), "79 % sure")):
+        text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), Counts(samples=9))
+        words = " ".join(text.split())
+        told = "Another 1330 sets were too many to be tested; the truth is among them with about 20.0 %."
+        assert (told in words) is (left is not None)
+        assert sure in words
