@@ -15,12 +15,15 @@ from faultbond.errors import (
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import dump_model, load_model, parse_model
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
+from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
+from faultbond.runtime.history import Accepted, Advice, Candidate, Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, Status, init
 from faultbond.spec import Engine, EngineSpec
 
 __all__ = [
+    "Accepted",
+    "Advice",
     "BondGraph",
     "Candidate",
     "CausalityError",
@@ -39,10 +42,14 @@ __all__ = [
     "Status",
     "StructureError",
     "Suspect",
+    "accept",
     "dump_model",
+    "find_hypothesis",
     "finish",
     "init",
+    "is_sure",
     "load_model",
     "parse_model",
+    "reject",
     "step",
 ]
