@@ -42,11 +42,11 @@ def test_index_is_a_mean_of_relative_errors(errors: list[float], weights: list[f
         assert index == 0.0
 
 
-@given(noise=SHARE, accuracy=SHARE, samples=st.integers(0, 1000))
-def test_limit_never_rises(noise: float, accuracy: float, samples: int) -> None:
+@given(noise=SHARE, model=SHARE, samples=st.integers(0, 1000))
+def test_limit_never_rises(noise: float, model: float, samples: int) -> None:
     """The limit falls with time and stays above its end."""
-    algebraic = np.array([True, False])
-    now, later = (limits_of(USUAL, np.full(2, noise), accuracy, algebraic, samples + k) for k in (0, 1))
+    errors = np.array([0.0, model])
+    now, later = (limits_of(USUAL, np.full(2, noise), errors, samples + k) for k in (0, 1))
     assert np.all(later <= now + 1e-12)
     assert np.all(later >= min(1.5 * noise, 1.0) - 1e-12)
 

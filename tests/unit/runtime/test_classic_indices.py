@@ -87,11 +87,13 @@ def test_printed_error_is_divided_twice() -> None:
 
 
 def test_limit_falls_from_all_to_what_noise_and_model_explain() -> None:
-    """It begins at 1, ends at 1.5 N, and at 1.5 N + 1 - n for an output that no state corrects."""
-    noise, algebraic = np.array([0.02, 0.02]), np.array([True, False])
-    assert limits_of(USUAL, noise, 0.95, algebraic, 0) == pytest.approx([1.0, 1.0])
-    assert limits_of(USUAL, noise, 0.95, algebraic, 10**6) == pytest.approx([0.08, 0.03])
-    assert limits_of(printed(Erratum.LIMIT), noise, 0.95, algebraic, 10**6) == pytest.approx([0.03, 0.03])
+    """It begins at 1 and ends at 1.5 times noise and model errors together; printed, model errors count nothing."""
+    noise, model = np.array([0.02, 0.02]), np.array([0.03, 0.0])
+    assert limits_of(USUAL, noise, model, 0) == pytest.approx([1.0, 1.0])
+    assert limits_of(USUAL, noise, model, 95)[0] == pytest.approx(0.075 + 0.925 / np.e)
+    assert limits_of(USUAL, noise, model, 10**6) == pytest.approx([0.075, 0.03])
+    assert limits_of(printed(Erratum.LIMIT), noise, model, 10**6) == pytest.approx([0.03, 0.03])
+    assert limits_of(USUAL, noise, np.full(2, 5.0), 10**6) == pytest.approx([1.0, 1.0])
 
 
 def test_any_output_alarms_unless_its_index_falls() -> None:

@@ -13,7 +13,7 @@ from faultbond.model.text import load_model
 from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.ranking import conflicts, reason
 from faultbond.runtime.classic.settings import Settings
-from faultbond.runtime.classic.state import ClassicState, delay_of, init
+from faultbond.runtime.classic.state import ClassicState, init
 from faultbond.runtime.classic.watch import finish, step
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
@@ -188,7 +188,7 @@ def test_the_prefilter_delays() -> None:
     """The sample worked on lies half of the longest parabola back; without prefilter it is the newest."""
     _, spec, plan = plant("rc", Settings(lengths=(("V_C", 5),)))
     samples = recorded("rc", 60)
-    assert delay_of(spec, plan) == 8  # its input has noise and is filtered as well
+    assert plan.delay == 8  # its input has noise and is filtered as well
     state, _ = run(spec, plan, samples)
     assert state.time - state.at == pytest.approx(8.0 * samples[1].dt)
     _, spec, plan = plant("rc", Settings(length=1))

@@ -8,7 +8,7 @@ import pytest
 
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model
-from faultbond.runtime.classic.plan import ClassicPlan
+from faultbond.runtime.classic.plan import Batch, ClassicPlan
 from faultbond.runtime.classic.settings import Erratum, Settings
 from faultbond.runtime.classic.tape import evaluate
 from faultbond.spec import EngineSpec
@@ -18,6 +18,7 @@ from faultbond.structure.network import build_network
 from faultbond.structure.solving.backward_euler import plant_of, random_inputs, simulate
 from faultbond.synthesis.classic.build import build_classic, largest_sets
 from faultbond.synthesis.classic.functions import expected, from_before, from_samples, read_by
+from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 ROWS = 12
@@ -82,6 +83,15 @@ def test_printed_states_use_inputs_only() -> None:
     assert "V_0" in found
 
 
+def results(batch: Batch, environment: list[FloatArray]) -> dict[int, float]:
+    """What each row of a batch gives, of one lane."""
+    return {
+        row: float(value[0])
+        for program, rows in batch
+        for row, value in zip(rows, evaluate(program, environment), strict=True)
+    }
+
+
 @pytest.mark.parametrize("name", ["tank", "dc_motor", "dc_motor_current", "rlc", "rc", "cascaded_tanks"])
 def test_functions_agree_with_a_backward_euler_plant(name: str) -> None:
     """On a record of the nominal plant every function gives what was simulated, and no law has a misfit."""
@@ -99,15 +109,19 @@ def test_functions_agree_with_a_backward_euler_plant(name: str) -> None:
         known |= {f"{signal}_{frame}": float(series[-1 - frame]) for frame in range(4)}
     for place, key in enumerate(plan.names):
         environment[place] = np.array([known[key]])
-    for state, one, two in zip(plan.states, plan.from_samples, plan.from_before, strict=True):
-        assert one is not None
-        for program in (one, two):
-            assert evaluate(program, environment)[0, 0] == pytest.approx(known[f"{state}_0"], rel=1e-6)
-    for output, program in zip(network.outputs, plan.expected, strict=True):
-        assert evaluate(program, environment)[0, 0] == pytest.approx(known[f"{output}_0"], rel=1e-6)
-    for side in plan.sides:
-        terms = [abs(known[key]) for key in known if key.endswith("_0")]
-        assert abs(evaluate(side.program, environment)[0, 0]) < 1e-6 * max(terms)
+    for batch, wanted in (
+        (plan.from_samples, plan.states),
+        (plan.from_before, plan.states),
+        (plan.expected, network.outputs),
+    ):
+        found = results(batch, environment)
+        assert sorted(found) == list(range(len(wanted)))
+        for k, value in found.items():
+            assert value == pytest.approx(known[f"{wanted[k]}_0"], rel=1e-6)
+    misfits = results(plan.misfits, environment)
+    assert sorted(misfits) == list(range(len(plan.sides)))
+    size = max(abs(known[key]) for key in known if key.endswith("_0"))
+    assert max(map(abs, misfits.values())) < 1e-6 * size
 
 
 def test_largest_sets_are_tested() -> None:

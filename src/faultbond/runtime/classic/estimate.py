@@ -19,15 +19,15 @@ LARGEST = 0.3  # change of a factor by one sample
 FLOOR = 1e-9  # of a slope; a misfit below that is rounding
 
 
-def start_factors(spec: EngineSpec, plan: ClassicPlan) -> tuple[FloatArray, FloatArray]:
-    """Give the factors of all suspects at nominal, and their covariance: a fault of the size of `change`."""
+def start_factors(spec: EngineSpec, plan: ClassicPlan, healthy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give the factors of all suspects while healthy, and their covariance: a fault of the size of `change`."""
     chosen = plan.slots.astype(int)
-    healthy = np.array([item.healthy for item in spec.parameters] + [0.0])
+    factors = np.append(healthy / np.array([item.scale for item in spec.parameters]), 0.0)
     change = np.array([item.change for item in spec.parameters] + [0.0])
     covariance = np.zeros((plan.n_slots, *chosen.shape))
     for slot in range(plan.n_slots):
         covariance[slot, slot] = change[chosen[slot]] ** 2
-    return healthy[chosen], covariance
+    return factors[chosen], covariance
 
 
 def healthy_misfits(plan: ClassicPlan, state: ClassicState, moment: Moment) -> FloatArray:
@@ -53,7 +53,9 @@ def improve(
     """
     lanes, slots = moment.n_lanes, plan.n_slots
     moved = STEP * (1.0 + np.abs(state.factors))
-    stacked = np.concatenate([parameters_of(spec, plan, item) for item in _moved(state.factors, moved)], axis=1)
+    stacked = np.concatenate(
+        [parameters_of(spec, plan, state.healthy, item) for item in _moved(state.factors, moved)], axis=1
+    )
     all_ = _misfits(plan, state, Moment(dt=moment.dt, frames=moment.frames, parameters=stacked), 1 + slots)
     all_ = all_.reshape(len(plan.sides), 1 + slots, lanes)
     factors, covariance = state.factors.copy(), state.covariance.copy()

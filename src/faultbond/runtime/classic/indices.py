@@ -82,26 +82,23 @@ def indices_of(sums: FloatArray) -> FloatArray:
     return np.where(sums[1] > 0.0, sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0), 0.0)
 
 
-def limits_of(settings: Settings, noise: FloatArray, accuracy: float, algebraic: BoolArray, samples: int) -> FloatArray:
+def limits_of(settings: Settings, noise: FloatArray, model: FloatArray, samples: int) -> FloatArray:
     """Give the limit of the error index of each output, shape (n_outputs,).
 
     Parameters
     ----------
     settings : factor, decay, and which formula
     noise : noise/signal ratio of each output, shape (n_outputs,)
-    accuracy : index n of the model's accuracy
-    algebraic : outputs that no state corrects, shape (n_outputs,)
+    model : error/signal ratio of each output that the declared accuracy of the model leaves, shape (n_outputs,)
     samples : T, number of samples since monitoring began
 
     Source
     ------
     Thesis 5.4: falls from 100 % to 1 1/2 times the noise/signal ratio; the course is not stated, ours is exponential.
-    Working reading: 1 - n on top for an output that is expected without a state, since n does nothing for it.
+    Working reading: noise and model errors together, since mixing states does not correct every output.
     """
-    final = settings.limit * noise
-    if Erratum.LIMIT not in settings.printed:
-        final = final + np.where(algebraic, 1.0 - accuracy, 0.0)
-    final = np.minimum(final, 1.0)
+    ratio = noise if Erratum.LIMIT in settings.printed else noise + model
+    final = np.minimum(settings.limit * ratio, 1.0)
     return np.asarray(final + (1.0 - final) * np.exp(-samples / settings.decay))
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.runtime.classic.plan import ClassicPlan
-from faultbond.runtime.classic.tape import Program, evaluate
+from faultbond.runtime.classic.plan import Batch, ClassicPlan
+from faultbond.runtime.classic.tape import evaluate
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
@@ -28,15 +28,28 @@ class Moment:
         return int(self.parameters.shape[1])
 
 
-def parameters_of(spec: EngineSpec, plan: ClassicPlan, factors: FloatArray) -> FloatArray:
-    """Give the parameters of lanes, (n_parameters, n_lanes), from the factors of their suspects, (n_slots, n_lanes)."""
+def parameters_of(spec: EngineSpec, plan: ClassicPlan, healthy: FloatArray, factors: FloatArray) -> FloatArray:
+    """Give the parameters of lanes, (n_parameters, n_lanes).
+
+    Parameters
+    ----------
+    spec, plan : the model
+    healthy : values while healthy, (n_parameters,)
+    factors : of the suspects of each lane, (n_slots, n_lanes)
+    """
     lanes = factors.shape[1]
-    found = np.repeat(np.array([[item.nominal] for item in spec.parameters]), lanes, axis=1)
+    found = np.repeat(healthy[:, None], lanes, axis=1)
     scales = np.array([item.scale for item in spec.parameters])
     for slot, chosen in enumerate(plan.slots[:, :lanes].astype(int)):
         lane = np.flatnonzero(chosen >= 0)
         found[chosen[lane], lane] = scales[chosen[lane]] * factors[slot, lane]
     return found
+
+
+def spread_parameters(spec: EngineSpec, healthy: FloatArray) -> FloatArray:
+    """Give the healthy parameters, then again with each off by its accuracy, (n_parameters, 1 + n_parameters)."""
+    off = np.diag([item.accuracy * abs(item.scale) for item in spec.parameters])
+    return np.asarray(healthy[:, None] + np.hstack([np.zeros((len(healthy), 1)), off]))
 
 
 def states_from_samples(plan: ClassicPlan, moment: Moment, otherwise: FloatArray) -> FloatArray:
@@ -56,7 +69,7 @@ def outputs_from_before(plan: ClassicPlan, moment: Moment, before: FloatArray) -
     """Give the outputs expected from the states one sample `before` and all else, (n_outputs, n_lanes)."""
     environment = _environment(plan, moment)
     _place(environment, plan.before, before)
-    return _run(plan.expected, environment, np.full((len(plan.expected), moment.n_lanes), np.nan))
+    return _run(plan.expected, environment, np.full((len(plan.algebraic), moment.n_lanes), np.nan))
 
 
 def misfits_of(plan: ClassicPlan, moment: Moment, states: FloatArray, rates: FloatArray) -> FloatArray:
@@ -64,8 +77,7 @@ def misfits_of(plan: ClassicPlan, moment: Moment, states: FloatArray, rates: Flo
     environment = _environment(plan, moment)
     _place(environment, plan.rates, rates)
     _place(environment, plan.now, states)
-    programs = [side.program for side in plan.sides]
-    return _run(programs, environment, np.full((len(programs), moment.n_lanes), np.nan))
+    return _run(plan.misfits, environment, np.full((len(plan.sides), moment.n_lanes), np.nan))
 
 
 def _environment(plan: ClassicPlan, moment: Moment) -> list[FloatArray]:
@@ -87,10 +99,10 @@ def _place(environment: list[FloatArray], places: Sequence[int], values: FloatAr
             environment[place] = row
 
 
-def _run(programs: Sequence[Program | None], environment: Sequence[FloatArray], otherwise: FloatArray) -> FloatArray:
+def _run(batch: Batch, environment: Sequence[FloatArray], otherwise: FloatArray) -> FloatArray:
     found = otherwise.copy()
-    for k, program in enumerate(programs):
-        if program is not None:
-            value = evaluate(program, environment)[0]
-            found[k] = np.where(np.isfinite(value), value, otherwise[k])
+    for program, rows in batch:
+        value = evaluate(program, environment)
+        finite = np.isfinite(value)
+        found[list(rows)] = value if finite.all() else np.where(finite, value, otherwise[list(rows)])
     return found

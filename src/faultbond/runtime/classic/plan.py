@@ -9,17 +9,18 @@ from faultbond.runtime.classic.settings import Settings
 from faultbond.runtime.classic.tape import Program
 from faultbond.types import BoolArray, FloatArray
 
+Batch = tuple[tuple[Program, tuple[int, ...]], ...]  # programs, and for each what its results are
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sides:
-    """The law of a suspended component with the signals on its sides (thesis 4.2.2): what is left over of it.
+    """The law of a suspended component with the signals on its sides (thesis 4.2.2).
 
-    equation: name of the law. program: gives its residual. parameters: indices of those that it depends on. inputs:
-    indices of the inputs that reach it. formula: in words.
+    equation: name of the law. parameters: indices of those that it depends on. inputs: indices of the inputs that reach
+    it. formula: in words.
     """
 
     equation: str
-    program: Program
     parameters: frozenset[int]
     inputs: frozenset[int]
     formula: str
@@ -38,9 +39,11 @@ class ClassicPlan:
     sample_places : for each input and output the place of each frame
     states : names of the signals that are states
     now, before, rates : places of each state in frame 0 and frame 1, and of its rate; -1 where there is none
-    from_samples : for each state, from several samples; None where measurements do not fix it
-    from_before : for each state, from the states one sample before
-    expected : for each output, from all other measurements along causality
+    points : length of the parabola of each input and output
+    from_samples : states from several samples; without those that measurements do not fix
+    from_before : states from those one sample before
+    expected : outputs from all other measurements along causality
+    misfits : what is left over of each law in `sides`
     algebraic : whether an output is expected without passing a state
     sides : laws of suspended components
     uses : for each tested set the sides that it is estimated from
@@ -57,9 +60,11 @@ class ClassicPlan:
     now: tuple[int, ...]
     before: tuple[int, ...]
     rates: tuple[int, ...]
-    from_samples: tuple[Program | None, ...]
-    from_before: tuple[Program, ...]
-    expected: tuple[Program, ...]
+    points: tuple[int, ...]
+    from_samples: Batch
+    from_before: Batch
+    expected: Batch
+    misfits: Batch
     algebraic: tuple[bool, ...]
     sides: tuple[Sides, ...]
     uses: tuple[tuple[int, ...], ...]
@@ -70,6 +75,11 @@ class ClassicPlan:
     def depth(self) -> int:
         """Number of frames of samples that are kept."""
         return len(self.sample_places[0]) if self.sample_places else 1
+
+    @property
+    def delay(self) -> int:
+        """Samples by which the method lags: half the longest parabola."""
+        return max(item // 2 for item in (1, *self.points))
 
     @property
     def n_lanes(self) -> int:

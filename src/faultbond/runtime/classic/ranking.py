@@ -21,7 +21,7 @@ from faultbond.types import BoolArray, FloatArray
 
 CLIP = 0.5  # largest error index that counts
 MAX_CANDIDATES = 100
-ALIKE = 0.5  # of the noise/signal ratio; indices that differ by less tell nothing
+ALIKE = 1.0  # noise/signal ratios; hypotheses that differ by less are one group
 REFUTED = 4.0  # noise/signal ratios that a hypothesis costs if no tested set that contains it explains
 SIZE = 1.0  # noise/signal ratios that each further suspect costs
 
@@ -36,7 +36,8 @@ class Reasoning:
     left : whether a hypothesis is left, (n_hypotheses,)
     cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,)
     hitting : hitting index of each hypothesis, (n_hypotheses,)
-    mean : error index of a hypothesis: the mean of those of the tested sets that contain it, (n_hypotheses,)
+    quarter : error index of a hypothesis: the lower quartile of those of the tested sets that contain it, so that one
+        of them whose least squares went astray does not count, (n_hypotheses,)
     noise : noise/signal ratio
     """
 
@@ -46,7 +47,7 @@ class Reasoning:
     left: BoolArray
     cleared: FloatArray
     hitting: FloatArray
-    mean: FloatArray
+    quarter: FloatArray
     noise: float
 
 
@@ -60,8 +61,8 @@ def noise_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatA
 
 def current_limits(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatArray:
     """Give the limit of the error index of each output at the last sample, (n_outputs,)."""
-    noise = noise_of(spec, plan, state)
-    return limits_of(plan.settings, noise, plan.accuracy, np.array(plan.algebraic), max(state.running, 0))
+    noise, model = noise_of(spec, plan, state), indices_of(state.spread_sums)
+    return limits_of(plan.settings, noise, model, max(state.running, 0))
 
 
 def contained(tested: Sequence[Sequence[int]], hypotheses: Sequence[Sequence[int]]) -> BoolArray:
@@ -102,6 +103,8 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     explains: BoolArray = np.asarray(error <= limit.mean() if average else (indices <= limit).all(axis=0))
     contains = contained(plan.tested, spec.hypotheses)
     counts = np.maximum(contains.sum(axis=1), 1)
+    order = np.sort(np.where(contains, error, np.inf), axis=1)
+    quarter = order[np.arange(len(order)), (counts - 1) // 4] if order.size else np.zeros(len(order))
     return Reasoning(
         error=error,
         explains=explains,
@@ -109,7 +112,7 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
         left=left_over(contains, explains),
         cleared=(contains & explains).sum(axis=1) / counts,
         hitting=hitting_indices(contains, error),
-        mean=(contains * error).sum(axis=1) / counts,
+        quarter=quarter,
         noise=float(noise_of(spec, plan, state).mean()),
     )
 
@@ -136,7 +139,7 @@ def penalties(plan: ClassicPlan, hypotheses: tuple[tuple[int, ...], ...], found:
     if Erratum.RANKING in plan.settings.printed:
         return found.hitting / max(found.noise, 1e-12)
     sizes = np.array([len(item) for item in hypotheses], dtype=float)
-    return np.asarray(found.mean / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared))
+    return np.asarray(found.quarter / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared))
 
 
 def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
@@ -145,9 +148,9 @@ def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
     The thesis gives no probabilities. The weights here fall by e for each noise/signal ratio of error index.
     """
     found = reason(spec, plan, state)
-    penalty = penalties(plan, spec.hypotheses, found)
-    weight = np.exp(-np.minimum(penalty - penalty.min(initial=0.0 if not penalty.size else np.inf), 700.0))
-    order = np.argsort(penalty, kind="stable")[:MAX_CANDIDATES]
+    penalty = np.where(state.rejected > 0, np.inf, penalties(plan, spec.hypotheses, found))
+    order = np.argsort(penalty, kind="stable")[: min(MAX_CANDIDATES, int(np.isfinite(penalty).sum()))]
+    weight = np.exp(np.min(penalty, initial=np.inf) - penalty) if len(order) else penalty
     total = float(weight.sum()) or 1.0
     candidates = tuple(
         Candidate(

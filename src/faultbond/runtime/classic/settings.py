@@ -15,7 +15,7 @@ class Erratum(Enum):
     ACCURACY = "5.3.1: n multiplies P_A, which then goes to 0; P_B = n (1 - P_A) works"
     WEIGHT = "5.4: W begins at 1/4 just above the limit; (O - limit)/(3 limit) begins at 0"
     PERCENT = "5.4: the error of figure 5.11 is in per cent, the index divides by the output once more"
-    LIMIT = "5.4: the limit has no term for model errors; 1 - n is added where no state corrects an output"
+    LIMIT = "5.4: the limit has no term for model errors; those that blending leaves are added to the noise"
     AVERAGE = "5.4: the average over outputs hides a fault that one output shows; any output alarms"
     STEPS = "5.4: waiting while the index falls does not stop alarms at steps; outputs are left out while they settle"
     SIXTEEN = "7.2.1: sixteen points have no centre; seventeen have"
@@ -43,7 +43,7 @@ class Settings:
     band : half width of the band round the parabola, in standard deviations of the noise
     trust : factor 10 of the blend over time
     forgetting : F = 1 - forgetting * W
-    limit : the error index may reach so many times the noise/signal ratio
+    limit : the error index may reach so many times the noise/signal ratio (and the model-error/signal ratio)
     decay : samples in which the limit falls from 1 to a third of the way
     small : outputs below small * noise do not count, those above four times that fully
     patience : samples of a test before its parameters are estimated

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from faultbond.runtime.classic.plan import ClassicPlan
-from faultbond.runtime.classic.settings import Erratum
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
@@ -26,6 +25,10 @@ class ClassicState:
     present : whether each signal of the newest frame was there
     held_inputs, peak, since_step : to find steps of inputs, (n_inputs,)
     squares : mean square of each output, (n_outputs,); counts : samples in it
+    healthy : values of the parameters while healthy, (n_parameters,), SI; nominal until something is accepted
+    spread_states : states of models with one parameter off by its declared accuracy, (n_states, n_parameters)
+    spread_sums : numerator and denominator of the error index of such models, all together, (2, n_outputs)
+    rejected : 1 for each hypothesis that a person has ruled out, (n_hypotheses,)
     samples_states, before_states, states : A, B and their blend, (n_states, n_lanes)
     rates : change of the blend in a second, (n_states, n_lanes)
     trust : P_A
@@ -53,6 +56,10 @@ class ClassicState:
     since_step: FloatArray
     squares: FloatArray
     counts: FloatArray
+    healthy: FloatArray
+    spread_states: FloatArray
+    spread_sums: FloatArray
+    rejected: FloatArray
     samples_states: FloatArray
     before_states: FloatArray
     states: FloatArray
@@ -78,23 +85,10 @@ class ClassicState:
         return ClassicState(**({name: np.asarray(saved[name]) for name in saved} | numbers))
 
 
-def points_of(spec: EngineSpec, plan: ClassicPlan) -> tuple[int, ...]:
-    """Give the length of the parabola of each input and output; inputs without declared noise are not filtered."""
-    own = dict(plan.settings.lengths)
-    usual = 16 if Erratum.SIXTEEN in plan.settings.printed and plan.settings.length == 17 else plan.settings.length
-    inputs = (own.get(item.name, usual if item.noise > 0.0 else 1) for item in spec.inputs)
-    return (*inputs, *(own.get(item.name, usual) for item in spec.outputs))
-
-
-def delay_of(spec: EngineSpec, plan: ClassicPlan) -> int:
-    """Give the samples by which the method lags: half the longest parabola."""
-    return max(points // 2 for points in (1, *points_of(spec, plan)))
-
-
 def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
     """Give the state before the first sample, at time `t0` (s)."""
     n_u, n_y, n_x, lanes = len(spec.inputs), len(spec.outputs), len(plan.states), plan.n_lanes
-    window = 2 * delay_of(spec, plan) + 1
+    window = 2 * plan.delay + 1
     return ClassicState(
         index=0,
         running=-1,
@@ -111,6 +105,10 @@ def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
         since_step=np.full(n_u, np.inf),
         squares=np.zeros(n_y),
         counts=np.zeros(n_y),
+        healthy=np.array([item.nominal for item in spec.parameters]),
+        spread_states=np.zeros((n_x, len(spec.parameters))),
+        spread_sums=np.zeros((2, n_y)),
+        rejected=np.zeros(len(spec.hypotheses)),
         samples_states=np.zeros((n_x, lanes)),
         before_states=np.zeros((n_x, lanes)),
         states=np.zeros((n_x, lanes)),

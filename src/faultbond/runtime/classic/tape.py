@@ -6,6 +6,7 @@ Its registers are first the arguments, then the constants, then one result for e
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Outcome:
     conditions: tuple[tuple[int, bool], ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: constants are made arrays once
 class Program:
     """Instructions that give one or more results; of several roots the first that holds counts.
 
@@ -59,6 +60,11 @@ class Program:
     constants: tuple[float, ...]
     code: tuple[Instruction, ...]
     outcomes: tuple[Outcome, ...]
+
+    @cached_property
+    def numbers(self) -> tuple[FloatArray, ...]:
+        """The constants as arrays of shape (1,)."""
+        return tuple(np.array([value]) for value in self.constants)
 
 
 def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
@@ -77,7 +83,7 @@ def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
         nan where there is no real value; the caller silences warnings of numpy
     """
     registers: list[FloatArray] = [environment[place] for place in program.arguments]
-    registers += [np.array([value]) for value in program.constants]
+    registers += program.numbers
     for name, operands in program.code:
         registers.append(OPERATIONS[name](*[registers[k] for k in operands]))
     found = _results(registers, program.outcomes[0])
@@ -90,7 +96,10 @@ def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
 
 
 def _results(registers: Sequence[FloatArray], outcome: Outcome) -> FloatArray:
-    return np.array(np.broadcast_arrays(*[registers[k] for k in outcome.results]))
+    found = [registers[k] for k in outcome.results]
+    if len({value.shape for value in found}) > 1:
+        found = list(np.broadcast_arrays(*found))
+    return np.array(found)
 
 
 def _holds(registers: Sequence[FloatArray], outcome: Outcome) -> BoolArray:

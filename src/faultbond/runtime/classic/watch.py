@@ -15,14 +15,15 @@ from faultbond.runtime.classic.models import (
     Moment,
     outputs_from_before,
     parameters_of,
+    spread_parameters,
     states_from_before,
     states_from_samples,
 )
 from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.prefilter import filtered
 from faultbond.runtime.classic.ranking import current_limits, noise_of, rank
-from faultbond.runtime.classic.settings import Erratum
-from faultbond.runtime.classic.state import ClassicState, delay_of, points_of
+from faultbond.runtime.classic.settings import WORKING, Erratum
+from faultbond.runtime.classic.state import ClassicState
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.monitor import DIAGNOSIS_EVERY
 from faultbond.runtime.state import Report, Sample, Status
@@ -86,7 +87,7 @@ def _received(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, sample: 
 
 def _filtered(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:
     """Filter the sample in the middle of the window; what is missing there is held, and marked."""
-    centre = delay_of(spec, plan)
+    centre = plan.delay
     if not np.isfinite(state.raw_times[centre]):
         return state
     settings = plan.settings
@@ -94,7 +95,7 @@ def _filtered(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Class
     row = state.raw[centre].copy()
     relative = Erratum.BAND in settings.printed
     ratios = np.concatenate([np.full(len(spec.inputs), _mean_noise(spec, plan, state)), noise_of(spec, plan, state)])
-    for k, points in enumerate(points_of(spec, plan)):
+    for k, points in enumerate(plan.points):
         if points > 1:
             first = centre - points // 2
             window = state.raw[first : first + points, k]
@@ -112,7 +113,7 @@ def _mean_noise(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> flo
 
 def _interval(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> float:
     """Give the time from the filtered sample before to that in the middle of the window, s."""
-    centre = delay_of(spec, plan)
+    centre = plan.delay
     before = state.raw_times[centre - 1] if centre > 0 else np.nan
     if not np.isfinite(before):
         return spec.sample_time or 1.0
@@ -125,29 +126,27 @@ def _begun(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicS
     starts = {item.name: item.start_mean for item in spec.states}
     otherwise = np.array([[starts.get(name, 0.0)] for name in plan.states])
     states = np.repeat(states_from_samples(plan, moment, otherwise), plan.n_lanes, axis=1)
-    factors, covariance = start_factors(spec, plan)
     return replace(
         state,
         running=0,
+        spread_states=np.repeat(states[:, :1], len(spec.parameters), axis=1),
         states=states,
         samples_states=states,
         before_states=states,
-        factors=factors,
-        covariance=covariance,
         quiet_at=np.full_like(state.quiet_at, state.at),
     )
 
 
 def _moment(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, lanes: int) -> Moment:
     dt = _interval(spec, plan, state)
-    return Moment(dt=dt, frames=state.frames, parameters=parameters_of(spec, plan, state.factors[:, :lanes]))
+    return Moment(
+        dt=dt, frames=state.frames, parameters=parameters_of(spec, plan, state.healthy, state.factors[:, :lanes])
+    )
 
 
 def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:
     """Estimate the states, predict the outputs and take their errors in, for all lanes that run."""
-    lanes = plan.n_lanes if state.alarm >= 0 else 1
-    moment = _moment(spec, plan, state, lanes)
-    past = state.states[:, :lanes]
+    moment, past = _models(spec, plan, state)
     expected = outputs_from_before(plan, moment, past)
     before = states_from_before(plan, moment, past)
     samples = states_from_samples(plan, moment, before)
@@ -157,7 +156,11 @@ def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Classi
     running = state.running + 1
     trust = trust_in_samples(plan.settings, _mean_noise(spec, plan, state), plan.accuracy, running)
     states = trust * samples + (1.0 - trust) * before
-    sums = add_error(plan.settings, state.sums[:, :, :lanes], *_errors(spec, plan, state, expected))
+    if state.alarm < 0:
+        state = _spread(spec, plan, state, expected, states)
+        expected, before, samples, states, past = (item[:, :1] for item in (expected, before, samples, states, past))
+        moment = _moment(spec, plan, state, 1)
+    sums = add_error(plan.settings, state.sums[:, :, : states.shape[1]], *_errors(spec, plan, state, expected))
     state = replace(
         state,
         running=running,
@@ -171,6 +174,31 @@ def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Classi
         sums=_merged(state.sums, sums),
     )
     return _estimated(spec, plan, state, moment)
+
+
+def _models(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[Moment, FloatArray]:
+    """Give the models that run, and their states one sample before.
+
+    After the alarm the healthy model and one of each tested set; until then the healthy one, and with it those whose
+    parameters are off by their declared accuracy.
+    """
+    if state.alarm >= 0:
+        return _moment(spec, plan, state, plan.n_lanes), state.states
+    parameters = spread_parameters(spec, state.healthy)
+    moment = Moment(dt=_interval(spec, plan, state), frames=state.frames, parameters=parameters)
+    return moment, np.hstack([state.states[:, :1], state.spread_states])
+
+
+def _spread(
+    spec: EngineSpec, plan: ClassicPlan, state: ClassicState, expected: FloatArray, states: FloatArray
+) -> ClassicState:
+    """Take in how far off the models are whose parameters are off: the model-error/signal ratio of each output."""
+    off = expected[:, 1:] - expected[:, :1]
+    size = np.sqrt(np.sum(np.where(np.isfinite(off), off, 0.0) ** 2, axis=1))
+    measured, _, weight = _errors(spec, plan, state, expected)
+    working = replace(plan.settings, printed=WORKING)
+    sums = add_error(working, state.spread_sums[..., None], measured, size[:, None], weight)
+    return replace(state, spread_states=states[:, 1:], spread_sums=sums[..., 0])
 
 
 def _merged(whole: FloatArray, part: FloatArray) -> FloatArray:
@@ -215,9 +243,9 @@ def _settling(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> BoolA
     """
     if Erratum.STEPS in plan.settings.printed:
         return np.zeros(len(spec.inputs), dtype=bool)
-    filtered_ = np.array(points_of(spec, plan)[: len(spec.inputs)]) > 1
+    filtered_ = np.array(plan.points[: len(spec.inputs)]) > 1
     settling = np.array([item.settling for item in spec.inputs])
-    smear = 2.0 * delay_of(spec, plan) * _interval(spec, plan, state)
+    smear = 2.0 * plan.delay * _interval(spec, plan, state)
     return np.asarray((state.since_step < settling + smear) & ((settling > 0.0) | ~filtered_))
 
 
@@ -253,7 +281,7 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
         above = exceeds(plan.settings, index, state.index_before[:, 0], limit)
         if above.any():
             detection = _detection(spec, state, above, index / limit)
-            state = _suspected(plan, state)
+            state = _suspected(spec, plan, state)
             diagnosis = rank(spec, plan, state)
     status = Status.DIAGNOSING if state.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
     report = Report(
@@ -279,13 +307,22 @@ def _detection(spec: EngineSpec, state: ClassicState, above: BoolArray, ratio: F
     )
 
 
-def _suspected(plan: ClassicPlan, state: ClassicState) -> ClassicState:
+def _suspected(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:
     """Let a model of every tested set begin, with the states that several samples give and no errors yet."""
     others = plan.n_lanes - 1
     states = np.concatenate([state.states[:, :1], np.repeat(state.samples_states[:, :1], others, axis=1)], axis=1)
     sums = state.sums.copy()
     sums[:, :, 1:] = 0.0
-    return replace(state, alarm=state.index, states=states, sums=sums)
+    factors, covariance = start_factors(spec, plan, state.healthy)
+    return replace(
+        state,
+        alarm=state.index,
+        states=states,
+        sums=sums,
+        factors=factors,
+        covariance=covariance,
+        rejected=np.zeros_like(state.rejected),
+    )
 
 
 def finish(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis | None:

@@ -8,9 +8,8 @@ from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import build_step_model
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.classic.plan import ClassicPlan, Sides
+from faultbond.runtime.classic.plan import Batch, ClassicPlan, Sides
 from faultbond.runtime.classic.settings import Erratum, Settings
-from faultbond.runtime.classic.tape import Program
 from faultbond.spec import EngineSpec
 from faultbond.structure.components import SAMPLE_TIME, ComponentNetwork, build_components, frame_name
 from faultbond.structure.solving.backward_euler import Plant, plant_of
@@ -24,7 +23,7 @@ from faultbond.synthesis.classic.functions import (
     state_signals,
 )
 from faultbond.synthesis.classic.sides import MISFIT, Relation, Side, reaching, relations, side_of
-from faultbond.synthesis.classic.tapes import compile_roots
+from faultbond.synthesis.classic.tapes import compile_batch
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import TimeGrid
 
@@ -121,8 +120,7 @@ def _plan(
     rates = {state.signal: state.rate for state in network.states}
     depth = _depth(functions)
     places = _places(network, states, depth)
-    compiled = _Compiler(places)
-    sides = tuple(_compiled_side(network, spec, side, compiled) for side in functions.sides)
+    sides = tuple(_described(network, spec, side) for side in functions.sides)
     return ClassicPlan(
         settings=settings,
         accuracy=_accuracy(graph) if settings.accuracy is None else settings.accuracy,
@@ -136,9 +134,11 @@ def _plan(
         now=tuple(places[frame_name((name, 0))] for name in states),
         before=tuple(places[frame_name((name, 1))] for name in states),
         rates=tuple(-1 if rates[name] in states else places[frame_name((rates[name], 0))] for name in states),
-        from_samples=tuple(None if item is None else compiled.of(item) for item in functions.samples),
-        from_before=tuple(map(compiled.of, functions.before)),
-        expected=tuple(map(compiled.of, functions.outputs)),
+        points=_points(spec, settings),
+        from_samples=_compiled(functions.samples, places),
+        from_before=_compiled(functions.before, places),
+        expected=_compiled(functions.outputs, places),
+        misfits=compile_batch([(side.roots, MISFIT) for side in functions.sides], places),
         algebraic=tuple(not _passes_a_store(network, item) for item in functions.outputs),
         sides=sides,
         uses=tuple(_uses(functions.sides, sides, spec, chosen) for chosen in tested),
@@ -147,15 +147,16 @@ def _plan(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Compiler:
-    """Closed forms into programs on one environment."""
+def _compiled(functions: Sequence[Closed | None], places: Mapping[str, int]) -> Batch:
+    return compile_batch([None if item is None else (item.roots, item.targets[0]) for item in functions], places)
 
-    places: Mapping[str, int]
 
-    def of(self, closed: Closed) -> Program:
-        """Give the program of a closed form."""
-        return compile_roots(closed.roots, closed.targets, self.places)
+def _points(spec: EngineSpec, settings: Settings) -> tuple[int, ...]:
+    """Give the length of the parabola of each input and output; inputs without declared noise are not filtered."""
+    own = dict(settings.lengths)
+    usual = 16 if Erratum.SIXTEEN in settings.printed and settings.length == 17 else settings.length
+    inputs = (own.get(item.name, usual if item.noise > 0.0 else 1) for item in spec.inputs)
+    return (*inputs, *(own.get(item.name, usual) for item in spec.outputs))
 
 
 def _depth(functions: _Functions) -> int:
@@ -185,11 +186,10 @@ def _passes_a_store(network: ComponentNetwork, closed: Closed) -> bool:
     return closed.route is not None and any(step.equation in sums for step in closed.route.steps)
 
 
-def _compiled_side(network: ComponentNetwork, spec: EngineSpec, side: Side, compiled: _Compiler) -> Sides:
+def _described(network: ComponentNetwork, spec: EngineSpec, side: Side) -> Sides:
     parameters, inputs = reaching(network, side)
     return Sides(
         equation=side.equation,
-        program=compile_roots(side.roots, (MISFIT,), compiled.places),
         parameters=frozenset(k for k, item in enumerate(spec.parameters) if item.name in parameters),
         inputs=frozenset(k for k, item in enumerate(spec.inputs) if item.name in inputs),
         formula=side.formula,

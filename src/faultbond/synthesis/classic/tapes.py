@@ -3,11 +3,12 @@
 What is computed twice is computed once: equal instructions on equal registers share a register (value numbering).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
+from faultbond.runtime.classic.plan import Batch
 from faultbond.runtime.classic.tape import Instruction, Outcome, Program
-from faultbond.structure.solving.solution import Root
+from faultbond.structure.solving.solution import Line, Root
 
 MAX_POWER = 16  # whole powers up to here are products
 
@@ -77,7 +78,11 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
         known = dict(arguments)
         for line in root.lines:
             known[line.name] = writer.write(line.value, known)
-        conditions = tuple((writer.write(item.expression, known), item.strict) for item in root.conditions)
+        conditions = (
+            ()
+            if len(roots) == 1
+            else tuple((writer.write(item.expression, known), item.strict) for item in root.conditions)
+        )
         outcomes.append(Outcome(results=tuple(known[target] for target in targets), conditions=conditions))
     return Program(
         arguments=tuple(places[name] for name in outer),
@@ -85,6 +90,37 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
         code=tuple(writer.code),
         outcomes=tuple(outcomes),
     )
+
+
+def compile_batch(items: Sequence[tuple[Sequence[Root], str] | None], places: Mapping[str, int]) -> Batch:
+    """Give programs for many closed forms of one target each; those with one root only are one program.
+
+    Parameters
+    ----------
+    items : roots and target; None is left out
+    places : place of each name in the environment
+    """
+    alone = [(row, item) for row, item in enumerate(items) if item is not None and len(item[0]) > 1]
+    together = [(row, item[0][0], item[1]) for row, item in enumerate(items) if item is not None and len(item[0]) == 1]
+    batch: list[tuple[Program, tuple[int, ...]]] = [
+        (compile_roots(roots, (target,), places), (row,)) for row, (roots, target) in alone
+    ]
+    if together:
+        lines = tuple(
+            Line(name=f"{row} {line.name}", value=rename(line.value, _within(root, row)))
+            for row, root, _ in together
+            for line in root.lines
+        )
+        targets = tuple(_within(root, row)(target) for row, root, target in together)
+        rows = tuple(row for row, _, _ in together)
+        batch.append((compile_roots([Root(lines=lines)], targets, places), rows))
+    return tuple(batch)
+
+
+def _within(root: Root, row: int) -> Callable[[str], str]:
+    """Give names of lines a form of their own, since two closed forms may call different lines alike."""
+    own = {line.name for line in root.lines}
+    return lambda name: f"{row} {name}" if name in own else name
 
 
 def _expressions(root: Root) -> tuple[Expression, ...]:
