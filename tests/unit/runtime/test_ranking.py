@@ -48,12 +48,14 @@ def by_hand(spec: EngineSpec, likelihoods: FloatArray) -> list[float]:
     """
     steps, slots, found = plan_lanes(spec), plan_slots(spec), []
     top, n = likelihoods.max(), steps.n_lanes
-    sizes = [*map(len, spec.hypotheses), *[1] * len(spec.instruments)]
-    for k, size in enumerate(sizes):
+    prices = spec.thresholds
+    costs = [prices.cost_per_suspect * len(chosen) for chosen in spec.hypotheses]
+    costs += [prices.cost_per_sensor if item.is_output else prices.cost_per_suspect for item in spec.instruments]
+    for k, cost in enumerate(costs):
         mean = np.mean(np.exp(likelihoods[:n][steps.hypothesis == k] - top)) if k < len(spec.hypotheses) else 0.0
         for lane, likelihood in zip(slots.lanes, likelihoods[n:], strict=True):
             mean += np.exp(lane.weight + likelihood - top) if lane.hypothesis == k else 0.0
-        found.append(float(np.log(mean) + top - spec.thresholds.cost_per_suspect * size))
+        found.append(float(np.log(mean) + top - cost))
     return found
 
 
@@ -138,7 +140,7 @@ def test_lost_lanes_do_not_count() -> None:
     lost = np.append(likelihoods, LOST)
     lost[own[0]] = np.nan
     lost[own[1]] = -np.inf
-    found = scores(SPEC, lost)
+    found = scores(SPEC, bank_with(SPEC, lost))
     assert np.all(np.isfinite(found))
     assert found[2] == pytest.approx(-100.0 + np.log((len(own) - 2) / len(own)) - 5.0)
     bank = bank_with(SPEC, lost)
@@ -160,19 +162,20 @@ def test_a_hypothesis_without_any_number_is_last() -> None:
 
 def test_smaller_sets_win_a_tie() -> None:
     """Where two sets explain the data alike, the smaller one is more probable by the cost of one suspect."""
-    found = scores(SPEC, np.append(np.zeros(STEPS), LOST))
+    found = scores(SPEC, bank_with(SPEC, np.append(np.zeros(STEPS), LOST)))
     by_size = {len(chosen): value for chosen, value in zip(SPEC.hypotheses, found, strict=False)}
     assert by_size[1] - by_size[2] == pytest.approx(SPEC.thresholds.cost_per_suspect)
     assert by_size[2] - by_size[3] == pytest.approx(SPEC.thresholds.cost_per_suspect)
 
 
-def test_an_instrument_that_explains_as_well_weighs_as_a_parameter() -> None:
-    """Where all lanes say the same, a faulty instrument is as probable as a step of one parameter."""
+def test_an_instrument_that_explains_as_well_weighs_by_its_cost() -> None:
+    """Where all lanes say the same, an input is as probable as a step of one parameter, a sensor by its own cost."""
     likelihoods = np.zeros(STEPS + SLOTS)
     rare = [lane.hypothesis < len(SPEC.hypotheses) for lane in plan_slots(SPEC).lanes]
     likelihoods[STEPS:][rare] = -np.inf
-    found = scores(SPEC, likelihoods)
-    assert found[len(SPEC.hypotheses) :] == pytest.approx([found[0]] * 3)
+    found = scores(SPEC, bank_with(SPEC, likelihoods))
+    more = SPEC.thresholds.cost_per_suspect - SPEC.thresholds.cost_per_sensor
+    assert found[len(SPEC.hypotheses) :] == pytest.approx([found[0] + more, found[0] + more, found[0]])
 
 
 def test_at_most_a_hundred_candidates() -> None:

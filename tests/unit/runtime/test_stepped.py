@@ -219,7 +219,7 @@ def test_renewal_replaces_the_least_likely_lane_only() -> None:
     rows = np.arange(state.begun, state.index) % depth
     trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
     bank = begin_steps(spec, engine, trail, 118)
-    renewed = renew_steps(spec, engine, trail, bank)
+    renewed = renew_steps(spec, engine, trail, bank, state.alarm - state.begun)
     plan = plan_lanes(spec)
     changed = np.flatnonzero(np.any(renewed != bank, axis=0))
     assert len(changed) > 0
