@@ -18,13 +18,19 @@ class Frozen:
     Parameters
     ----------
     noise : standard deviation by sensor, shape (n_outputs,), SI; 0 is never judged
+    memory : of another one that saw the values before; None: there were none
     """
 
-    def __init__(self, noise: FloatArray) -> None:
+    def __init__(self, noise: FloatArray, memory: FloatArray | None = None) -> None:
         self._noise = noise
-        self._last = np.full(len(noise), np.nan)
-        self._finest = np.full(len(noise), np.inf)
-        self._same = np.ones(len(noise), dtype=np.intp)  # values that are like the last one, itself among them
+        nothing = np.repeat([[np.nan], [np.inf], [1.0]], len(noise), axis=1)
+        self._last, self._finest, same = nothing if memory is None else memory
+        self._same = same.astype(np.intp)  # values that are like the last one, itself among them
+
+    @property
+    def memory(self) -> FloatArray:
+        """What is remembered: last value, finest step, values alike, shape (3, n_outputs)."""
+        return np.array([self._last, self._finest, self._same])
 
     def add(self, y: FloatArray) -> int:
         """Take the values of one point, shape (n_outputs,), SI, and give by how much the count grows."""

@@ -85,7 +85,8 @@ class Clock:
     """Where a grid stands that holds nothing back: enough for a later recording to go on from there.
 
     counts: what has been passed. placed: the last rows. origin: index and time of the point at which the grid began.
-    usual: interval of rows before it began anew. last_index, last_time: of the last point.
+    usual: interval of rows before it began anew. last_index, last_time: of the last point. frozen: what is remembered
+    of values that stay the same, see `Frozen`.
     """
 
     counts: Counts
@@ -94,6 +95,7 @@ class Clock:
     usual: float
     last_index: int
     last_time: float
+    frozen: FloatArray | None = None
 
 
 class Grid:
@@ -126,7 +128,7 @@ class Grid:
         self._step = sample_time
         self._live = live
         self._steady = steady
-        self._frozen = Frozen(np.array(noise, dtype=float)) if noise else None
+        self._frozen = Frozen(np.array(noise, dtype=float), clock.frozen if clock else None) if noise else None
         self._tally: Counter[str] = Counter()
         self._waiting: list[tuple[float, int, bool, Row]] = []  # heap of rows not yet placed: time, arrival, late
         self._arrivals = 0
@@ -164,6 +166,7 @@ class Grid:
             usual=self._usual,
             last_index=self._last_index,
             last_time=self._last_time,
+            frozen=self._frozen.memory if self._frozen is not None else None,
         )
 
     @property

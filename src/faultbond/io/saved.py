@@ -21,7 +21,7 @@ from faultbond.runtime.rule import Sure
 from faultbond.types import FaultKind, FloatArray, Method
 
 FORMAT = 1  # of the file; one of another format is refused
-_NUMBERS, _ROWS = "numbers.", "rows."
+_NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +83,8 @@ def write_saved(path: Path, saved: Saved) -> None:
     arrays = {_NUMBERS + name: values for name, values in saved.numbers.items()}
     for name in ("time", "u", "y"):
         arrays[_ROWS + name] = np.array([getattr(row, name) for row in clock.placed])
+    if clock.frozen is not None:
+        arrays[_FROZEN] = clock.frozen
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with draft.open("wb") as stream:
@@ -135,6 +137,7 @@ def _saved(about: dict[str, Any], arrays: dict[str, FloatArray]) -> Saved:
             usual=usual,
             last_index=last_index,
             last_time=last_time,
+            frozen=arrays.get(_FROZEN),
         ),
         found=_found(about["found"]),
     )
