@@ -10,7 +10,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.advising import check_rows
 from faultbond.report.chart import payload
 from faultbond.report.charts import sections
-from faultbond.report.drawing import draw, graph_title
+from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text, probability_text
 from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import (
@@ -18,7 +18,6 @@ from faultbond.report.verdict import (
     accepted_text,
     component_probabilities,
     instrument_probabilities,
-    join,
     open_diagnosis,
     remainder_text,
     span_of,
@@ -28,7 +27,8 @@ from faultbond.report.verdict import (
 )
 from faultbond.runtime.history import Diagnosis, History
 
-SHOWN = 0.05  # instruments less likely at fault are not named
+SHOWN = 0.005  # instruments less likely at fault have no number
+CHIPS = 24  # of more instruments only those with a number are named
 NO_BREAK = "\N{NO-BREAK SPACE}"
 STATIC = resources.files("faultbond.report") / "static"
 
@@ -77,7 +77,7 @@ def render_report(
         doubtful=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, Notation.PRINT) if diagnosis else (),
         drawing=draw(graph, strokes, _heat(diagnosis)),
-        not_drawn=_not_drawn(graph, diagnosis),
+        instruments=_instruments(graph, diagnosis),
         drawing_title=graph_title(graph),
         blocks_drawn=graph.is_block_network,
         strokes_drawn=bool(strokes),
@@ -101,12 +101,21 @@ def _heat(diagnosis: Diagnosis | None) -> dict[str, float] | None:
     return component_probabilities(diagnosis) if diagnosis and diagnosis.unexplained is None else None
 
 
-def _not_drawn(graph: BondGraph, diagnosis: Diagnosis | None) -> str:
-    """Name sensors and inputs that are likely at fault; the drawing of the plant does not show them."""
+def _instruments(graph: BondGraph, diagnosis: Diagnosis | None) -> list[tuple[str, str, str]]:
+    """Give sensors and inputs, which the drawing of the plant does not show: title, opacity of its colour, per cent."""
     if diagnosis is None or diagnosis.unexplained is not None:
-        return ""
-    likely = [item for item in instrument_probabilities(diagnosis).items() if item[1] >= SHOWN]
-    return join([f"{instrument_title(graph, name)} ({probability_text(share)} %)" for name, share in likely])
+        return []
+    shares = instrument_probabilities(diagnosis)
+    names = [item.name for item in graph.sensors] + [item.name for item in graph.inputs]
+    told = names if len(names) <= CHIPS else [name for name in names if shares.get(name, 0.0) >= SHOWN]
+    return [
+        (
+            instrument_title(graph, name),
+            f"{STRONGEST * shares.get(name, 0.0):.3f}",
+            f"{probability_text(shares[name])} %" if shares.get(name, 0.0) >= SHOWN else "",
+        )
+        for name in told
+    ]
 
 
 def _state(history: History, counts: Counts) -> str:
@@ -126,8 +135,9 @@ def _cards(history: History, counts: Counts) -> list[tuple[str, str, str]]:
     if history.detections:
         last = history.detections[-1]
         start = float(history.time[0]) if len(history.time) else 0.0
+        after = f"{duration_text(last.time - start)} after the start" if last.time >= start else "in the run before"
         cards = [
-            ("Detected at", clock_text(last.time), f"{duration_text(last.time - start)} after the start"),
+            ("Detected at", clock_text(last.time), after),
             ("Estimated onset", clock_text(last.change_time), "begin of the change"),
             ("Delay", duration_text(last.time - last.change_time), "from onset to alarm"),
             ("Seen in", ", ".join(last.signals) or "slow error", "signal that raised the alarm"),

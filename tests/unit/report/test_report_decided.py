@@ -86,6 +86,15 @@ def test_a_run_after_an_accepted_fault() -> None:
     assert '"label":"accepted"' not in page(history)
 
 
+def test_an_alarm_of_the_run_before() -> None:
+    """An alarm that stood open when the run began is told as one of before, not after a negative time."""
+    history = tank_history(GRAPH)
+    early = replace(history.detections[0], time=-30.0, change_time=-60.0)
+    found = page(replace(history, detections=(early,)))
+    assert "in the run before" in found
+    assert "after the start" not in found
+
+
 def test_what_is_left_after_a_rejection() -> None:
     """The rejected candidate is named with what it had; the list is short, without it, and counts the rest."""
     rejected = Accepted(time=60.0, candidate=PIPE, by=Decider.PERSON)
