@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last
+from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
 
 from faultbond.model.graph import BondGraph
 from faultbond.report.html import render_report
-from faultbond.runtime.history import Candidate, History
+from faultbond.runtime.history import Candidate, History, Unexplained
 
 GRAPH = tank_graph()
 Render = Callable[[BondGraph, History], str]
@@ -142,6 +142,23 @@ def test_group_of_several_shows_each(history: History) -> None:
     assert "".join(found.texts["h1"]).startswith("Cannot yet be told apart")
     assert found.texts["span"].count("●") == 2
     assert found.texts["figcaption"][-2:] == ["K4 of outlet", "K2 of orifice"]
+
+
+def test_instruments_stand_below_the_drawing(history: History) -> None:
+    """Sensors and inputs are named with their probability, and none is claimed where nothing explains the data."""
+    found = (
+        Candidate(suspects=(wrong("flow.bias", 0.0, 1e-5, 1e-6),), probability=0.75, group=True),
+        Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=0.25, group=True),
+    )
+    run = with_last(history, found)
+    items = [text.strip() for text in page(run).texts["li"] if text.strip()]
+    assert items == ["flow sensor", "pressure sensor", "input u_in", "input u_out"]
+    assert "75.0 %" in page(run).texts["b"]
+    off = Unexplained(signal="flow", sd=3.0, since=4000.0, until=4900.0)
+    doubtful = replace(run, diagnoses=(*run.diagnoses[:-1], replace(run.diagnoses[-1], unexplained=off)))
+    assert "li" not in page(doubtful).texts
+    assert "probability of a change" not in "".join(page(doubtful).texts["text"])
+    assert "probability of a change" in "".join(page(run).texts["text"])
 
 
 def test_marks_and_limit(history: History) -> None:
