@@ -147,6 +147,15 @@ def test_singles_alone_if_asked() -> None:
     assert plan.tested == spec.hypotheses == tuple((k,) for k in range(7))
 
 
+def test_a_long_chain_is_followed_by_the_model_alone() -> None:
+    """Of the pipe's 21 temperatures those that would take many differences of one reading have no A."""
+    _, plan = built("pipe")
+    rows = {row for _, found in plan.from_samples for row in found}
+    assert {plan.states[row] for row in rows} == {"node18.e", "node19.e", "node20.e", "probe.e"}
+    assert sorted(row for _, found in plan.from_before for row in found) == list(range(21))
+    assert dict(plan.formulas)["state node1.e"].startswith("not from samples")
+
+
 def test_what_has_no_time_is_refused() -> None:
     """A static network has no states to follow."""
     graph = load_model(EXAMPLES / "thesis" / "fig_6_1.yaml")

@@ -143,7 +143,7 @@ def _plan(
         sides=sides,
         uses=tuple(_uses(functions.sides, sides, spec, chosen) for chosen in tested),
         tested=tested,
-        formulas=_formulas(functions),
+        formulas=_formulas(states, functions),
     )
 
 
@@ -214,7 +214,11 @@ def _is_own(side: Side, spec: EngineSpec, chosen: Sequence[int]) -> bool:
     return any(spec.parameters[index].name in side.suspended for index in chosen)
 
 
-def _formulas(functions: _Functions) -> tuple[tuple[str, str], ...]:
-    named = [(item.question.title, item.formula) for item in functions.samples if item is not None]
+def _formulas(states: Sequence[str], functions: _Functions) -> tuple[tuple[str, str], ...]:
+    nothing = "not from samples: too many of them would be needed"
+    named = [
+        (f"state {state}", nothing if item is None else item.formula)
+        for state, item in zip(states, functions.samples, strict=True)
+    ]
     named += [(item.question.title, item.formula) for item in (*functions.before, *functions.outputs)]
     return (*named, *((f"law of {side.equation}", side.formula) for side in functions.sides))

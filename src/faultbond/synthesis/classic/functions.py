@@ -19,6 +19,7 @@ from faultbond.structure.solving.problem import name_of
 from faultbond.structure.solving.solution import Root, Solution
 from faultbond.structure.solving.solve import Limits, solve
 
+MOST_SAMPLES = 4  # from which a state is found; each further one multiplies the noise by the rate of sampling
 MOST_ROUTES = 20  # looked at for one along which no state is differentiated
 
 
@@ -66,16 +67,22 @@ def _why(solution: Solution) -> str:
 
 
 def from_samples(network: ComponentNetwork) -> tuple[tuple[Question, Route | None] | None, ...]:
-    """Ask for each state from as many samples as it takes; None where no number of them fixes it."""
+    """Ask for each state from as many samples as it takes.
+
+    None where no number of them fixes it, or only so many that differences of differences leave nothing but noise; such
+    a state is followed by the model alone.
+    """
     found: list[tuple[Question, Route | None] | None] = []
     for question in questions.states(network):
         if question.is_known(_signal(question)):
             found.append((question, None))
             continue
         try:
-            found.append((question, find_route(network, question)))
+            route = find_route(network, question)
         except StructureError:
             found.append(None)
+        else:
+            found.append((question, route) if route.observations <= MOST_SAMPLES else None)
     return tuple(found)
 
 
