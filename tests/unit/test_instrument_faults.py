@@ -170,6 +170,7 @@ def test_units_of_instruments_are_those_of_the_model_file(tank: BondGraph) -> No
     ("fault", "message"),
     [
         (Fault(parameter="flw.bias", value=1.0, start=1.0), r"no sensor or input flw; did you mean flow\?"),
+        (Fault(parameter="flow", value=1.0, start=1.0), r"say what is wrong with it, such as flow\.bias"),
         (Fault(parameter="flow.bais", value=1.0, start=1.0), r"did you mean bias\?"),
         (Fault(parameter="flow.bias", factor=2.0, start=1.0), "its healthy value is 0"),
         (Fault(parameter="flow.stuck", factor=2.0, start=1.0), "stuck at a value, not at a factor"),

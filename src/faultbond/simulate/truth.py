@@ -273,5 +273,7 @@ def closest(name: str, known: Sequence[str]) -> str:
 def _parameter(graph: BondGraph, name: str) -> Parameter:
     known = {item.name: item for item in graph.parameters}
     if name not in known:
-        raise ModelError(f"{graph.file}: no parameter {name}; {closest(name, tuple(known))}")
+        instruments = [item.name for item in graph.sensors] + [item.name for item in graph.inputs]
+        hint = f"say what is wrong with it, such as {name}.bias" if name in instruments else closest(name, tuple(known))
+        raise ModelError(f"{graph.file}: no parameter {name}; {hint}")
     return known[name]
