@@ -23,12 +23,13 @@ def estimate_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
 
 def forecast_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
     """Give one chart per limit that a drift of the best group is on its way to."""
+    last = last_diagnosis(history)
     return tuple(
         _forecast_chart(graph, history, candidate, suspect, item)
         for candidate, suspect in _suspects(history)[:CHARTS]
         if candidate.kind is FaultKind.DRIFT and isfinite(suspect.estimate)
         for item in suspect.forecasts
-        if item.time is not None
+        if last is not None and item.time is not None and item.time > last.time
     )
 
 

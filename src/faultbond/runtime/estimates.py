@@ -7,7 +7,7 @@ import numpy as np
 from faultbond.runtime.forecast import forecast
 from faultbond.runtime.history import Forecast, Suspect
 from faultbond.runtime.slots import SlotLane, plan_slots
-from faultbond.spec import EngineSpec, covariance_place
+from faultbond.spec import EngineSpec, ParameterSpec, covariance_place
 from faultbond.types import FaultKind, FloatArray
 
 
@@ -69,14 +69,15 @@ def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> S
         sd=sqrt(max(spread[0], 0.0)),
         rate=moving,
         rate_sd=sqrt(max(spread[2], 0.0)),
-        forecasts=_forecasts(parameter.limits, time, estimate, moving, (spread[0], spread[1], spread[2])),
+        forecasts=_forecasts(parameter, time, estimate, moving, (spread[0], spread[1], spread[2])),
     )
 
 
 def _forecasts(
-    limits: tuple[float, ...], time: float, value: float, rate: float, covariance: tuple[float, float, float]
+    parameter: ParameterSpec, time: float, value: float, rate: float, covariance: tuple[float, float, float]
 ) -> tuple[Forecast, ...]:
-    return tuple(forecast(time, limit, value, rate, covariance) for limit in limits)
+    healthy = parameter.nominal
+    return tuple(forecast(time, limit, value, rate, covariance, healthy) for limit in parameter.limits)
 
 
 def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) -> Suspect:

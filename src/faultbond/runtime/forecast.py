@@ -15,8 +15,15 @@ _LONGEST = 1e12  # s: a limit that is not reached by then is not reached
 _HALVINGS = 200
 
 
-def forecast(time: float, limit: float, value: float, rate: float, covariance: tuple[float, float, float]) -> Forecast:
-    """Give when a drifting value reaches a limit.
+def forecast(
+    time: float,
+    limit: float,
+    value: float,
+    rate: float,
+    covariance: tuple[float, float, float],
+    healthy: float | None = None,
+) -> Forecast:
+    """Give when a drifting value reaches a limit; now, where it has passed it.
 
     Parameters
     ----------
@@ -24,8 +31,9 @@ def forecast(time: float, limit: float, value: float, rate: float, covariance: t
     limit : the value that matters
     value, rate : of now, and per second
     covariance : variance of the value, covariance of both, variance of the rate
+    healthy : the value from which a limit beyond it is passed; None: that of now, which has not passed any
     """
-    side = 1.0 if limit >= value else -1.0
+    side = 1.0 if limit >= (value if healthy is None else healthy) else -1.0
     ahead, speed = side * (limit - value), side * rate
 
     def passed(after: float) -> float:

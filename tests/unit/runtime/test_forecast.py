@@ -89,3 +89,15 @@ def test_times_are_in_order_and_mirrored(value: float, rate: float, sd: float, r
     assert order == sorted(order)
     assert order[0] >= 30.0
     assert times(forecast(30.0, -6.0, -value, -rate, covariance)) == times(found)
+
+
+def test_a_limit_that_is_passed_is_reached_now() -> None:
+    """A value beyond a limit, seen from the healthy one, has reached it, however it moves; before it nothing is new."""
+    for rate in (0.25, -0.25):
+        sure = times(forecast(50.0, 7.0, 9.0, rate, (1e-6, 0.0, 1e-6), 3.0))
+        assert sure == pytest.approx((50.0, 50.0, 50.0), abs=1e-9)
+    early, median, late = times(forecast(50.0, 7.0, 7.1, 0.25, (0.25, 0.0, 1e-6), 3.0))
+    assert (early, median) == pytest.approx((50.0, 50.0), abs=1e-9)
+    assert late is not None
+    assert late > 51.0
+    assert forecast(50.0, 7.0, 5.0, 0.25, (0.25, 0.0, 1e-6), 3.0) == forecast(50.0, 7.0, 5.0, 0.25, (0.25, 0.0, 1e-6))
