@@ -96,7 +96,7 @@ def test_a_drift_has_a_forecast_for_each_limit() -> None:
             (value, rate), covariance = in_numbers(lane)
             spread = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
             healthy = SPEC.parameters[index].nominal
-                wanted.append(forecast(40.0, limit, float(value), float(rate), spread, healthy))
+            wanted.append(forecast(40.0, limit, float(value), float(rate), spread, healthy))
         assert len(suspect.forecasts) == len(wanted) == 2 * (index == 0)
         for one, two in zip(suspect.forecasts, wanted, strict=True):
             assert one.limit == two.limit
