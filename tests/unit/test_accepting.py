@@ -146,7 +146,7 @@ def test_what_an_open_alarm_of_before_says(folder: Path, capsys: pytest.CaptureF
     assert kinds(run(folder, CUT, 260, "--state", state)) == ["run", "end"]
     shown = capsys.readouterr().out
     assert "Fault detected at 2." in shown
-    assert "Most likely the C changed" in shown
+    assert "Most likely C changed" in shown
     assert "Samples  60, " in shown
 
 

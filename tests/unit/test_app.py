@@ -80,10 +80,10 @@ def test_a_fault(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["run", str(MODEL), str(folder / "faulty.csv"), "--report", str(report)]) == 1
     shown = capsys.readouterr()
     assert "Fault detected at 4." in shown.out
-    assert "Most likely the C changed" in shown.out
+    assert "Most likely C changed" in shown.out
     assert shown.out.endswith(f"Report: {report}\n")
     assert shown.err == ""
-    assert "Most likely the C changed" in report.read_text(encoding="utf-8")
+    assert "Most likely C changed" in report.read_text(encoding="utf-8")
 
 
 def test_the_records_of_a_fault(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
-from faultbond.report.suspects import instrument_title
+from faultbond.report.suspects import instrument_title, with_article
 from faultbond.runtime.history import Advice, Diagnosis
 from faultbond.types import CheckKind
 
@@ -40,7 +40,7 @@ def action(graph: BondGraph, item: Advice, notation: Notation) -> str:
     match item.kind:
         case CheckKind.COMPONENT:
             known = any(part.name == item.target for part in graph.components)
-            return f"{'look at' if known else 'check'} the {_owner(graph, item.target)}"
+            return f"{'look at' if known else 'check'} {with_article(_owner(graph, item.target))}"
         case CheckKind.SIGNAL:
             return f"measure {item.target} by hand"
         case CheckKind.INPUT:

@@ -80,11 +80,16 @@ def owner_of(graph: BondGraph, suspect: Suspect) -> str:
     return instrument_title(graph, signal) if signal else suspect.component
 
 
+def with_article(owner: str) -> str:
+    """Put an article before what reads as words: `the pipe`, `the flow sensor`, but `R` and `tank1`."""
+    return f"the {owner}" if " " in owner or (len(owner) > 2 and owner.isalpha() and owner.islower()) else owner
+
+
 def title_of(graph: BondGraph, suspect: Suspect) -> str:
     """Name a suspect in full: `K1 of pipe`, `bias of flow sensor`."""
     signal, word = instrument_of(suspect.parameter)
     if word == FaultKind.STUCK.value:
-        return f"value at which the {owner_of(graph, suspect)} is stuck"
+        return f"value at which {with_article(owner_of(graph, suspect))} is stuck"
     return f"{word if signal else suspect.parameter} of {owner_of(graph, suspect)}"
 
 

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import action
 from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
-from faultbond.report.suspects import OTHERWISE, SuspectRow, change_of, instrument_of, otherwise, owner_of, rows_of
+from faultbond.report.suspects import (
+    OTHERWISE,
+    SuspectRow,
+    change_of,
+    instrument_of,
+    otherwise,
+    owner_of,
+    rows_of,
+    with_article,
+)
 from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, History, Unexplained
 from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind
@@ -161,7 +170,7 @@ def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
 
 
 def _owners(graph: BondGraph, candidate: Candidate) -> str:
-    return join(list(dict.fromkeys(f"the {owner_of(graph, suspect)}" for suspect in candidate.suspects)))
+    return join(list(dict.fromkeys(with_article(owner_of(graph, suspect)) for suspect in candidate.suspects)))
 
 
 def _has_instrument(candidate: Candidate) -> bool:
@@ -188,7 +197,7 @@ def _unsure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
     group = best_group(diagnosis)
     listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
     shared = [suspect for suspect in group[0].suspects if all(suspect.parameter in other.parameters for other in group)]
-    common = join([f"{suspect.parameter} of the {owner_of(graph, suspect)}" for suspect in shared])
+    common = join([f"{suspect.parameter} of {with_article(owner_of(graph, suspect))}" for suspect in shared])
     hint = f" All contain {common}." if shared else ""
     if not diagnosis.advice:
         return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"

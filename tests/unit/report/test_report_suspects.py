@@ -7,7 +7,7 @@ from fake import kind_of, moving, suspect, tank_graph, wrong
 
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
-from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, title_of, unit_of
+from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, title_of, unit_of, with_article
 from faultbond.runtime.history import Candidate, Forecast, Suspect
 from faultbond.types import FaultKind
 
@@ -122,6 +122,18 @@ def test_names_of_instruments() -> None:
     assert owner_of(GRAPH, wrong("flow.bias", 0.0, 1.0, 0.1)) == "flow sensor"
     assert title_of(GRAPH, wrong("u_in.bias", 0.0, 1.0, 0.1)) == "bias of input u_in"
     assert title_of(GRAPH, suspect(GRAPH, "K1", 1.5, 0.1)) == "K1 of pipe"
+
+
+def test_articles_stand_before_words_only() -> None:
+    """A component with a word for a name gets an article, a letter or a number of the plant does not."""
+    assert [with_article(name) for name in ("pipe", "R", "tank1", "flow sensor", "leak_a", "K7")] == [
+        "the pipe",
+        "R",
+        "tank1",
+        "the flow sensor",
+        "leak_a",
+        "K7",
+    ]
 
 
 def test_rows_of_a_drift_and_of_a_stuck_sensor() -> None:
