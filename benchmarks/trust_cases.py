@@ -14,7 +14,7 @@ from benchmarks.plants import EXAMPLES, case, recipe_module
 from benchmarks.variants import effort_or_flow_goes_on
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.simulate import Effects, Fault, Policy, Simulation, simulate
+from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
 from faultbond.types import FloatArray
 
 TANK_SECONDS, MOTOR_SECONDS = 4920.0, 60.0
@@ -22,6 +22,7 @@ ONSETS = {"tank": (1200.0, 1800.0), "dc_motor": (15.0, 25.0), "dc_motor_current"
 DRIFT_ONSET, DRIFT_SECONDS = (300.0, 900.0), 3600.0
 MOTOR = ("R", "L", "K", "J", "C")
 NEVER = float("inf")
+LOW, HIGH = 4000.0, 10000.0  # Pa: levels between which the outlet keeps the tank whose valves move
 NONE: Mapping[str, float] = {}
 
 
@@ -90,12 +91,28 @@ def stepped(folder: str, factors: Sequence[tuple[str, float]], seed: int) -> Pla
 
 
 def drifting(seed: int) -> Played:
-    """Give a tank whose K1 doubles over an hour; the recording ends when it has."""
+    """Give a tank whose K1 doubles over an hour, while its valves move; the recording ends when it has."""
     onset = float(np.random.default_rng([seed, 7]).uniform(*DRIFT_ONSET))
     fault = Fault(parameter="K1", factor=2.0, start=onset, end=onset + DRIFT_SECONDS)
-    recording = case("tank", seed, [fault], seconds=onset + DRIFT_SECONDS).recording
+    graph, module = graph_of("tank"), recipe_module("tank")
+    start = {"tank.q": 0.6 * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
+    policy = Policy(time=np.arange(round(onset + DRIFT_SECONDS) + 1.0), begin=moving_valves)
+    recording = simulate(graph, policy, [fault], seed=seed, effects=module.EFFECTS, start=start)
     found = _played("tank", recording, ["K1"])
     return replace(found, onset=onset, rate=0.5 * found.values["K1"] / DRIFT_SECONDS)
+
+
+def moving_valves() -> Decide:
+    """Begin an operation whose inlet valve moves every five minutes, while the outlet keeps the level in bounds."""
+    draining = False
+
+    def decide(time: float, outputs: FloatArray) -> Sequence[float]:
+        nonlocal draining
+        level = outputs[1]  # Pa; nan at the first row
+        draining = level > HIGH or (draining and not level < LOW)
+        return (80.0, 45.0, 70.0, 30.0)[int(time // 300.0) % 4], 65.0 if draining else 35.0
+
+    return decide
 
 
 def biased(folder: str, sensor: str, sds: float, seed: int) -> Played:

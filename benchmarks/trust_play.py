@@ -119,7 +119,10 @@ def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
     true = diagnosis.candidates[place] if place < len(sets) else None
     error, rate, covered = float("inf"), None, None
     if true is not None and made.values:
-        error = max(abs(item.estimate / made.values[item.parameter] - 1.0) for item in true.suspects)
+        ahead = float(made.time[-1]) - diagnosis.time  # of a drift, the true value is that of the moment
+        error = max(
+            abs(item.estimate / (made.values[item.parameter] - made.rate * ahead) - 1.0) for item in true.suspects
+        )
         moving = true.suspects[0]
         if made.rate and moving.rate is not None:
             rate = abs(moving.rate / made.rate - 1.0)

@@ -15,7 +15,7 @@ from faultbond.runtime.lanes import starts_of
 from faultbond.spec import EngineSpec, ParameterSpec
 from faultbond.types import FaultKind, FloatArray, IntArray
 
-RARE = log(0.2)  # prior weight of a drift, and of a fault that comes and goes, beside a step
+DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
 FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
@@ -103,14 +103,14 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
     """Give a drift that begins at the onset, and drifts that have already gone some way."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
     starts = starts_of(item, 1)
-    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=RARE - log(2.0))
+    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=DRIFTING - log(2.0))
     for start in starts:
         yield replace(
             lane,
             size=start.value - item.healthy,
             size_sd=start.sd,
             rate_sd=item.change / OLD,
-            weight=RARE - log(2.0 * len(starts)),
+            weight=DRIFTING - log(2.0 * len(starts)),
         )
 
 
@@ -124,7 +124,7 @@ def _switching(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[Slo
             parameter=index,
             size=start.value - item.healthy,
             size_sd=start.sd,
-            weight=RARE - log(len(starts)),
+            weight=SWITCHING - log(len(starts)),
         )
         yield there
         yield replace(there, acts=False)
