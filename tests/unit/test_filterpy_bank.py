@@ -1,6 +1,7 @@
 """The bank of FilterPy's filters in the benchmarks: the model it gets, its alarm, its ranking, its lines."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from benchmarks import filterpy_bank, rivals
 from benchmarks.plants import case
 from benchmarks.play import Outcome, Reading, engine_of, watch
 
+from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.simulate import Fault, Simulation
 
 
@@ -48,17 +50,64 @@ def test_bank_finds_a_fault() -> None:
     assert len(last.candidates) == 15
 
 
+def test_filter_before_the_change_is_taken() -> None:
+    """The bank begins from the healthy filter as it stood one sample before the sum began to rise."""
+    spec, engine = engine_of("rlc")
+    recording, model = recorded("rlc", 8.0, Fault(parameter="C", factor=1.5, start=5.0)), rivals.model_of("rlc")
+    readings, start = filterpy_bank.readings_of(spec, recording), filterpy_bank.start_of(spec, engine, recording)
+    alarm = filterpy_bank.wait(model, spec, readings, start, 15.0)
+    assert alarm.sample is not None
+    assert START_SAMPLES < alarm.change < alarm.sample
+    bank = filterpy_bank.bank_of(model, spec, [start])
+    for reading in readings[START_SAMPLES : alarm.change]:
+        bank, _, _ = filterpy_bank.advance(bank, reading)
+    np.testing.assert_allclose(alarm.before.mean, bank.filters[0].x, rtol=1e-12)
+    assert alarm.peaks[-1] > 15.0 >= alarm.peaks[:-1].max()
+
+
+def test_readings_that_settle_do_not_count() -> None:
+    """However far off a reading is, no sum grows while an input step settles; else it does."""
+    spec, engine = engine_of("rlc")
+    recording, model = recorded("rlc", 2.0), rivals.model_of("rlc")
+    start = filterpy_bank.start_of(spec, engine, recording)
+    readings = [replace(item, y=item.y + 50.0) for item in filterpy_bank.readings_of(spec, recording)]
+    settling = [replace(item, scale=np.array([spec.thresholds.blank_factor])) for item in readings]
+    assert filterpy_bank.wait(model, spec, settling, start, 5.0).peaks.max() == 0.0
+    assert filterpy_bank.wait(model, spec, readings, start, 5.0).sample is not None
+
+
+def test_how_the_bank_begins() -> None:
+    """Suspects are as wide as a quarter of their change and alone, states off by their usual size, the rest stays."""
+    spec, engine = engine_of("dc_motor")
+    start = filterpy_bank.start_of(spec, engine, recorded("dc_motor", 2.0))
+    usual = np.array([2.0, 3.0])
+    bank = filterpy_bank.begin(rivals.model_of("dc_motor"), spec, start, usual)
+    for chosen, item in zip(spec.hypotheses, bank.filters, strict=True):
+        places = [spec.parameter_slice.start + index for index in chosen]
+        wide = [0.25 * spec.parameters[index].change * start.mean[k] for index, k in zip(chosen, places, strict=True)]
+        np.testing.assert_allclose(item.P[np.ix_(places, places)], np.diag(np.square(wide)))
+        np.testing.assert_allclose(np.diag(item.P)[:2], np.diag(start.covariance)[:2] + usual**2)
+        others = np.delete(np.arange(2, spec.n_joint), np.array(places) - 2)
+        np.testing.assert_array_equal(item.P[np.ix_(others, others)], start.covariance[np.ix_(others, others)])
+        np.testing.assert_array_equal(item.x, start.mean)
+    shares = {item.parameters: item.probability for item in filterpy_bank.rank(bank, 1.0).candidates}
+    assert shares[("R",)] / shares[("R", "L")] == pytest.approx(np.exp(spec.thresholds.cost_per_suspect))
+
+
 def test_ranges_of_parameters_are_kept() -> None:
-    """However wide a parameter is at the alarm, its estimate stays in the range of the model."""
+    """Whatever is read, estimates stay in the range of the model; without their limits they would not."""
     spec, engine = engine_of("rlc")
     recording = recorded("rlc", 3.0)
     start = filterpy_bank.start_of(spec, engine, recording)
     bank = filterpy_bank.begin(rivals.model_of("rlc"), spec, start, np.ones(2))
-    for reading in filterpy_bank.readings_of(spec, recording)[20:60]:
-        bank, _, _ = filterpy_bank.advance(bank, reading)
-    factors = np.array([item.x[spec.parameter_slice] for item in bank.filters])
-    assert np.all(factors >= [item.lower for item in spec.parameters])
-    assert np.all(factors <= [item.upper for item in spec.parameters])
+    lower, upper = (np.array([getattr(item, side) for item in spec.parameters]) for side in ("lower", "upper"))
+    reached = False
+    for reading in filterpy_bank.readings_of(spec, recording)[20:80]:
+        bank, _, _ = filterpy_bank.advance(bank, replace(reading, y=reading.y + 300.0))
+        factors = np.array([item.x[spec.parameter_slice] for item in bank.filters])
+        assert np.all((factors >= lower) & (factors <= upper))
+        reached |= bool(np.any((factors == lower) | (factors == upper)))
+    assert reached
 
 
 def outcome(alarm: float, rank: int) -> Outcome:
