@@ -137,6 +137,7 @@ class StateSpec:
     start_mean: float
     start_sd: float | None
     noise: float  # process noise sd per sample
+    drift: float = 0.0  # sd for each sample of a gap: after it a sensor will be off by about its noise
     jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
 
 
@@ -273,7 +274,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, again, bound."""
+        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # held since the previous sample
@@ -282,6 +283,7 @@ class EngineSpec:
             "use": len(self.outputs),  # 1: use this value, 0: it is missing
             "scale": len(self.outputs),  # factor on the measurement variance
             "kick": len(self.slow_errors),  # variance added to a slow error
+            "gap": 1,  # samples before this one of which nothing is known; the states may be anywhere near
             "again": 1,  # 1: update a second time, linearised at the first result
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
         }

@@ -36,7 +36,7 @@ def motor(z: FloatArray, voltage: float) -> tuple[FloatArray, FloatArray]:
 
 
 def predicted(
-    spec: EngineSpec, z: FloatArray, P: FloatArray, voltage: float, dt: float
+    spec: EngineSpec, z: FloatArray, P: FloatArray, voltage: float, dt: float, gap: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance one step later: ROS2 and its slopes, Jacobian inside the method held."""
     f, D = motor(z, voltage)
@@ -53,7 +53,7 @@ def predicted(
     z_next = z.copy()
     z_next[:2] += dt * (1.5 * k1 + 0.5 * k2)
     z_next[7] = 0.0
-    unknown = [item.noise**2 * (dt > 0.0) for item in spec.states]
+    unknown = [item.noise**2 * (dt > 0.0) + (item.drift * gap) ** 2 for item in spec.states]
     return z_next, F @ P @ F.T + np.diag([*unknown, *[0.0] * 5, NOISE_V**2])
 
 
@@ -94,6 +94,7 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
     samples[:, place["use"]] = generator.random((rows, 2)) > 0.2
     samples[:, place["scale"]] = np.where(generator.random((rows, 2)) > 0.9, 1e4, 1.0)
     samples[60:, place["dt"]] = 0.03  # an irregular grid is allowed
+    samples[70:71, place["gap"]] = 5.0
     return samples
 
 
@@ -108,7 +109,8 @@ def test_two_hundred_samples_equal_the_plain_filter(motor_engine: tuple[EngineSp
     total = 0.0
     for sample in samples:
         lane, innovations = engine.advance(lane, sample[None, :])
-        z, P = predicted(spec, z, P, float(sample[place["u_before"]][0]), float(sample[place["dt"]][0]))
+        before, dt, gap = (float(sample[place[name]][0]) for name in ("u_before", "dt", "gap"))
+        z, P = predicted(spec, z, P, before, dt, gap)
         y, scale = sample[place["y"]], sample[place["scale"]]
         assert innovations[0, :2, 0] == pytest.approx(y - H @ z, rel=1e-9, abs=1e-9)
         assert innovations[0, 2:, 0] == pytest.approx(np.diag(H @ P @ H.T) + NOISE_Y**2 * scale, rel=1e-9)

@@ -135,6 +135,37 @@ def test_rough_recordings(case: str, fault: bool, folder: Path, tmp_path: Path) 
         assert found[1]["sample"] == pytest.approx(FAULT / STEP, abs=60)
 
 
+@pytest.mark.parametrize("length", [150, 590, 700])
+def test_a_gap_in_which_the_plant_goes_on(length: int, folder: Path, tmp_path: Path) -> None:
+    """Inputs may change in a gap, short or long: the states are then uncertain, and no alarm is raised."""
+    for first in (145, 170):
+        edit: Edit = lambda rows, first=first: [*rows[:first], *rows[first + length :]]  # type: ignore[misc]  # noqa: E731
+        recording = spoiled(folder / "healthy.csv", tmp_path / "r.csv", edit)
+        code, found = watched(folder / "model.yaml", recording, tmp_path / "r.jsonl")
+        assert (code, found[-1]["watched"] > 100) == (0, True)
+        assert counted(found[-1]) == ({"clock_jumps": 1} if length > 600 else {"missing": length})
+
+
+def test_a_fault_after_a_gap_and_a_gap_after_a_fault(folder: Path, tmp_path: Path) -> None:
+    """A gap hides no fault, whether it comes before, after or at the onset.
+
+    Whether R or C has changed shows at the onset only, so that a gap there leaves both.
+    """
+    for first, last, names in ((450, 580, {"C"}), (700, 790, {"C"}), (150, 770, {"C", "R"})):
+        edit: Edit = lambda rows, first=first, last=last: [*rows[:first], *rows[last:]]  # type: ignore[misc]  # noqa: E731
+        recording = spoiled(folder / "faulty.csv", tmp_path / "r.csv", edit)
+        code, found = watched(folder / "model.yaml", recording, tmp_path / "r.jsonl")
+        assert code == 1
+        group = {
+            name: item
+            for found in found[-2]["candidates"]
+            if found["group"]
+            for name, item in found["parameters"].items()
+        }
+        assert group.keys() == names
+        assert group["C"]["estimate"] == pytest.approx(160e-6, rel=0.1)
+
+
 def test_a_sensor_without_any_value(folder: Path, tmp_path: Path) -> None:
     """A column without a number leaves the plant to the other sensors."""
     model = EXAMPLES / "dc_motor_current" / "model.yaml"

@@ -7,11 +7,10 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
-
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT
+from faultbond.runtime.packing import UNKNOWN_GAP
 from faultbond.runtime.state import Sample, State
 
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
@@ -33,10 +32,8 @@ def sample_of(point: GridPoint) -> Sample:
 
 
 def resumed(state: State) -> State:
-    """Give the state with which a run goes on after a time of unknown length: anew, unless a fault was detected."""
-    if state.alarm >= 0:
-        return state
-    return replace(state, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
+    """Give the state with which a run goes on after a time of unknown length."""
+    return replace(state, silent=UNKNOWN_GAP)
 
 
 def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:

@@ -37,6 +37,8 @@ MEANING = {
     "last_renewal": "samples from the alarm to the last such beginning",
     "onset_dense": "samples before the alarm of which each is tried as onset; further back they are tried sparsely",
     "process_noise": "sd added to a state each sample, noises of the sensor that shows it best",
+    "gap": "samples without any value, and three times the usual number, after which the states are uncertain",
+    "unknown_gap": "samples that a gap of unknown length counts as",
     "first_start": "first starting value of a suspect, nominals; each next one is twice as large",
     "start_spread": "standard deviation of a start, starts",
     "reach": "starting values lie within this many `change` of nominal",

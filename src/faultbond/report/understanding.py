@@ -84,6 +84,8 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         "last_renewal": monitor.RENEWALS[-1],
         "onset_dense": stepped.ONSET_DENSE,
         "process_noise": PROCESS_NOISE,
+        "gap": packing.GAP,
+        "unknown_gap": packing.UNKNOWN_GAP,
         "first_start": lanes.FIRST_START,
         "start_spread": lanes.START_SPREAD,
         "reach": lanes.REACH,

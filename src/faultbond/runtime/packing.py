@@ -8,6 +8,10 @@ from faultbond.runtime.state import Changes, Sample, State
 from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
+GAP = 3  # samples without any value from which on the states are uncertain after them,
+UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples
+PAUSES = 20  # rows over which the usual number is a mean; longer pauses do not count as more
+UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
@@ -47,10 +51,15 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
-    begun = state.index if state.begun < 0 else state.begun
+    silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
+    gap = state.silent if state.silent > GAP - 1 + UNUSUAL * state.pause and not silent else 0
+    pause = state.pause if silent else state.pause + (min(state.silent, PAUSES) - state.pause) / PAUSES
+    packed[place["gap"]] = gap
+    begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
-    return packed, {"held": u, "peak": peak, "since_step": since, "change": change, "begun": begun}
+    seen = {"begun": begun, "silent": silent, "pause": pause}
+    return packed, {"held": u, "peak": peak, "since_step": since, "change": change} | seen
 
 
 def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:

@@ -108,6 +108,7 @@ def _settled(data: _Data, mean: FloatArray) -> FloatArray:
     fields, still = spec.sample_fields, data.samples[0].copy()
     still[fields["use"]] = 0.0
     still[fields["kick"]] = 0.0
+    still[fields["gap"]] = 0.0
     still[fields["dt"]] = spec.sample_time or 1.0
     still[fields["u_before"]] = still[fields["u"]]
     n_x = len(mean)

@@ -13,7 +13,7 @@ from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name
-_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted")
+_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent")
 
 
 class Status(Enum):
@@ -65,6 +65,8 @@ class State:
     alarm: int  # sample of the alarm
     detections: int  # alarms so far
     accepted: int  # sample at which a diagnosis was accepted last
+    silent: int  # samples without any value, up to this one
+    pause: float  # usual number of them before a sample with one
     time: float
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input
@@ -110,7 +112,7 @@ class State:
     def restore(saved: dict[str, FloatArray]) -> "State":
         """Give the state that `save` wrote."""
         numbers: dict[str, Any] = {name: int(saved[name]) for name in _COUNTS}
-        numbers["time"] = float(saved["time"])
+        numbers |= {name: float(saved[name]) for name in ("time", "pause")}
         return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
 
 
@@ -124,6 +126,8 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         alarm=-1,
         detections=0,
         accepted=-1,
+        silent=0,
+        pause=0.0,
         time=t0,
         held=np.full(n_u, np.nan),
         peak=np.zeros(n_u),

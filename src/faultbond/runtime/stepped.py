@@ -134,6 +134,7 @@ def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     still = samples.copy()
     still[0, spec.sample_fields["dt"]] = 0.0
     still[0, spec.sample_fields["kick"]] = 0.0
+    still[0, spec.sample_fields["gap"]] = 0.0
     return still
 
 

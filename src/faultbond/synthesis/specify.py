@@ -20,6 +20,7 @@ from faultbond.spec import (
     Thresholds,
 )
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
+from faultbond.types import FloatArray
 
 VERSION = version("faultbond")
 _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a step
@@ -27,6 +28,7 @@ _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
 _OUTSIDE = 4.0  # accuracies by which an estimate may leave the range about a healthy value at its end
+_SHOWN_WITHIN = 50  # samples
 MOST_BEGUN = 300  # sets tested from the alarm on; where there are more, the larger ones wait in reserve
 PROCESS_NOISE = 0.02  # sd added to a state each sample, in noises of the sensor that shows it best
 
@@ -36,7 +38,8 @@ def build_spec(model: StepModel) -> EngineSpec:
     plant = model.plant
     graph = plant.graph
     choice = choose_sets(model)
-    states = tuple(_state(model, k) for k in range(len(model.states)))
+    drifts = _drifts(model)
+    states = tuple(_state(model, k, float(drifts[k])) for k in range(len(model.states)))
     begun, reserve = _in_turn(choice.sets)
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
@@ -93,7 +96,7 @@ def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresho
     )
 
 
-def _state(model: StepModel, k: int) -> StateSpec:
+def _state(model: StepModel, k: int, drift: float) -> StateSpec:
     """Give a state, its start in the engine's coordinate, and how it jumps where its content stays.
 
     From e(q, theta): d ln e / d ln theta at constant content q, at the reference state; exact for linear stores.
@@ -113,6 +116,7 @@ def _state(model: StepModel, k: int) -> StateSpec:
         start_mean=value if start is not None else 0.0,
         start_sd=abs(by_content) * start.sd if start is not None else None,
         noise=_process_noise(model, k),
+        drift=drift,
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
     )
 
@@ -122,15 +126,37 @@ def _process_noise(model: StepModel, k: int) -> float:
 
     It stands for what no model knows; a state that no sensor reads directly gets none.
     """
+    slope = np.abs(model.measure(*_at_reference(model))[1].full()[:, k])
+    shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
+    return float(PROCESS_NOISE * min(shown)) if shown else 0.0
+
+
+def _at_reference(model: StepModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give v, u and z of the model at the reference."""
     n_x = len(model.states)
     joint = np.zeros(model.v.numel())
     joint[:n_x] = model.reference_state
     first = n_x + model.plant.b.numel()
     for j, item in enumerate(model.plant.graph.parameters):
         joint[first + j] = item.nominal / model.scales[j]
-    slope = np.abs(model.measure(joint, reference_inputs(model.plant), model.reference_implicit)[1].full()[:, k])
-    shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
-    return float(PROCESS_NOISE * min(shown)) if shown else 0.0
+    return joint, reference_inputs(model.plant), model.reference_implicit
+
+
+def _drifts(model: StepModel) -> FloatArray:
+    """Give for each state the change that moves some sensor by its noise, within so many samples; 0 if none shows it.
+
+    A gap in a recording lets each state wander by about this much a sample: inputs may have changed meanwhile.
+    """
+    n_x, place = len(model.states), _at_reference(model)
+    dt = model.plant.graph.sample_time or 1.0
+    rates, slope = model.rates(*place)[1].full()[:, :n_x], model.measure(*place)[1].full()[:, :n_x]
+    step = np.linalg.pinv(np.eye(n_x) - dt * rates)  # implicit Euler
+    row = slope / np.array([sensor.noise for sensor in model.plant.graph.sensors])[:, None]
+    effects = np.zeros(n_x)
+    for _ in range(_SHOWN_WITHIN):
+        effects = np.maximum(effects, np.abs(row).max(axis=0, initial=0.0))
+        row = row @ step
+    return np.divide(1.0, effects, out=np.zeros(n_x), where=effects > 0.0)
 
 
 def _parameter(item: Parameter) -> ParameterSpec:

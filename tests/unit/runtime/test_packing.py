@@ -1,0 +1,53 @@
+"""Samples as the engine takes them after a gap."""
+
+from dataclasses import replace
+
+import numpy as np
+from made import plant, recorded
+
+from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, pack_sample
+from faultbond.runtime.state import Sample, State, init
+from faultbond.spec import EngineSpec
+
+
+def gaps(pattern: str) -> list[int]:
+    """Give the gap that each sample tells of; `.` is one without any value, `y` and `u` have only sensors or inputs."""
+    _, spec, _ = plant("rc")
+    whole = recorded("rc", 1)[0]
+    no_u, no_y = np.full_like(whole.u, np.nan), np.full_like(whole.y, np.nan)
+    state, found = init(spec), []
+    for letter in "x" + pattern:
+        sample = replace(whole, u=whole.u if letter in "xu" else no_u, y=whole.y if letter in "xy" else no_y)
+        state, gap = packed(spec, state, sample)
+        found.append(gap)
+    return found[1:]
+
+
+def packed(spec: EngineSpec, state: State, sample: Sample) -> tuple[State, int]:
+    """Pack a sample, and give the gap that it tells of."""
+    u = np.where(np.isfinite(sample.u), sample.u, state.held)
+    row, changes = pack_sample(spec, state, sample, u)
+    return replace(state, index=state.index + 1, **changes), int(row[spec.sample_fields["gap"]][0])
+
+
+def test_a_sample_after_a_gap_tells_how_long_it_was() -> None:
+    """Three samples or more without any value are a gap; it is told once, by the sample after it."""
+    assert gaps("xxx" + GAP * "." + "xxx") == [0] * (3 + GAP) + [GAP, 0, 0]
+    assert gaps("xxx" + 200 * "." + "x") == [0] * 203 + [200]
+    assert not any(gaps("xx" + (GAP - 1) * "." + "xx"))
+
+
+def test_some_value_is_no_gap() -> None:
+    """Inputs that are told only when they change, or sensors that are late, make no gap."""
+    assert not any(gaps("x" + 50 * "y" + "x" + 50 * "u" + "x"))
+
+
+def test_rows_that_come_slowly_are_no_gaps() -> None:
+    """Where each row is five samples after the one before, only more than three times that is a gap."""
+    found = gaps(60 * "....x")
+    assert found[4] == 4
+    assert not any(found[100:])
+    usual = "....x" * 60
+    assert gaps(usual + int(UNUSUAL * 4) * "." + "x")[-1] == 0
+    assert gaps(usual + 20 * "." + "x")[-1] == 20
+    assert gaps(500 * "." + "x" + GAP * "." + "x" * PAUSES * 3 + GAP * "." + "x")[-1] == GAP
