@@ -1,11 +1,14 @@
 """Faults of sensors and inputs, and faults that come and go, in simulated recordings."""
 
+import json
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io import parse_fault
 from faultbond.model.graph import BondGraph, Unit
@@ -188,3 +191,22 @@ def test_fault_that_cannot_be_is_refused(tank: BondGraph, fault: Fault, message:
     """A wrong fault is a ModelError that says what is wrong."""
     with pytest.raises(ModelError, match=message):
         simulate(tank, Inputs(time=TIME, values=VALUES), [fault])
+
+
+def test_a_stuck_sensor_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What `simulate` does to a sensor is what `run` says of it, in words and in the record."""
+    folder, short = EXAMPLES / "rc", tmp_path / "inputs.csv"
+    with (folder / "healthy.csv").open(encoding="utf-8") as source:
+        short.write_text("".join(islice(source, 601)), encoding="utf-8")
+    made_of = ["--inputs", str(short), "--fault", "V_C.stuck@6", "--seed", "1", "-o", str(tmp_path / "stuck.csv")]
+    assert main(["simulate", str(folder / "model.yaml"), *made_of]) == 0
+    capsys.readouterr()
+    target = tmp_path / "records.jsonl"
+    assert main(["run", str(folder / "model.yaml"), str(tmp_path / "stuck.csv"), "--json", str(target)]) == 1
+    assert "Most likely the V_C sensor is at fault: it is stuck at" in capsys.readouterr().out
+    lines = [json.loads(line) for line in target.read_text(encoding="utf-8").splitlines()]
+    best = [line for line in lines if line["record"] == "diagnosis"][-1]["candidates"][0]
+    assert (best["components"], best["kind"], best["present"]) == (["V_C"], "stuck", True)
+    value = best["parameters"]["V_C.stuck"]
+    assert value["nominal"] is None
+    assert abs(value["estimate"] - float((tmp_path / "stuck.csv").read_text().splitlines()[-1].split(",")[-1])) < 0.1
