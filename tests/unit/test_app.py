@@ -234,6 +234,23 @@ def test_both_engines_find_the_same(folder: Path, tmp_path: Path) -> None:
     assert found[0][1] == found[1][1]
 
 
+@pytest.mark.parametrize("method", ["bank", "classic"])
+def test_a_fault_where_nothing_is_a_suspect(
+    method: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A model file that lets nothing be a suspect still has its alarm; there are no candidates to accept."""
+    text = MODEL.read_text().replace("10 kohm", "{nominal: 10 kohm, suspect: no}")
+    text = text.replace("100 uF", "{nominal: 100 uF, suspect: no}") + "instrument_faults: no\n"
+    (tmp_path / "m.yaml").write_text(text)
+    target, state = tmp_path / "r.jsonl", str(tmp_path / "x.state")
+    options = ["--method", method, "--json", str(target), "--state", state, "--accept", "auto"]
+    assert main(["run", str(tmp_path / "m.yaml"), str(folder / "faulty.csv"), *options]) == 1
+    assert records(target)[-2]["candidates"] == []
+    assert "A fault was detected" in capsys.readouterr().out
+    assert main(["accept", str(tmp_path / "m.yaml"), state]) == 2
+    assert "nothing to accept" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("verb", ["run", "check"])
 def test_a_compiled_engine_without_a_compiler(
     verb: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

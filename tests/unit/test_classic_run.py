@@ -89,13 +89,11 @@ def test_the_statistic_alarms_at_its_limit(whole: list[dict[str, Any]], folder: 
 def test_what_it_does_not_do_is_refused(
     folder: Path, whole: list[dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line each for accepting, for a network without time, and for a file of the other method."""
+    """One line each for a network without time, and for a file of the other method."""
     faulty, state = str(folder / "faulty.csv"), str(folder / "refused.state")
     run(folder, 0, ROWS, "--state", state, code=1)
     capsys.readouterr()
     for arguments, message in (
-        (["run", str(MODEL), faulty, *CLASSIC, "--accept", "auto"], "Leave out --accept"),
-        (["accept", str(MODEL), state], "only `bank` goes on from a fault that was accepted"),
         (["run", str(MODEL), faulty, "--state", state], "it was saved by --method classic"),
         (["run", str(EXAMPLES / "thesis" / "fig_3_7.yaml"), faulty, *CLASSIC], "leave out --method classic"),
     ):
@@ -111,6 +109,22 @@ def test_a_short_recording_has_no_verdict(folder: Path, capsys: pytest.CaptureFi
     assert "the recording ended after 28 samples, and the alarms are off for the first" in capsys.readouterr().err
 
 
+def test_a_person_accepts_and_rejects(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The best candidate of a kept run becomes the new healthy model; a rejected one leaves its place to the next."""
+    state = str(folder / "decided.state")
+    before = run(folder, 0, 560, "--state", state, code=1)[-2]["candidates"]
+    assert main(["reject", str(MODEL), state, *before[1]["parameters"], "--json", str(folder / "r.jsonl")]) == 0
+    _, diagnosis = [json.loads(line) for line in (folder / "r.jsonl").read_text().splitlines()]
+    assert before[1]["parameters"].keys() not in [item["parameters"].keys() for item in diagnosis["candidates"]]
+    capsys.readouterr()
+    assert main(["accept", str(MODEL), state, "R"]) == 0
+    assert "R (" in capsys.readouterr().out
+    after = run(folder, 560, ROWS, "--state", state, code=0)
+    assert [record["record"] for record in after] == ["run", "end"]
+    assert main(["accept", str(MODEL), state]) == 2
+    assert "There is no alarm to explain" in capsys.readouterr().err
+
+
 def test_after_a_time_of_unknown_length_it_begins_anew() -> None:
     """What was remembered of the signals is dropped, the number of the sample is not."""
     watcher = Classic(*build_classic(load_model(MODEL)))
@@ -118,5 +132,6 @@ def test_after_a_time_of_unknown_length_it_begins_anew() -> None:
         report = watcher.step(Sample(time=0.02 * k, dt=0.02 if k else 0.0, u=5.0 * ONE, y=0.1 * ONE))
     assert report.status.name == "WATCHING"
     watcher.resume()
+    index = int(watcher.save()["index"])
     assert watcher.step(Sample(time=99.0, dt=0.02, u=5.0 * ONE, y=0.1 * ONE)).status.name == "STARTING"
-    assert int(watcher.save()["index"]) == 61
+    assert (index, int(watcher.save()["index"])) == (60, 61)

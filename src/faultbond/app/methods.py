@@ -6,10 +6,11 @@ from typing import Protocol
 
 from faultbond.app.engines import build_watcher
 from faultbond.app.rows import resumed
-from faultbond.errors import FaultbondError, RecordingError
+from faultbond.errors import RecordingError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
+from faultbond.runtime.classic import deciding
 from faultbond.runtime.classic import state as classic
 from faultbond.runtime.classic import watch as classic_watch
 from faultbond.runtime.classic.plan import ClassicPlan
@@ -21,7 +22,6 @@ from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice, FloatArray, Method
 
-ONE_FAULT = "The method `classic` knows one healthy model: only `bank` goes on from a fault that was accepted."
 Numbers = Mapping[str, FloatArray]
 
 
@@ -125,15 +125,14 @@ class Classic:
     def __init__(self, spec: EngineSpec, plan: ClassicPlan, saved: Numbers | None = None) -> None:
         self.spec = spec
         self.title = f"the thesis' algorithms, {len(plan.formulas)} closed forms"
-        self.asleep = classic.delay_of(spec, plan) + plan.depth + spec.thresholds.warm_up_samples
+        self.asleep = plan.delay + plan.depth + spec.thresholds.warm_up_samples
         self._plan = plan
         fresh = classic.init(spec, plan)
         self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
-        if self._state.alarm < 0:
-            self._state = replace(classic.init(self.spec, self._plan), index=self._state.index)
+        self._state = deciding.resumed(self._state)
 
     def step(self, sample: Sample) -> Report:
         """Take one sample; the statistic is that part of its limit which it is of the bank's."""
@@ -146,12 +145,14 @@ class Classic:
         return classic_watch.finish(self.spec, self._plan, self._state)
 
     def accept(self, hypothesis: int) -> Candidate:
-        """Refuse: the method knows one healthy model."""
-        raise FaultbondError(ONE_FAULT)
+        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
+        self._state, candidate = deciding.accept(self.spec, self._plan, self._state, hypothesis)
+        return candidate
 
     def reject(self, hypothesis: int) -> Candidate:
-        """Refuse: the method knows one healthy model."""
-        raise FaultbondError(ONE_FAULT)
+        """Rule a hypothesis out, and give the candidate as it stood."""
+        self._state, candidate = deciding.reject(self.spec, self._plan, self._state, hypothesis)
+        return candidate
 
     def save(self) -> Numbers:
         """Give what is remembered, by name."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from faultbond.app.course import Course, Following
 from faultbond.app.keeping import Keeper, read_before
-from faultbond.app.methods import ONE_FAULT, Watcher, build_method
+from faultbond.app.methods import Watcher, build_method
 from faultbond.app.observing import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress
-from faultbond.errors import FaultbondError, ModelError, RecordingError
+from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import is_circuit
 from faultbond.io.grid import Grid, Row, on_grid
 from faultbond.io.out import Out
@@ -44,8 +44,6 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
     if graph.grid is TimeGrid.NONE:
         _refuse_time(wanted, graph.file)
         return run_static(graph, recording, method=wanted.method, report=wanted.report, out=out)
-    if wanted.method is Method.CLASSIC and wanted.accept is not None:
-        raise FaultbondError(f"{ONE_FAULT} Leave out --accept.")
     before = read_before(wanted.state, graph, wanted.method)
     live = recording == STANDARD_INPUT
     rows: Iterable[Row] = read_rows(recording, _columns(graph, before))

@@ -137,9 +137,12 @@ def candidate_names(candidate: Candidate) -> frozenset[str]:
 
 def is_sure(diagnosis: Diagnosis, level: float) -> bool:
     """Whether the best candidate and its kind are likely enough, it is alone in its group, and explains the data."""
+    if not diagnosis.candidates:
+        return False
     best = diagnosis.candidates[0]
     alone = sum(item.group for item in diagnosis.candidates) == 1
-    return best.probability * best.kinds[0][1] >= level and alone and diagnosis.unexplained is None
+    share = best.kinds[0][1] if best.kinds else 1.0
+    return best.probability * share >= level and alone and diagnosis.unexplained is None
 
 
 def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) -> tuple[State, FloatArray]:

@@ -183,7 +183,9 @@ def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
 
 
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:
-    """Give the diagnosis of now, after a detection."""
+    """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect."""
+    if not spec.n_hypotheses:
+        return Diagnosis(time=state.time, candidates=())
     bank = _without(spec, state)
     return replace(
         rank(spec, state.time, bank),
