@@ -1,0 +1,136 @@
+"""What to check next: what a check tells, which moves part candidates, and what it costs."""
+
+from dataclasses import replace
+from functools import cache
+from math import log2
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made import TANK_START, plant, recorded, run, samples_of
+
+from faultbond.model.text import parse_model
+from faultbond.runtime.advice import APART, LEAST, WORTH, advise
+from faultbond.runtime.history import Advice, Candidate, Diagnosis
+from faultbond.runtime.monitor import conclude
+from faultbond.runtime.state import State
+from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.spec import CheckSpec, Engine, EngineSpec
+from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.probe import build_probe
+from faultbond.types import CheckKind
+
+TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
+FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
+
+
+@cache
+def leaking() -> tuple[EngineSpec, Engine, State, Diagnosis]:
+    """A tank some time after a leak was detected; the outlet has stood still, so several parts could be the cause."""
+    graph, spec, engine = plant("tank")
+    time = np.arange(420.0)
+    u = np.stack([np.where(time % 120.0 < 60.0, 80.0, 50.0), np.full(time.shape, 50.0)], axis=1)
+    made = simulate(graph, Inputs(time=time, values=u), [FAULT], seed=2, start={"tank.q": TANK_START})
+    state, _ = run(spec, engine, samples_of(time, made.inputs, made.outputs))
+    assert state.alarm >= 0
+    return spec, engine, state, conclude(spec, state)
+
+
+def with_probabilities(diagnosis: Diagnosis, **parts: float) -> Diagnosis:
+    """The diagnosis with these single components as its only candidates that matter."""
+    chosen: list[Candidate] = []
+    for name, probability in sorted(parts.items(), key=lambda item: -item[1]):
+        candidate = next(item for item in diagnosis.candidates if item.components == (name,))
+        chosen.append(replace(candidate, probability=probability))
+    return replace(diagnosis, candidates=tuple(chosen))
+
+
+def looks(found: tuple[Advice, ...]) -> dict[str, Advice]:
+    """Advice to look at a part, by part."""
+    return {item.target: item for item in found if item.kind is CheckKind.COMPONENT}
+
+
+def entropy(*parts: float) -> float:
+    """Entropy in bits."""
+    return -sum(part * log2(part) for part in parts if part > 0)
+
+
+def test_a_look_tells_whether_the_part_is_among_the_faulty() -> None:
+    """Looking at a part tells as many bits as its probability has, and parts the candidates that hold it."""
+    spec, engine, state, diagnosis = leaking()
+    made = with_probabilities(diagnosis, leak=0.5, outlet=0.3, tank=0.2)
+    found = looks(advise(spec, engine, state, made))
+    assert set(found) == {"leak", "outlet", "tank"}
+    for name, part in (("leak", 0.5), ("outlet", 0.3), ("tank", 0.2)):
+        assert found[name].gain == pytest.approx(entropy(part, 1.0 - part))
+        assert found[name].separates[0] == ((name,),)
+        assert len(found[name].separates[1]) == 2
+
+
+def test_a_candidate_alone_needs_no_advice() -> None:
+    """Nothing is advised while one candidate has all but the least probability."""
+    spec, engine, state, diagnosis = leaking()
+    assert advise(spec, engine, state, with_probabilities(diagnosis, leak=1.0 - LEAST / 2, outlet=LEAST / 2)) == ()
+
+
+def test_costs_order_the_advice() -> None:
+    """What tells more for its cost comes first; a part that is dear to look at goes back."""
+    spec, engine, state, diagnosis = leaking()
+    made = with_probabilities(diagnosis, leak=0.5, outlet=0.3, tank=0.2)
+    dear = replace(spec, checks=(CheckSpec(name="leak", kind=CheckKind.COMPONENT, cost=100.0),))
+    found = advise(dear, engine, state, made)
+    worth = [item.gain / item.cost for item in found]
+    assert worth == sorted(worth, reverse=True)
+    assert looks(found)["leak"].cost == 100.0
+    assert found[-1].target == "leak"
+
+
+def test_moving_the_outlet_parts_leak_and_outlet() -> None:
+    """A leak and a wider outlet look alike until the outlet valve moves; moving the inlet valve does not part them."""
+    spec, engine, state, diagnosis = leaking()
+    made = with_probabilities(diagnosis, leak=0.5, outlet=0.5)
+    moves = {item.target: item for item in advise(spec, engine, state, made) if item.kind is CheckKind.INPUT}
+    assert set(moves) == {"u_out"}
+    move = moves["u_out"]
+    assert move.gain == pytest.approx(1.0)
+    assert move.value is not None
+    assert 0.0 <= move.value <= 100.0
+    assert abs(move.value - state.held[1]) > 5.0
+    assert move.within == 300.0
+
+
+def test_a_stated_move_is_the_one_that_is_tried() -> None:
+    """Where the model file says how far an input may be moved, no other move is advised; a small one helps nobody."""
+    spec, engine, state, diagnosis = leaking()
+    made = with_probabilities(diagnosis, leak=0.5, outlet=0.5)
+    for size in (40.0, 0.5):
+        stated = replace(spec, checks=(CheckSpec(name="u_out", kind=CheckKind.INPUT, cost=1.0, move=size),))
+        moves = [item for item in advise(stated, engine, state, made) if item.kind is CheckKind.INPUT]
+        assert [abs((item.value or 0.0) - state.held[1]) for item in moves] == ([40.0] if size > 1.0 else [])
+
+
+def test_a_measurement_by_hand_parts_what_expects_other_values() -> None:
+    """A flow that can be measured by hand tells a wrong flow sensor from a narrower pipe, unless it is too coarse."""
+    for noise, parted in ((2e-6, True), (2e-3, False)):
+        check = f"checks: {{inflow: {{reads: line.f, unit: m^3/s, noise: {noise} m^3/s, cost: 2}}}}\n"
+        graph = parse_model(TANK + check)
+        own, built = build_engine(graph)
+        state, _ = run(own, built, recorded("tank", 330, Fault(parameter="K2", factor=1.5, start=230.0)))
+        diagnosis = with_probabilities(conclude(own, state), flow=0.5, pipe=0.5)
+        found = advise(own, built, state, diagnosis, build_probe(own, graph))
+        signals = [item for item in found if item.kind is CheckKind.SIGNAL]
+        assert [item.target for item in signals] == (["inflow"] if parted else [])
+        assert all(item.cost == 2.0 and item.gain == pytest.approx(1.0) for item in signals)
+
+
+def test_every_piece_of_advice_is_worth_something() -> None:
+    """No check that tells next to nothing is advised, and each names groups that hold all candidates."""
+    spec, engine, state, diagnosis = leaking()
+    found = advise(spec, engine, state, diagnosis)
+    assert found
+    assert APART > 0
+    for item in found:
+        assert item.gain >= WORTH
+        assert len(item.separates) > 1
+        assert len({tuple(sorted(group)) for group in item.separates}) == len(item.separates)
+    assert np.all(np.isfinite([item.gain for item in found]))
