@@ -19,6 +19,7 @@ from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.trust_calibration import calibration_rows, coverage_rows
 from benchmarks.trust_cases import CASES, MOTOR, SMALL
 from benchmarks.trust_play import Claim, Run, play
+from benchmarks.trust_plot import write_plot
 
 PROCESSES = 2
 HEADER = ("figure", "asked", "got", "verdict")
@@ -229,6 +230,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         parts = (command, note, as_markdown(HEADER, [row.cells for row in table]))
         write_part(chosen.markdown, "trust", "\n\n".join(parts))
         write_part(chosen.markdown, "calibration", as_markdown(("", "claimed", "right", "claims"), calibrated))
+        write_plot(runs, chosen.markdown.parent / "images" / "calibration.svg")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ Cells = tuple[str, str, str, str]
 
 def calibration_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
     """Give, by tenths of the claimed probability, the mean claim and the part that was right; late and early claims."""
-    late, early = _claims(runs, late=True), _claims(runs, late=False)
+    late, early = claims_of(runs, late=True), claims_of(runs, late=False)
     return [*_tenths("late", late), *_tenths("early", early)]
 
 
@@ -19,7 +19,7 @@ def coverage_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
     """Give how often the group holds the truth, of late and of early claims."""
     found = []
     for word, late, asked in (("late", True, "99 %"), ("early", False, "90 %")):
-        claims = _claims(runs, late=late)
+        claims = claims_of(runs, late=late)
         if claims:
             held = sum(claim.group for claim in claims)
             part = f"{100 * held / len(claims):.1f} %"
@@ -27,7 +27,8 @@ def coverage_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
     return found
 
 
-def _claims(runs: Mapping[str, Sequence[Run]], *, late: bool) -> list[Claim]:
+def claims_of(runs: Mapping[str, Sequence[Run]], *, late: bool) -> list[Claim]:
+    """Give the claims of all runs from the moment on from which they have to hold, or those before."""
     return [
         claim
         for found in runs.values()
