@@ -21,7 +21,8 @@ def write_plot(runs: Mapping[str, Sequence[Run]], path: Path) -> None:
         parts.append(f'<circle cx="{MARGIN + 16}" cy="{y}" r="4" fill="{colour}"/>')
         parts.append(f'<text x="{MARGIN + 26}" y="{y + 4}" fill="{INK}">{label}</text>')
     whole = SIZE + 2 * MARGIN
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {whole} {whole}" font-family="sans-serif" font-size="12">'
+    font = 'font-family="sans-serif" font-size="12"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {whole} {whole}" {font}>'
     path.write_text("\n".join([head, *parts, "</svg>", ""]), encoding="utf-8")
 
 
@@ -38,7 +39,8 @@ def _mark(claims: Sequence[Claim], colour: str) -> str:
     spread = sqrt(max(right * (1.0 - right), 0.25 / n) / n)
     x, y = _x(claimed), _y(right)
     fill = colour if n >= FEW else "white"
-    bar = f'<line x1="{x:.1f}" y1="{_y(min(right + spread, 1.0)):.1f}" x2="{x:.1f}" y2="{_y(max(right - spread, 0.0)):.1f}"'
+    top, bottom = _y(min(right + spread, 1.0)), _y(max(right - spread, 0.0))
+    bar = f'<line x1="{x:.1f}" y1="{top:.1f}" x2="{x:.1f}" y2="{bottom:.1f}"'
     return f'{bar} stroke="{colour}"/><circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" stroke="{colour}"/>'
 
 
