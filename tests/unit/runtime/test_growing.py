@@ -9,11 +9,12 @@ import pytest
 from made import differing, plant, run, samples_of
 
 from faultbond.runtime import growing
-from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, n_grown
+from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, grow, n_grown
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.ranking import scores
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import Sample, State
+from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
@@ -171,3 +172,21 @@ def test_a_reserve_is_saved_too() -> None:
     restored = State.restore({key: value.copy() for key, value in middle.save().items()})
     again, _ = run(SPEC, ENGINE, recording()[whole.alarm + 25 :], restored)
     assert not differing(again, whole)
+
+
+def test_the_likeliest_sets_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sets are chosen by likelihood less the cost of their suspects."""
+    monkeypatch.setattr(growing, "GROWN", 3)
+    state, _ = run(SPEC, ENGINE, recording()[: ended(SPEC).alarm + 1])
+    rows = np.arange(state.alarm - 20, state.index) % len(state.trail_times)
+    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    likelihood = np.full(len(SPEC.reserve), -99.0)
+    likelihood[[2, 7, 4, 10]] = [-50.0, -40.0, -45.0, -46.5]  # the last is the set of three
+    values = np.tile(trail.lanes[0, SPEC.parameter_slice], (len(SPEC.reserve), 1))
+    lanes, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20)
+    assert chosen.tolist() == [7, 4, 2]
+    likelihood[10] = -44.0
+    _, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20)
+    assert chosen.tolist() == [7, 4, 10]
+    assert lanes.shape == (SPEC.n_numbers, 3 * PER_SET)
+    assert np.all(np.isfinite(lanes))

@@ -98,6 +98,8 @@ def test_a_diagnosis() -> None:
             }
         ],
         "unexplained": None,
+        "advice": [],
+        "untested": None,
     }
 
 
