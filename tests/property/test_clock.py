@@ -71,6 +71,16 @@ def test_a_point_is_given_once() -> None:
     assert second.counts == Counts(samples=3, unused=1)
 
 
+def test_a_live_clock_that_was_set_back() -> None:
+    """A stream is not given again: if its rows are all old, its clock was set back, and it begins anew."""
+    first = Grid(1.0, live=True)
+    list(on_grid([Row(time=1e6 + t, u=np.zeros(0), y=np.zeros(0)) for t in range(5)], first))
+    second = Grid(1.0, live=True, clock=first.clock)
+    points = list(on_grid([Row(time=float(t), u=np.zeros(0), y=np.zeros(0)) for t in range(30)], second))
+    assert [point.resumes for point in points] == [True, *[False] * 29]
+    assert (second.counts.clock_jumps, second.counts.duplicate) == (1, 0)
+
+
 def test_late_rows_after_the_cut() -> None:
     """Rows of before that come among those of after are late, as in one recording."""
     first = Grid(1.0)

@@ -1,7 +1,7 @@
 """A run in progress: points pass through a method, the records come out, and what was found is kept."""
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import nan
 
 import numpy as np
@@ -92,17 +92,9 @@ class Course:
         self._out.record(
             end_record(
                 time=self._time if counts.samples else None,
-                samples=counts.samples,
                 watched=self.found.watched,
                 detections=self.found.detections,
-                missing=counts.missing,
-                late=counts.late,
-                duplicate=counts.duplicate,
-                untimed=counts.untimed,
-                unused=counts.unused,
-                clock_jumps=counts.clock_jumps,
-                saturated=counts.saturated,
-                frozen=counts.frozen,
+                **asdict(counts),
             )
         )
 

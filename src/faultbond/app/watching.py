@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from faultbond.app.course import Course, Following
@@ -143,19 +143,7 @@ def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, repo
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
     from faultbond.structure.causality import assign_causality  # noqa: PLC0415
 
-    counted = course.counts
-    counts = pages.Counts(
-        samples=counted.samples,
-        missing=counted.missing,
-        late=counted.late,
-        duplicate=counted.duplicate,
-        untimed=counted.untimed,
-        unused=counted.unused,
-        clock_jumps=counted.clock_jumps,
-        saturated=counted.saturated,
-        frozen=counted.frozen,
-        no_verdict=course.no_verdict(),
-    )
+    counts = pages.Counts(**asdict(course.counts), no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
         console = Console(file=out.text)

@@ -150,7 +150,9 @@ class Grid:
         self._tally.update(asdict(clock.counts))
         self._placed.extend(clock.placed)
         self._times.extend(row.time for row in clock.placed)
-        self._newest = self._passed = self._times[-1]
+        self._newest = self._times[-1]
+        if not self._live:  # a recording that has grown is given again; a stream is not, there the clock was set back
+            self._passed = self._newest
         self._origin, self._usual = clock.origin, clock.usual
         self._last_index, self._last_time = clock.last_index, clock.last_time
 
