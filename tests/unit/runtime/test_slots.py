@@ -8,13 +8,14 @@ from made import plant
 
 from faultbond.runtime.lanes import starts_of
 from faultbond.runtime.slots import (
+    DRIFTING,
     FRESH,
     NOISES,
     OLD,
-    RARE,
     SENSOR_KINDS,
     STUCK_AT,
     STUCK_NOISES,
+    SWITCHING,
     SlotLane,
     SlotPlan,
     plan_slots,
@@ -50,8 +51,8 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         drifts = [lane for lane in own if lane.kind is FaultKind.DRIFT]
         pairs = [lane for lane in own if lane.kind is FaultKind.INTERMITTENT]
         assert len(drifts) + len(pairs) == len(own)
-        assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(RARE))
-        assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(RARE))
+        assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
+        assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
 
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
