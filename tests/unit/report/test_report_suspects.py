@@ -55,6 +55,7 @@ def test_a_sensor_that_drifts() -> None:
     grows = said(bias, FaultKind.DRIFT)
     assert grows == "it reads 0.500 kPa too high now, and this grows by 0.0600 kPa per minute (drift)"
     assert "this shrinks by" in said(replace(bias, rate=-1.0), FaultKind.DRIFT)
+    assert "too low now, and this grows by" in said(replace(bias, estimate=-500.0, rate=-1.0), FaultKind.DRIFT)
     assert said(replace(bias, rate_sd=0.9), FaultKind.DRIFT).endswith("drifts at a rate that is not known yet")
 
 

@@ -64,6 +64,17 @@ def test_other_kinds_of_an_instrument_are_not_mixed_in() -> None:
     assert only(estimate_charts(GRAPH, run_of(bias, bias, gain))).time.tolist() == [1180.0]
 
 
+def test_each_suspect_of_a_pair_has_its_own_chart() -> None:
+    """A chart has the values of its own parameter, and names the one that it goes with."""
+    pair = Candidate(
+        suspects=(suspect(GRAPH, "K1", 1.5, 0.1), suspect(GRAPH, "K4", 0.5, 0.1)), probability=1.0, group=True
+    )
+    first, second = estimate_charts(GRAPH, run_of(pair, pair))
+    assert (first.title, second.title) == ("K1 of pipe, together with K4", "K4 of outlet, together with K1")
+    assert first.traces[0].values == pytest.approx([1.5 * 2.41e11] * 2)
+    assert second.traces[0].values == pytest.approx([0.5 * 2.35e-6] * 2)
+
+
 def test_a_fault_that_comes_and_goes_shows_what_is_in_force() -> None:
     """While it is gone the nominal value is in force; a step has no such line."""
     leak = suspect(GRAPH, "K6", 8.0, 0.1)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from fake import counts_of, suspect, tank_graph, tank_history, with_last
+from fake import counts_of, suspect, tank_graph, tank_history, with_last, wrong
 
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
@@ -12,6 +12,7 @@ from faultbond.report.verdict import (
     Counts,
     component_probabilities,
     detection_sentence,
+    instrument_probabilities,
     remainder_text,
     table_rows,
     verdict_sentence,
@@ -112,6 +113,17 @@ def test_component_probability_sums_over_sets(history: History) -> None:
     diagnosis = history.diagnoses[0]
     expected = sum(c.probability for c in diagnosis.candidates if "pipe" in c.components)
     assert component_probabilities(diagnosis)["pipe"] == pytest.approx(expected)
+
+
+def test_a_sensor_is_no_component_of_the_same_name() -> None:
+    """Where a sensor bears the name of a component its faults do not colour the component."""
+    found = (
+        Candidate(suspects=(wrong("pipe.bias", 0.0, 1.0, 0.1),), probability=0.7, group=True),
+        Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=0.3, group=True),
+    )
+    diagnosis = Diagnosis(time=0.0, candidates=found)
+    assert component_probabilities(diagnosis) == {"pipe": 0.3}
+    assert instrument_probabilities(diagnosis) == {"pipe": 0.7}
 
 
 def test_values_are_in_units_of_the_model_file(history: History) -> None:
