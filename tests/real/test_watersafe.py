@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.watersafe import Hidden, Results, exceptions, tables
 
 from faultbond.cli import DONE, FAULT_DETECTED, main
 from faultbond.model.text import load_model
@@ -57,6 +58,20 @@ def test_the_models_name_their_suspects() -> None:
     flows = [f"FS_{side}{k}" for side in "AC" for k in range(1, 5)]
     assert [item.column for item in tanks.inputs] == flows
     assert [item.column for item in tanks.sensors] == [f"LS_A{k}" for k in range(1, 5)]
+
+
+def test_the_tables_count_what_was_found() -> None:
+    """Only switchings of 9.8 cm3/s and more, or of unknown size, are asked for; what is not first is named."""
+    right = Hidden(time=1.0, valve="VA_C1", change=15.0, delay=60.0, right_tank=True, right_leak=True, leak_listed=True)
+    area = Hidden(time=2.0, valve="VA_C2", change=-15.0, delay=80.0, best=("A2",), right_tank=True, leak_listed=True)
+    missed = Hidden(time=3.0, valve="VA_C3", change=None, delay=None)
+    small = Hidden(time=4.0, valve="VA_C4", change=2.4, delay=None)
+    results = Results(limit=25.0, windows=(), healthy=(), hidden=(right, area, missed, small))
+    *_, (_, header, rows) = tables(results)
+    assert header[1:] == ("detected", "median", "90 %", "right tank", "right leak first", "leak in the group")
+    assert rows[0][1:] == ("2 of 3", "70 s", "78 s", "2", "1", "2")
+    assert rows[3][1:] == ("0 of 1", "-", "-", "0", "0", "0")
+    assert exceptions(results) == ["VA_C2 at 2 s by -15.0 cm3/s: A2 first", "VA_C3 at 3 s by -: missed"]
 
 
 @needs_data
