@@ -44,7 +44,8 @@ def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> S
     wide, parameter = spec.slotted, spec.parameters[item.parameter]
     k, size = wide.parameter_slice.start + item.parameter, wide.slot_slice.start
     rate, scale = size + 1, parameter.scale
-    estimate = float(scale * (lane[k] + lane[size]))
+    # The filter itself lets the sum act only up to the ends of the range.
+    estimate = float(scale * min(max(lane[k] + lane[size], parameter.lower), parameter.upper))
     variance = (
         lane[covariance_place(wide, k, k)]
         + 2.0 * lane[covariance_place(wide, k, size)]

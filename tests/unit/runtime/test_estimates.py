@@ -174,3 +174,17 @@ def test_noise_is_that_of_the_lanes_that_are_likely() -> None:
         split, _ = found(own[2], slots)
         assert split.estimate == pytest.approx(0.25 * noises[1] + 0.75 * noises[2])
         assert split.sd**2 == pytest.approx(sharp.sd**2 + 0.25 * 0.75 * (noises[2] - noises[1]) ** 2)
+
+
+def test_a_value_stays_in_its_range() -> None:
+    """A slot that leads a parameter beyond its range is told as the end of the range, where the filter keeps it."""
+    _, spec, _ = plant("dc_motor")
+    plan, wide = plan_slots(spec), spec.slotted
+    lane = next(k for k, item in enumerate(plan.lanes) if item.kind is FaultKind.DRIFT)
+    index = plan.lanes[lane].parameter
+    slots = np.zeros((wide.n_numbers, plan.n_lanes))
+    slots[wide.parameter_slice.start + index] = 1.0
+    for size, expected in ((-5.0, spec.parameters[index].lower), (1e3, spec.parameters[index].upper)):
+        slots[wide.slot_slice.start] = size
+        (suspect,), _ = slot_suspects(spec, slots, lane, 0.0)
+        assert suspect.estimate == pytest.approx(spec.parameters[index].scale * expected)
