@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.runtime.classic.newton import solve
 from faultbond.runtime.classic.plan import Batch, ClassicPlan
-from faultbond.runtime.classic.tape import evaluate
+from faultbond.runtime.classic.tape import Search, evaluate
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
@@ -102,7 +103,10 @@ def _place(environment: list[FloatArray], places: Sequence[int], values: FloatAr
 def _run(batch: Batch, environment: Sequence[FloatArray], otherwise: FloatArray) -> FloatArray:
     found = otherwise.copy()
     for program, rows in batch:
-        value = evaluate(program, environment)
+        if isinstance(program, Search):
+            value = solve(program, environment, found.shape[1])
+        else:
+            value = evaluate(program, environment)
         finite = np.isfinite(value)
         found[list(rows)] = value if finite.all() else np.where(finite, value, otherwise[list(rows)])
     return found

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from faultbond.runtime.classic.settings import Settings
-from faultbond.runtime.classic.tape import Program
+from faultbond.runtime.classic.tape import Program, Search
 from faultbond.types import BoolArray, FloatArray
 
-Batch = tuple[tuple[Program, tuple[int, ...]], ...]  # programs, and for each what its results are
+Batch = tuple[tuple[Program | Search, tuple[int, ...]], ...]  # programs, and for each what its results are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -67,6 +67,20 @@ class Program:
         return tuple(np.array([value]) for value in self.constants)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """A function without a closed form: its program gives as many misfits as there are guesses, then its results.
+
+    guessed: places of the guesses. starts: places at which to begin, -1 where there is none. about: where the guesses
+    are in the nominal plant.
+    """
+
+    program: Program
+    guessed: tuple[int, ...]
+    starts: tuple[int, ...]
+    about: tuple[float, ...]
+
+
 def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
     """Run a program for all lanes at once.
 

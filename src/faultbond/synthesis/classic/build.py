@@ -23,7 +23,7 @@ from faultbond.synthesis.classic.functions import (
     state_signals,
 )
 from faultbond.synthesis.classic.sides import MISFIT, Relation, Side, reaching, relations, side_of
-from faultbond.synthesis.classic.tapes import compile_batch
+from faultbond.synthesis.classic.tapes import compile_batch, compile_torn
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import TimeGrid
 
@@ -119,7 +119,9 @@ def _plan(
     states = state_signals(network)
     rates = {state.signal: state.rate for state in network.states}
     depth = _depth(functions)
-    places = _places(network, states, depth)
+    answers = [*functions.samples, *functions.before, *functions.outputs]
+    guessed = [name for item in answers if item is not None and item.torn is not None for name in item.torn.guessed]
+    places = _places(network, states, depth, guessed)
     sides = tuple(_described(network, spec, side) for side in functions.sides)
     return ClassicPlan(
         settings=settings,
@@ -148,7 +150,13 @@ def _plan(
 
 
 def _compiled(functions: Sequence[Closed | None], places: Mapping[str, int]) -> Batch:
-    return compile_batch([None if item is None else (item.roots, item.targets[0]) for item in functions], places)
+    closed = [None if item is None or item.torn else (item.roots, item.targets[0]) for item in functions]
+    searches = [
+        (compile_torn(item.torn, item.targets[0], places), (row,))
+        for row, item in enumerate(functions)
+        if item is not None and item.torn is not None
+    ]
+    return (*compile_batch(closed, places), *searches)
 
 
 def _points(spec: EngineSpec, settings: Settings) -> tuple[int, ...]:
@@ -165,12 +173,12 @@ def _depth(functions: _Functions) -> int:
     return max((route.observations for route in routes), default=1) + 1
 
 
-def _places(network: ComponentNetwork, states: Sequence[str], depth: int) -> dict[str, int]:
-    """Number what functions may be given: the sample time, parameters, samples by frame, states, rates."""
+def _places(network: ComponentNetwork, states: Sequence[str], depth: int, guessed: Sequence[str]) -> dict[str, int]:
+    """Number what functions may be given: the sample time, parameters, samples by frame, states, rates, guesses."""
     samples = [frame_name((name, frame)) for name in (*network.inputs, *network.outputs) for frame in range(depth)]
     given = [frame_name((name, frame)) for name in states for frame in (0, 1)]
     rates = [frame_name((state.rate, 0)) for state in network.states]
-    names = dict.fromkeys((SAMPLE_TIME, *network.parameters, *samples, *given, *rates))
+    names = dict.fromkeys((SAMPLE_TIME, *network.parameters, *samples, *given, *rates, *guessed))
     return {name: k for k, name in enumerate(names)}
 
 

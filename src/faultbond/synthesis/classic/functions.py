@@ -18,6 +18,7 @@ from faultbond.structure.solving.printing import to_one_line
 from faultbond.structure.solving.problem import name_of
 from faultbond.structure.solving.solution import Root, Solution
 from faultbond.structure.solving.solve import Limits, solve
+from faultbond.synthesis.classic.torn import Torn, tear
 
 MOST_SAMPLES = 4  # from which a state is found; each further one multiplies the noise by the rate of sampling
 MOST_ROUTES = 20  # looked at for one along which no state is differentiated
@@ -25,12 +26,13 @@ MOST_ROUTES = 20  # looked at for one along which no state is differentiated
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closed:
-    """An answered question; roots are empty where every target is a sample or a given signal itself."""
+    """An answered question, in closed form, or torn where there is none; without route where it is simply measured."""
 
     question: Question
     route: Route | None
     roots: tuple[Root, ...]
     formula: str
+    torn: Torn | None = None
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -44,22 +46,27 @@ def state_signals(network: ComponentNetwork) -> tuple[str, ...]:
 
 
 def answer_closed(network: ComponentNetwork, question: Question, route: Route | None, plant: Plant) -> Closed:
-    """Give the closed form of a route.
+    """Give the closed form of a route, or, where there is none, the way to find its targets by Newton's method.
 
     Raises
     ------
     StructureError
-        Where there is none.
+        Where there is neither.
     """
     if route is None:
         return Closed(question=question, route=None, roots=(Root(lines=()),), formula="measured")
     solution = solve(network, route, plant, Limits())
-    if not solution.roots:
-        raise StructureError(
-            f"{network.file}: method `classic` needs {question.title} in closed form, and there is none: "
-            f"{_why(solution)}; take method `bank`"
-        )
-    return Closed(question=question, route=route, roots=solution.roots, formula=to_one_line(solution) or "")
+    if solution.roots:
+        return Closed(question=question, route=route, roots=solution.roots, formula=to_one_line(solution) or "")
+    states = [f"{name}_0" for name in state_signals(network)]
+    torn = tear(network, route, plant, prefer=states)
+    return Closed(
+        question=question,
+        route=route,
+        roots=(),
+        formula=f"by Newton's method for {', '.join(torn.guessed)}: {_why(solution)}",
+        torn=torn,
+    )
 
 
 def _why(solution: Solution) -> str:

@@ -143,6 +143,8 @@ def _closed_side(network: ComponentNetwork, law: Equation, relation: Relation, p
     question = _question(network, law, relation.equations)
     route = find_route(network, question) if question.targets else None
     closed = answer_closed(network, question, route, plant)
+    if closed.torn is not None:
+        raise StructureError(f"{network.file}: {question.title} are not found in closed form")
     constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
     misfit = Line(name=MISFIT, value=substitute(in_frame(law, 0), dict(constants)))
     return Side(

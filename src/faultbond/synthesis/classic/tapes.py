@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.runtime.classic.plan import Batch
-from faultbond.runtime.classic.tape import Instruction, Outcome, Program
+from faultbond.runtime.classic.tape import Instruction, Outcome, Program, Search
 from faultbond.structure.solving.solution import Line, Root
+from faultbond.synthesis.classic.torn import Torn, starts_of
 
 MAX_POWER = 16  # whole powers up to here are products
 
@@ -89,6 +90,16 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
         constants=constants,
         code=tuple(writer.code),
         outcomes=tuple(outcomes),
+    )
+
+
+def compile_torn(torn: Torn, target: str, places: Mapping[str, int]) -> Search:
+    """Give the search for a target that has no closed form."""
+    return Search(
+        program=compile_roots([Root(lines=torn.lines)], (*torn.misfits, target), places),
+        guessed=tuple(places[name] for name in torn.guessed),
+        starts=starts_of(torn, places),
+        about=torn.about,
     )
 
 
