@@ -6,19 +6,21 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from faultbond.app import course, keeping
 from faultbond.cli import main
-from faultbond.errors import RecordingError
-from faultbond.io.grid import Clock, Counts, Row
+from faultbond.errors import FaultbondError, RecordingError
+from faultbond.io.grid import Clock, Counts, Grid, Row
+from faultbond.io.out import Out
 from faultbond.io.saved import Found, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
 from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.runtime.rule import Sure, watch
+from faultbond.spec import EngineSpec, Thresholds
 from faultbond.types import FaultKind, Method
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -225,6 +227,43 @@ def test_a_live_run_heeds_rejections(folder: Path, monkeypatch: pytest.MonkeyPat
     assert left["C"] == 0.0
 
 
+class Refuser:
+    """A watcher that decides nothing; only what a course asks of it at once is there."""
+
+    spec = EngineSpec(
+        model="m",
+        model_sha256="",
+        version="0",
+        sample_time=1.0,
+        states=(),
+        slow_errors=(),
+        parameters=(),
+        inputs=(),
+        outputs=(),
+        loops=(),
+        hypotheses=(),
+        thresholds=Thresholds(),
+    )
+
+    def accept(self, hypothesis: int) -> Candidate:
+        """Refuse."""
+        raise FaultbondError(str(hypothesis))
+
+
+def test_decisions_that_come_too_late_are_passed_over() -> None:
+    """What was decided of an alarm before the one that is open, or of a candidate that is gone, changes nothing."""
+    first, second = (Detection(time=t, sample=int(t), change_time=t, signals=()) for t in (4.0, 9.0))
+    running = course.Course(cast("Any", Refuser()), Grid(1.0), course.Following(out=Out(text=None, json=None)))
+    running.found = Found().with_detection(first)
+    decided = running.found.with_accepted(kept().found.accepted[0])
+    running.heed(decided)  # the watcher refuses
+    assert running.found.open == first
+    running.found = running.found.with_detection(second)
+    for late in (decided, Found().with_detection(first).with_rejected(3)):
+        running.heed(late)
+        assert running.found == Found(detections=2, open=second)
+
+
 def test_a_live_run_that_is_stopped_is_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C ends a live run with its file written up to the last point."""
     rows = (folder / "two.csv").read_text().splitlines()
@@ -364,9 +403,13 @@ def test_what_is_kept_comes_back(tmp_path: Path) -> None:
 
 
 def test_a_file_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If writing fails, the file of before is still there, and no draft is left."""
+    """Who reads while a file is written gets the one before, whole; if writing fails it stays, and no draft is left."""
     path = tmp_path / "x"
     write_saved(path, kept())
+    before = path.read_bytes()
+    with path.open("rb") as reader:
+        write_saved(path, replace(kept(), model="another"))
+        assert reader.read() == before
     before = path.read_bytes()
 
     def fail(*_: object, **__: object) -> None:
@@ -381,11 +424,12 @@ def test_a_file_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.Monke
         read_saved(tmp_path / "y")
 
 
-def said(hypothesis: int, *, probability: float = 0.99, doubt: bool = False, alone: bool = True) -> Diagnosis:
-    """Give a diagnosis with a best candidate."""
-    best = Candidate(
-        suspects=(), probability=probability, group=True, kinds=((FaultKind.STEP, 1.0),), hypothesis=hypothesis
-    )
+def said(
+    hypothesis: int, *, probability: float = 0.99, share: float = 1.0, doubt: bool = False, alone: bool = True
+) -> Diagnosis:
+    """Give a diagnosis with a best candidate; `share`: of its likeliest kind."""
+    kinds = ((FaultKind.BIAS, share), (FaultKind.DRIFT, 1 - share))
+    best = Candidate(suspects=(), probability=probability, group=True, kinds=kinds, hypothesis=hypothesis)
     other = Candidate(suspects=(), probability=1 - probability, group=not alone, hypothesis=9)
     unexplained = Unexplained(signal="V_C", sd=3.0, since=0.0, until=1.0) if doubt else None
     return Diagnosis(time=0.0, candidates=(best, other), unexplained=unexplained)
@@ -394,11 +438,25 @@ def said(hypothesis: int, *, probability: float = 0.99, doubt: bool = False, alo
 def test_the_rule() -> None:
     """A candidate is accepted once it has been sure without a break for 200 samples; any doubt begins anew."""
     sure = watch(Sure(), said(3), 100, 0.95)
-    assert sure == Sure(hypothesis=3, since=100)
+    assert sure == Sure(hypothesis=3, since=100, clear_since=100)
     assert not sure.ripe(299)
     assert sure.ripe(300)
     assert watch(sure, said(3), 200, 0.95) == sure
-    assert watch(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200)
+    assert watch(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200, clear_since=200)
     for doubtful in (said(3, probability=0.9), said(3, doubt=True), said(3, alone=False)):
         assert watch(sure, doubtful, 200, 0.95) == Sure()
     assert not Sure().ripe(1000)
+    assert watch(sure, Diagnosis(time=0.0, candidates=()), 200, 0.95) == Sure()
+
+
+def test_the_rule_where_the_kind_stays_open() -> None:
+    """A set that is sure while its kind is not is accepted after 600 samples; a kind that becomes clear counts anew."""
+    sure = watch(Sure(), said(3, share=0.9), 100, 0.95)
+    assert sure == Sure(hypothesis=3, since=100)
+    assert not sure.ripe(699)
+    assert sure.ripe(700)
+    clear = watch(sure, said(3), 300, 0.95)
+    assert clear == Sure(hypothesis=3, since=100, clear_since=300)
+    assert not clear.ripe(499)
+    assert clear.ripe(500)
+    assert watch(clear, said(3, share=0.9), 320, 0.95) == sure
