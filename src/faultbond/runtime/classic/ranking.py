@@ -1,8 +1,8 @@
 """From the error indices of the tested sets to a ranking of all hypotheses: limited testing and reasoning.
 
-A tested set that explains, all its outputs within their limit, clears its complement; one that does not makes it a
-conflict. A hypothesis is left if every tested set that contains it explains. Those left come first, small ones before
-large ones, then by hitting index. Source: thesis 6.4 to 6.6, 7.4; docs/decisions/011-classic.md.
+A tested set that explains, with error indices no larger than noise and model errors, clears its complement; one that
+does not makes it a conflict. A hypothesis is left if every tested set that contains it explains. The ranking weighs
+this, the error indices and the size. Source: thesis 6.4 to 6.6, 7.4; docs/decisions/011-classic.md.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ CLIP = 0.5  # largest error index that counts
 MAX_CANDIDATES = 100
 ALIKE = 1.0  # noise/signal ratios; hypotheses that differ by less are one group
 REFUTED = 4.0  # noise/signal ratios that a hypothesis costs if no tested set that contains it explains
-SIZE = 1.0  # noise/signal ratios that each further suspect costs
+SIZE = 1.5  # noise/signal ratios that each further suspect costs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +98,7 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     """Reason from the tested sets about all hypotheses of the model."""
     indices = indices_of(state.sums)[:, 1:]
     error = indices.mean(axis=0)
-    limit = current_limits(spec, plan, state)[:, None]
+    limit = current_limits(spec, plan, state)[:, None] / plan.settings.limit
     average = Erratum.AVERAGE in plan.settings.printed
     explains: BoolArray = np.asarray(error <= limit.mean() if average else (indices <= limit).all(axis=0))
     contains = contained(plan.tested, spec.hypotheses)
