@@ -258,7 +258,7 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
     decided = running.found.with_accepted(kept().found.accepted[0])
     running.heed(decided)  # the watcher refuses
     assert running.found.open == first
-    running.found = running.found.with_detection(second)
+    running.found = running.found.with_rejected(2).with_detection(second)  # what was rejected then may be it now
     for late in (decided, Found().with_detection(first).with_rejected(3)):
         running.heed(late)
         assert running.found == Found(detections=2, open=second)
