@@ -27,7 +27,8 @@ class FitWishes:
     """What is to be fitted, and how.
 
     fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
-    accuracies count for, the name of a `Prior`. starts, seed: of the search.
+    accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
+    for itself, such as the temperature at its start; they are not written.
     """
 
     fixed: tuple[str, ...] = ()
@@ -35,6 +36,7 @@ class FitWishes:
     prior: str = "widened"
     starts: int = 4
     seed: int = 0
+    own: tuple[str, ...] = ()
 
 
 def fit(
@@ -58,12 +60,12 @@ def fit(
     from faultbond.report.fitted import Fitted, fit_record, print_fit  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
-    parameters = free_parameters(graph, wishes.fixed, wishes.free)
+    parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     with threadpool_limits(1), _waiting() as status:  # matrices are small here, and threads would only wait
         step_model = build_model(graph)
         spec, watcher = build_watcher(graph, engine)
         likelihood = likelihood_engine(step_model, engine)
-        plant, records, begin = build_fit(step_model, likelihood, spec, watcher, read, parameters)
+        plant, records, begin = build_fit(step_model, likelihood, spec, watcher, read, parameters, wishes.own)
         found = fit_plant(
             plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
         )
@@ -90,7 +92,7 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     RecordingError
         Where it cannot be read or has no row with a time.
     """
-    grid = Grid(graph.sample_time, steady=True)
+    grid = Grid(graph.sample_time)
     points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
     if not points:
         raise RecordingError(no_time(recording))

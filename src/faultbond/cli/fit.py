@@ -25,6 +25,13 @@ def add_fit(verbs: Subparsers) -> None:
     )
     parser.add_argument("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
     parser.add_argument(
+        "--per-recording",
+        metavar="NAMES",
+        type=_names,
+        default=(),
+        help="parameters that each recording has for itself, such as a temperature at its start",
+    )
+    parser.add_argument(
         "--prior",
         choices=["widened", "declared", "none"],
         default="widened",
@@ -47,6 +54,7 @@ def _call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
         prior=arguments.prior,
         starts=arguments.starts,
         seed=arguments.seed,
+        own=arguments.per_recording,
     )
     verbs.fit(
         arguments.model,

@@ -1,5 +1,6 @@
 """A model file with other numbers: only the changed values are replaced, all else stays as it was written."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
 
 _MARK = "# Fitted to "
+_NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,11 +23,12 @@ class NewParameter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NewNoise:
-    """A sensor and its noise as text."""
+class NewSize:
+    """The noise of a sensor, or a slow error, and how many times larger it is to be."""
 
-    sensor: str
-    noise: str
+    name: str
+    times: float
+    slow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,7 @@ class _Edit:
 
 
 def rewrite(
-    text: str, graph: BondGraph, parameters: Iterable[NewParameter], noises: Iterable[NewNoise], remark: str = ""
+    text: str, graph: BondGraph, parameters: Iterable[NewParameter], sizes: Iterable[NewSize], remark: str = ""
 ) -> str:
     """Give a model text with other nominal values, accuracies and noise.
 
@@ -46,7 +49,7 @@ def rewrite(
     ----------
     text : of the model file
     graph : read from it
-    parameters, noises : what is to be written
+    parameters, sizes : what is to be written
     remark : a comment for the first line; it takes the place of the one that an earlier call wrote
 
     Raises
@@ -64,8 +67,10 @@ def rewrite(
     for item in parameters:
         node = _at(top, (section, owners[item.name], "parameters", item.name), graph)
         edits += _parameter_edits(text, node, item)
-    for sensor in noises:
-        edits.append(_put(_at(top, ("sensors", sensor.sensor, "noise"), graph), sensor.noise))
+    for size in sizes:
+        node = _at(top, ("slow_error", size.name) if size.slow else ("sensors", size.name, "noise"), graph)
+        node = _values(node).get("size", node)
+        edits.append(_put(node, _scaled(str(node.value), size.times)))
     for edit in sorted(edits, key=lambda item: item.first, reverse=True):
         text = text[: edit.first] + edit.text + text[edit.end :]
     lines = text.split("\n")
@@ -87,6 +92,12 @@ def _at(node: yaml.Node, path: tuple[str, ...], graph: BondGraph) -> yaml.Node:
 def _values(node: yaml.Node) -> dict[str, yaml.Node]:
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return {str(key.value): value for key, value in pairs}
+
+
+def _scaled(text: str, times: float) -> str:
+    """Give a size with its number so many times larger, and the rest as it was: `2 % of 8.9 kPa over 600 s`."""
+    match = _NUMBER.match(text)
+    return f"{float(match[0]) * times:.3g}{text[match.end() :]}" if match else text
 
 
 def _put(node: yaml.Node, text: str) -> _Edit:

@@ -7,9 +7,10 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.analysis.identify.whiteness import Whiteness
-from faultbond.report.chart import Chart, Section, Trace, payload
+from faultbond.report.charts import Chart, Section, Trace, payload
 from faultbond.report.fitted import (
     HEADER,
+    WIDER,
     Fitted,
     noise_rows,
     parameter_row,
@@ -78,7 +79,7 @@ def _cards(fitted: Fitted) -> list[tuple[str, str, str]]:
         ("Sensors", f"{white} of {len(found.whiteness)}", "with nothing but white noise left"),
         ("Samples", f"{sum(len(item.time) for item in found.records)}", duration_text(span)),
         ("Search", f"{found.reached} of {found.starts}", "starts end at the same values"),
-        ("Accuracies", f"{found.width:.1f} times", "those declared, as the data ask"),
+        ("Contradicted", str(int(np.sum(found.widths > WIDER))), "accuracies declared too small"),
     ]
 
 

@@ -20,8 +20,8 @@ from faultbond.analysis.identify.outcome import (
 )
 from faultbond.errors import ModelError
 from faultbond.model.dump import dump_model
-from faultbond.model.graph import BondGraph, Unit
-from faultbond.model.rewrite import NewNoise, NewParameter, rewrite
+from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
+from faultbond.model.rewrite import NewParameter, NewSize, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, change_text, duration_text, figure, unit_text
@@ -30,6 +30,7 @@ from faultbond.report.verdict import join
 from faultbond.runtime.records import Record
 
 _ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
+WIDER = 1.05  # times an accuracy is widened that is worth telling
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 
 
@@ -70,14 +71,13 @@ class Fitted:
             Where the text that came out does not read back as the fitted model.
         """
         parameters = [_new_parameter(item) for item in self.estimates]
-        noises = [
-            NewNoise(
-                sensor=item.sensor.name, noise=_joined(f"{item.found / item.sensor.unit.factor:.3g}", item.sensor.unit)
-            )
+        sizes = [
+            NewSize(name=item.name, times=item.to_declare / item.declared, slow=isinstance(item.of, SlowError))
             for item in self.noises
+            if item.to_declare != item.declared
         ]
         remark = f"{', '.join(Path(name).name for name in self.recordings)}: {_what(self)}."
-        written = rewrite(text, self.graph, parameters, noises, remark)
+        written = rewrite(text, self.graph, parameters, sizes, remark)
         self._compare(parse_model(written, file=self.graph.file))
         return written
 
@@ -88,7 +88,17 @@ class Fitted:
             value = 0.0 if _stays_zero(item) else item.value
             if abs(back.nominal - value) > _CLOSE * item.accuracy or back.accuracy < 0.99 * item.accuracy:
                 raise ModelError(f"{self.graph.file}: what was found of {back.name} cannot be written into it")
-        same = replace(read, parameters=self.graph.parameters, sensors=self.graph.sensors, defaults=self.graph.defaults)
+        wanted = {item.name: item.to_declare for item in self.noises}
+        for name, size in [(item.name, item.noise) for item in read.sensors]:
+            if abs(size - wanted.get(name, size)) > _CLOSE * size:
+                raise ModelError(f"{self.graph.file}: the noise found of {name} cannot be written into it")
+        same = replace(
+            read,
+            parameters=self.graph.parameters,
+            sensors=self.graph.sensors,
+            slow_errors=self.graph.slow_errors,
+            defaults=self.graph.defaults,
+        )
         if dump_model(same) != dump_model(self.graph):
             raise ModelError(f"{self.graph.file}: what was found cannot be written into it without changing the rest")
 
@@ -129,7 +139,7 @@ def _joined(number: str, unit: Unit) -> str:
 
 def _what(fitted: Fitted) -> str:
     parameters = [item.parameter.name for item in fitted.estimates]
-    noises = [f"noise of {item.sensor.name}" for item in fitted.noises]
+    noises = [f"noise of {item.name}" for item in fitted.noises if isinstance(item.of, Sensor)]
     return join([*parameters, *noises])
 
 
@@ -145,8 +155,9 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "recordings": [_recording_record(fitted, r) for r in range(len(found.records))],
         "parameters": [_parameter_record(item) for item in fitted.estimates],
         "noise": [
-            {"sensor": item.sensor.name, "declared": item.sensor.noise, "found": item.found, "sd": item.sd}
+            {"name": item.name, "kind": kind, "declared": item.declared, "found": item.found, "sd": item.sd}
             for item in fitted.noises
+            for kind in ("sensor" if isinstance(item.of, Sensor) else "slow_error",)
         ],
         "whiteness": [
             {
@@ -163,7 +174,9 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
             for item in found.whiteness
         ],
         "alike": [dict(item.changes) for item in fitted.silences],
-        "widened": found.width,
+        "widened": {
+            item.name: float(times) for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
+        },
         "log_likelihood": found.summit.evaluation.value,
         "log_likelihood_before": found.before,
         "starts": found.starts,
@@ -238,8 +251,13 @@ def _data_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
     for k, record in enumerate(found.records):
         span = duration_text(float(record.time[-1] - record.time[0]))
         yield ("recordings" if k == 0 else ""), f"{record.name}: {len(record.time)} samples, {span}"
-    if found.width > 1.05 and fitted.estimates:
-        yield "accuracies", f"the data contradict those declared; {found.width:.1f} times wider ones agree"
+    wide = [
+        f"{item.name} {times:.1f} times"
+        for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
+        if times > WIDER
+    ]
+    if wide:
+        yield "accuracies", f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
     if found.starts > 1:
         yield "search", f"{found.reached} of {found.starts} starts end at the same values"
 
@@ -288,13 +306,27 @@ def silence_text(item: Silence) -> str:
 
 
 def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
-    """Give the cells of each sensor: name, declared and found noise, unit, what is left."""
-    found = {item.sensor.name: item for item in fitted.noises}
-    for sensor, test in zip(fitted.graph.sensors, fitted.found.whiteness, strict=True):
-        unit, item = sensor.unit, found.get(sensor.name)
-        both = figure(item.found / unit.factor, item.sd / unit.factor).both(Notation.FILE) if item else ""
-        declared = figure(sensor.noise / unit.factor, digits=3).number(Notation.FILE)
-        yield sensor.name, declared, both, unit_text(unit.text, Notation.FILE), test.words
+    """Give the cells of each sensor and slow error: name, declared and found size, unit, what is left."""
+    tests = {item.sensor: item.words for item in fitted.found.whiteness}
+    for item in fitted.noises:
+        is_sensor = isinstance(item.of, Sensor)
+        unit = _unit_of(fitted.graph, item.of)
+        declared = figure(item.declared / unit.factor, digits=3).number(Notation.FILE)
+        both = figure(item.found / unit.factor, item.sd / unit.factor).both(Notation.FILE)
+        if not item.is_known:
+            both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number(Notation.FILE)}"
+        name = item.name if is_sensor else f"slow error of {item.name}"
+        yield name, declared, both, unit_text(unit.text, Notation.FILE), tests[item.name] if is_sensor else ""
+
+
+def _unit_of(graph: BondGraph, item: Sensor | SlowError) -> Unit:
+    """Give the unit in which a size is told: SI where a signal has none."""
+    if isinstance(item, Sensor):
+        return item.unit
+    if item.relative:
+        return Unit("%", 0.01)
+    own = [sensor.unit for sensor in graph.sensors if item.is_sensor and sensor.name == item.target]
+    return own[0] if own else Unit("SI")
 
 
 def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:

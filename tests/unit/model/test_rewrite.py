@@ -3,7 +3,7 @@
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model.rewrite import NewNoise, NewParameter, rewrite
+from faultbond.model.rewrite import NewParameter, NewSize, rewrite
 from faultbond.model.text import parse_model
 
 TEXT = """# the plant
@@ -31,7 +31,7 @@ NEW = [
 
 def test_only_values_change() -> None:
     """Comments and layout stay; a key that was not there is added where its table is."""
-    text = rewrite(TEXT, parse_model(TEXT), NEW, [NewNoise(sensor="v", noise="0.2 V")])
+    text = rewrite(TEXT, parse_model(TEXT), NEW, [NewSize(name="v", times=2.0)])
     expected = (
         TEXT.replace("{R: 10 ohm}", "{R: {nominal: 11.5 ohm, accuracy: 2 %}}")
         .replace("50 mF   # as printed on it\n", "52 mF   # as printed on it\n        accuracy: 1.5 %\n")
@@ -43,7 +43,7 @@ def test_only_values_change() -> None:
 
 def test_it_reads_back() -> None:
     """The new text says what was to be said."""
-    graph = parse_model(rewrite(TEXT, parse_model(TEXT), NEW, [NewNoise(sensor="v", noise="0.2 V")], "a.csv"))
+    graph = parse_model(rewrite(TEXT, parse_model(TEXT), NEW, [NewSize(name="v", times=2.0)], "a.csv"))
     assert graph.parameter("R").nominal == 11.5
     assert graph.parameter("R").accuracy == pytest.approx(0.23)
     assert graph.parameter("C").change == pytest.approx(0.9 * 0.052)
@@ -62,4 +62,4 @@ def test_the_remark_is_renewed() -> None:
 def test_a_value_that_is_not_there() -> None:
     """What does not stand in the text cannot be replaced, and is named."""
     with pytest.raises(ModelError, match=r"sensors\.w\.noise"):
-        rewrite(TEXT, parse_model(TEXT), [], [NewNoise(sensor="w", noise="1 V")])
+        rewrite(TEXT, parse_model(TEXT), [], [NewSize(name="w", times=2.0)])

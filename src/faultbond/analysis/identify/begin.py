@@ -6,6 +6,7 @@ import numpy as np
 
 from faultbond.analysis.identify.evaluate import Plant, Point
 from faultbond.analysis.identify.samples import Record
+from faultbond.analysis.identify.search import START_PRIOR
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.start import solve_start
 from faultbond.spec import Engine, EngineSpec
@@ -23,16 +24,18 @@ def begin_at(plant: Plant, records: Sequence[Record], spec: EngineSpec, engine: 
     spec, engine : of the same model, as the monitor runs it
     """
     values = plant.unknowns.nominal.copy()
-    free = list(plant.free)
-    starts, sizes = np.zeros((len(records), len(free))), np.ones((len(records), len(free)))
+    free, n_free = list(plant.free), len(plant.free)
+    starts, sizes = np.zeros((len(records), plant.n_own)), np.ones((len(records), plant.n_own))
+    starts[:, n_free:] = plant.base[[place for place, _ in plant.own]]
+    sizes[:, n_free:] = [sd / START_PRIOR for _, sd in plant.own]
     for r, record in enumerate(records):
         if not free:
             break
         mean, covariance = solve_start(spec, engine, _packed(record, plant, spec))
         sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))[free]
-        starts[r] = mean[free]
+        starts[r, :n_free] = mean[free]
         size = np.maximum(sd, _LEAST_PART * np.abs(mean[free]))
-        sizes[r] = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+        sizes[r, :n_free] = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
     return Point(values=values, starts=starts, sizes=sizes)
 
 

@@ -19,6 +19,7 @@ from faultbond.types import BoolArray, FloatArray
 UNSURE = 1.0 / 3.0  # of a parameter (of `change` where it is about 0); one known less well is not determined
 IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked alone
 INVOLVED = 0.05  # of the largest part in a combination
+LINKED = 0.15  # of the largest part; a smaller one does not tie a parameter to the others
 SHOWN = 0.1  # the largest change in a combination
 MOST_BANDWIDTH = 0.2  # of a recording
 
@@ -120,6 +121,27 @@ def _bandwidth(scores: FloatArray) -> int:
     root = np.clip(first, -0.97, 0.97)
     alpha = float(np.max(4.0 * root**2 / (1.0 - root**2) ** 2, initial=0.0))
     return int(min(np.ceil(1.1447 * (alpha * count) ** (1.0 / 3.0)), MOST_BANDWIDTH * count))
+
+
+def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolArray:
+    """Give which parameters the data cannot tell apart, (n_theta, n_theta), each with itself.
+
+    Parameters
+    ----------
+    information : (m, m), of all unknowns and starts, parameters first
+    prior : (n,), sd before the data of unknowns without the starts, wide
+    n_theta : number of parameters
+    """
+    weight = np.zeros(len(information))
+    weight[: len(prior)] = prior**-2.0
+    covariance = _inverse(information + np.diag(weight))[:n_theta, :n_theta]
+    rows = np.abs(_silent(covariance)) > LINKED * SHOWN
+    linked: BoolArray = np.eye(n_theta, dtype=bool)
+    for row in rows:
+        linked |= np.outer(row, row)
+    for _ in range(n_theta):
+        linked = linked @ linked
+    return linked
 
 
 def _silent(covariance: FloatArray) -> FloatArray:

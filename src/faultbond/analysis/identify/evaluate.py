@@ -18,7 +18,11 @@ LOG_2_PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plant:
-    """All that an evaluation needs of a plant. begin: see `build_begin`; free: states whose start is to be found."""
+    """All that an evaluation needs of a plant.
+
+    begin: see `build_begin`; free: states whose start is to be found; own: places in q of parameters that each
+    recording has for itself, with the sd before the data, in factors.
+    """
 
     sensors: tuple[str, ...]
     layout: Layout
@@ -28,22 +32,33 @@ class Plant:
     implicit: FloatArray
     unknowns: Unknowns
     free: tuple[int, ...]
+    own: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def n_own(self) -> int:
+        """How many unknowns each recording has for itself."""
+        return len(self.free) + len(self.own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Point:
-    """Values of the unknowns, (n,), and the starts of the free states in each recording, (n_records, n_free), SI."""
+    """Values of the unknowns, (n,), and what each recording has for itself.
+
+    starts (n_records, n_own): starts of the free states, SI, then factors of its own parameters; sizes alike: the units
+    in which they are found.
+    """
 
     values: FloatArray
     starts: FloatArray
-    sizes: FloatArray  # (n_records, n_free): the unit in which a start is found
+    sizes: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluation:
-    """What the recordings say at a point; unknowns first, then the starts of each recording.
+    """What the recordings say at a point; unknowns first, then what each recording has for itself.
 
-    value: logarithm of the likelihood; score (m,), information (m, m), expected (Fisher).
+    value: logarithm of the likelihood, -inf where the plant has no finite course; score (m,); information (m, m),
+    expected (Fisher).
     """
 
     value: float
@@ -56,7 +71,7 @@ class Course:
     """One recording at a point, per sample.
 
     innovations, variances : (N, n_outputs), SI, each given the past and the sensors before it; nan where not used
-    scores : (N, n), by the unknowns and the starts of this recording
+    scores : (N, n), by the unknowns and what this recording has for itself
     information : (n, n)
     """
 
@@ -73,19 +88,19 @@ class Course:
 
 
 def evaluate(plant: Plant, records: Sequence[Record], point: Point) -> Evaluation:
-    """Give likelihood, score and information of all recordings; -inf where the plant has no finite course."""
-    n, n_free = len(point.values), len(plant.free)
-    total = n + n_free * len(records)
+    """Give likelihood, score and information of all recordings."""
+    n, n_own = len(point.values), plant.n_own
+    total = n + n_own * len(records)
     value, score, information = 0.0, np.zeros(total), np.zeros((total, total))
     for r, record in enumerate(records):
-        places = np.concatenate([np.arange(n), n + n_free * r + np.arange(n_free)])
+        places = np.concatenate([np.arange(n), n + n_own * r + np.arange(n_own)])
         found = _run(plant, record, point, r, keep=False)
-        if not np.isfinite(found.value):
-            return Evaluation(value=-np.inf, score=score, information=information)
         value += found.value
+        if not np.isfinite(value):
+            break
         score[places] += found.scores.sum(axis=0)
         information[np.ix_(places, places)] += found.information
-    sane = bool(np.all(np.isfinite(score)) and np.all(np.isfinite(information)))
+    sane = bool(np.isfinite(value) and np.all(np.isfinite(score)) and np.all(np.isfinite(information)))
     return Evaluation(value=value if sane else -np.inf, score=score, information=information)
 
 
@@ -95,9 +110,11 @@ def course(plant: Plant, record: Record, point: Point, number: int) -> Course:
 
 
 def _run(plant: Plant, record: Record, point: Point, number: int, *, keep: bool) -> Course:
+    """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
     lanes = _lanes(plant, point, number)
     count = lanes.shape[1]
-    information, value, scores, seen = np.zeros((count, count)), 0.0, [], []
+    information, value = np.zeros((count, count)), 0.0
+    scores, errors, variances = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), BLOCK):
             part = slice(first, first + BLOCK)
@@ -111,11 +128,11 @@ def _run(plant: Plant, record: Record, point: Point, number: int, *, keep: bool)
             score = block.scores()
             scores.append(score if keep else score.sum(axis=0, keepdims=True))
             if keep:
-                seen.append(block.seen())
-    innovations, variances = (np.concatenate(item) for item in zip(*seen, strict=True)) if seen else (np.zeros(0),) * 2
+                errors.append(block.errors)
+                variances.append(block.variances)
     return Course(
-        innovations=innovations,
-        variances=variances,
+        innovations=np.concatenate(errors) if errors else np.zeros((0, plant.layout.n_y)),
+        variances=np.concatenate(variances) if variances else np.zeros((0, plant.layout.n_y)),
         scores=np.concatenate(scores) if scores else np.zeros((1, count)),
         information=information,
         value=value,
@@ -127,10 +144,18 @@ class _Block:
 
     def __init__(self, found: FloatArray, use: BoolArray, n_y: int) -> None:
         self.use = use[:, :, None]
-        self.e, self.s = found[:, :n_y, :1], np.where(self.use, found[:, n_y : 2 * n_y, :1], 1.0)
+        self.e = np.where(self.use, found[:, :n_y, :1], 0.0)
+        self.s = np.where(self.use, found[:, n_y : 2 * n_y, :1], 1.0)
         self.de = np.where(self.use, found[:, 2 * n_y : 3 * n_y], 0.0)
         self.ds = np.where(self.use, found[:, 3 * n_y :], 0.0)
-        self.e = np.where(self.use, self.e, 0.0)
+
+    @property
+    def errors(self) -> FloatArray:
+        return np.where(self.use, self.e, np.nan)[:, :, 0]
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.where(self.use, self.s, np.nan)[:, :, 0]
 
     def value(self) -> float:
         terms = np.where(self.use, self.e**2 / self.s + np.log(self.s) + LOG_2_PI, 0.0)
@@ -146,23 +171,22 @@ class _Block:
         by_s = (self.ds / self.s).reshape(-1, count)
         return np.asarray(by_e.T @ by_e + 0.5 * by_s.T @ by_s)
 
-    def seen(self) -> tuple[FloatArray, FloatArray]:
-        used = self.use[:, :, 0]
-        return np.where(used, self.e[:, :, 0], np.nan), np.where(used, self.s[:, :, 0], np.nan)
-
 
 def _lanes(plant: Plant, point: Point, number: int) -> FloatArray:
     """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
     layout, unknowns = plant.layout, plant.unknowns
     q, slopes = unknowns.fill(plant.base, point.values)
     start = np.zeros(layout.n_x)
-    start[list(plant.free)] = point.starts[number]
+    n, n_free, n_own = len(point.values), len(plant.free), plant.n_own
+    start[list(plant.free)] = point.starts[number, :n_free]
+    own = [place for place, _ in plant.own]
+    q[own] = point.starts[number, n_free:]
     begin, by_q, by_start = (item.full() for item in plant.begin(q, start))
-    n, n_free = len(point.values), len(plant.free)
-    count = max(n + n_free, 1)
+    count = max(n + n_own, 1)
     along = np.zeros((layout.n_q, count))
     along[unknowns.places, np.arange(n)] = slopes
+    along[own, np.arange(n + n_free, n + n_own)] = point.sizes[number, n_free:]
     moved = by_q @ along
-    moved[:, n : n + n_free] += by_start[:, list(plant.free)] * point.sizes[number]
+    moved[:, n : n + n_free] += by_start[:, list(plant.free)] * point.sizes[number, :n_free]
     held = np.concatenate([begin[:, 0], q, plant.implicit])
     return np.concatenate([np.repeat(held[:, None], count, axis=1), moved, along])

@@ -1,8 +1,9 @@
 """A plant fitted to healthy recordings: parameters, noise of the sensors, and how sure both are.
 
 Maximum of the posterior: the likelihood of the innovations of all recordings, with the declared accuracies as prior.
-Where the data contradict the accuracies, all are widened by the factor that makes both agree (the evidence of the data
-at its largest), so that a nominal value that is far off does no harm, and what the data do not tell stays where it was.
+Where the data contradict an accuracy, it is widened until both agree (the evidence of the data at its largest), and
+with it those of all parameters that the data cannot tell from this one. So a nominal value that is far off does no
+harm, and what the data do not tell stays where it was.
 
 Source: Ljung 1999, chapter 7 (likelihood of innovations); MacKay, Neural Computation 4 (1992) 415 (width of the prior).
 """
@@ -13,16 +14,18 @@ from enum import Enum
 
 import numpy as np
 
-from faultbond.analysis.identify.certainty import Certainty, certainty_of
+from faultbond.analysis.identify.certainty import Certainty, certainty_of, together
 from faultbond.analysis.identify.evaluate import Course, Plant, Point, course
 from faultbond.analysis.identify.samples import Record
 from faultbond.analysis.identify.search import START_PRIOR, Summit, climb, spread_noise
 from faultbond.analysis.identify.whiteness import Whiteness, test_whiteness
 from faultbond.errors import RecordingError
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
 ROUNDS = 8  # of the width of the prior
+LEAST_TOLD = 0.3  # parameters of a group; data that tell less say nothing about its accuracies
+CAUTION = 1.5  # times the widening of a group of several: which of them is off is not known
 STEADY = 0.02  # relative change of the width at which it stands
 START_SPREAD = 0.7  # sd of further starts, logarithms or parts of the scale
 ALIKE = 1.0  # nats; starts that end so close have found the same
@@ -40,15 +43,16 @@ class Prior(Enum):
 class Fit:
     """What was found.
 
-    width: factor on the declared accuracies; reached: how many of `starts` ended at the best summit; courses and
-    simulated, (N, n_outputs) of each recording: innovations of the filter, and the plant alone under the inputs.
+    widths: (n_theta,), factors on the declared accuracies; reached: how many of `starts` ended at the best summit;
+    courses and simulated, (N, n_outputs), of each recording: innovations of the filter, and the plant alone under the
+    inputs.
     """
 
     plant: Plant
     records: tuple[Record, ...]
     summit: Summit
     certainty: Certainty
-    width: float
+    widths: FloatArray
     starts: int
     reached: int
     before: float
@@ -87,10 +91,10 @@ def fit_plant(
     _refuse(plant, records)
     best, reached = _search(plant, records, begin, starts, seed, tell)
     tell("weighing the declared accuracies")
-    best, width = _weigh(plant, records, begin, best, prior)
+    best, widths = _weigh(plant, records, begin, best, prior)
     unknowns = plant.unknowns
     courses = tuple(course(plant, record, best.point, r) for r, record in enumerate(records))
-    full = np.concatenate([unknowns.widened(width), np.full(best.point.starts.size, START_PRIOR)])
+    full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
     found = certainty_of(
         best.evaluation.information,
         full,
@@ -104,7 +108,7 @@ def fit_plant(
         records=tuple(records),
         summit=best,
         certainty=found,
-        width=width,
+        widths=widths,
         starts=starts,
         reached=reached,
         before=_likelihood(plant, records, begin),
@@ -116,7 +120,7 @@ def fit_plant(
 
 def _refuse(plant: Plant, records: Sequence[Record]) -> None:
     """Refuse recordings with too little in them."""
-    unknown = len(plant.unknowns.places) + len(plant.free) * len(records)
+    unknown = len(plant.unknowns.places) + plant.n_own * len(records)
     readings = sum(record.readings for record in records)
     if readings <= unknown:
         names = ", ".join(record.name for record in records)
@@ -153,25 +157,30 @@ def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:
     return replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper))
 
 
-def _weigh(plant: Plant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior) -> tuple[Summit, float]:
-    """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factor."""
+def _weigh(
+    plant: Plant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
+) -> tuple[Summit, FloatArray]:
+    """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
     if prior is Prior.NONE or not n:
-        return best, WIDE
-    width = 1.0
-    accuracies = unknowns.prior[:n]
+        return best, np.full(n, WIDE)
+    accuracies, widths = unknowns.prior[:n], np.ones(n)
+    groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
+    alone = groups.sum(axis=1) == 1
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
-        anchored = replace(best.point, starts=begin.starts, sizes=begin.sizes)
-        best = climb(plant, records, replace(anchored, starts=best.point.starts), unknowns.widened(width))
-        away = (best.point.values - unknowns.nominal)[:n] / accuracies
-        left = np.diag(np.linalg.inv(best.precision))[:n] / (width * accuracies) ** 2
-        told = float(np.sum(1.0 - np.clip(left, 0.0, 1.0)))
-        wanted = max(1.0, float(np.sqrt(np.sum(away**2) / max(told, 1e-3)))) if prior is Prior.WIDENED else 1.0
-        wanted = min(wanted, WIDE)
-        if abs(wanted - width) <= STEADY * width:
+        best = climb(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
+        away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
+        left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
+        told = 1.0 - np.clip(left, 0.0, 1.0)
+        wanted = np.sqrt(groups @ away / np.maximum(groups @ told, 1e-3))
+        wanted = np.clip(np.where(alone, wanted, 1.0 + CAUTION * (wanted - 1.0)), 1.0, WIDE)
+        if prior is Prior.DECLARED:
             break
-        width = wanted
-    return best, width
+        wanted = np.where(groups @ told < LEAST_TOLD, np.minimum(wanted, widths), wanted)
+        if np.all(np.abs(wanted - widths) <= STEADY * widths):
+            break
+        widths = wanted
+    return best, widths
 
 
 def _likelihood(plant: Plant, records: Sequence[Record], point: Point) -> float:

@@ -1,15 +1,16 @@
 """What a fit means for the model: values, what is to be written into the file, and what the data did not tell."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.analysis.identify.certainty import UNSURE
 from faultbond.analysis.identify.fit import Fit
-from faultbond.model.graph import BondGraph, Parameter, Sensor
+from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
 from faultbond.types import FloatArray
 
 LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smaller one is kept where it is declared
+MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault
 AT_END = 1e-6  # logarithms or factors from the end of a range
 
 
@@ -33,11 +34,27 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseFound:
-    """The noise of a sensor; SI. sd: of `found`."""
+    """The noise of a sensor, or the size of a slow error; SI, of a relative error in parts. sd: of `found`."""
 
-    sensor: Sensor
+    of: Sensor | SlowError
+    declared: float
     found: float
     sd: float
+
+    @property
+    def name(self) -> str:
+        """The sensor, or what is in error."""
+        return self.of.name if isinstance(self.of, Sensor) else self.of.target
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the data tell the size; of noise that drowns in other errors they only tell that it is small."""
+        return self.sd <= UNSURE * self.found
+
+    @property
+    def to_declare(self) -> float:
+        """What the model is to declare: noise as found; a slow error is there for days that are worse than these."""
+        return self.found if isinstance(self.of, Sensor) and self.is_known else self.declared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +81,7 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
                 sd=sd,
                 alone=float(certainty.alone[k]) * unit,
                 inflation=float(certainty.inflation[k]),
-                accuracy=max(sd, min(LEAST_ACCURACY * abs(value), item.accuracy)),
+                accuracy=_accuracy(item, value, sd),
                 determined=bool(certainty.determined[k]),
                 at_end=bool(
                     values[k] - unknowns.lower[k] < AT_END or unknowns.upper[k] - values[k] < AT_END,
@@ -74,15 +91,32 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
     return tuple(estimates)
 
 
+def _accuracy(item: Parameter, value: float, sd: float) -> float:
+    """Give the accuracy to declare: at least the standard error, and no more than a fault would change."""
+    least = min(LEAST_ACCURACY * abs(value), item.accuracy)
+    return min(max(sd, least), max(MOST_CHANGE * item.change * _grown(item, value), item.accuracy))
+
+
+def _grown(item: Parameter, value: float) -> float:
+    return abs(value / item.nominal) if item.nominal != 0.0 else 1.0
+
+
 def noises_of(found: Fit, graph: BondGraph) -> tuple[NoiseFound, ...]:
-    """Give the noise of the sensors that was found."""
-    unknowns, n, n_p = found.plant.unknowns, found.plant.unknowns.n_theta, found.plant.layout.n_p
+    """Give the noise of the sensors and the sizes of slow errors that were found."""
+    unknowns, n, first = found.plant.unknowns, found.plant.unknowns.n_theta, found.plant.layout.first_noise
+    things: tuple[Sensor | SlowError, ...] = (*graph.sensors, *graph.slow_errors)
     noises = []
     for k, place in enumerate(unknowns.places[n:], start=n):
-        j = int(place) - n_p
-        if j < len(graph.sensors):
-            size = float(np.exp(found.summit.point.values[k]))
-            noises.append(NoiseFound(sensor=graph.sensors[j], found=size, sd=size * float(found.certainty.sd[k])))
+        thing = things[int(place) - first]
+        size = float(np.exp(found.summit.point.values[k]))
+        noises.append(
+            NoiseFound(
+                of=thing,
+                declared=thing.noise if isinstance(thing, Sensor) else thing.sd,
+                found=size,
+                sd=size * float(found.certainty.sd[k]),
+            )
+        )
     return tuple(noises)
 
 
@@ -106,8 +140,3 @@ def residual_sizes(found: Fit) -> tuple[tuple[FloatArray, FloatArray], ...]:
 def _size(errors: FloatArray) -> FloatArray:
     counts = np.maximum(np.isfinite(errors).sum(axis=0), 1)
     return np.asarray(np.sqrt(np.nansum(errors**2, axis=0) / counts))
-
-
-def names_of(estimates: Sequence[Estimate], *, determined: bool) -> tuple[str, ...]:
-    """Give the names of the parameters that the data fix, or of those that they do not."""
-    return tuple(item.parameter.name for item in estimates if item.determined is determined)

@@ -1,10 +1,10 @@
-"""The most probable values: scoring with damping, from several starts.
+"""The most probable values: Fisher's scoring with damping, from several places where the hill is folded.
 
-Each step solves (information + prior + damping) step = slope; the damping rises until the posterior does. Source:
-Levenberg 1944, Marquardt 1963; Fisher's scoring as in Ljung 1999, section 10.2.
+Each step solves (information + prior + damping) step = slope; the damping rises until the step leads higher. Source:
+Levenberg 1944, Marquardt 1963; Ljung 1999, section 10.2.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,14 +13,21 @@ from faultbond.analysis.identify.evaluate import Evaluation, Plant, Point, cours
 from faultbond.analysis.identify.samples import Record
 from faultbond.types import BoolArray, FloatArray
 
-ITERATIONS = 60
-PATIENCE = 12  # rises of the damping in a row
-SETTLED = 1e-5  # nats that the next step would still bring
+TURNS = 60  # steps at most
+PATIENCE = 10  # rises of the damping in a row
+SETTLED = 1e-4  # nats that the next step would still bring
+SOFT, STIFF = 1e-2, 1e2  # damping below which a step is nearly Newton's; the largest a step begins with
+POOR, FAIR = 0.25, 0.75  # of the promise kept: the damping rises below, and falls above
+LEAST_DAMPING = 1e-7
 LONGEST = 1.5  # step of a logarithm at most
 START_PRIOR = 1e3  # sd of a free start, in its unit; it only keeps what does not show where it is
 NOISE_ROUNDS = 4
-
-Objective = Callable[[Point], Evaluation]
+SHAKES = 4  # rounds, where a climb is stuck
+PLACES = 6  # tried in each
+SHORT = 6  # steps from each
+SHAKEN = 0.3  # standard errors by which they are away
+NEAR = 30.0  # nats below, from where it is worth to climb
+WORTH = 0.05  # nats; less is no higher place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,73 +46,105 @@ class Summit:
     steps: int
 
 
-def climb(plant: Plant, records: Sequence[Record], begin: Point, prior: FloatArray, most: int = ITERATIONS) -> Summit:
+def climb(
+    plant: Plant, records: Sequence[Record], begin: Point, prior: FloatArray, *, anchor: FloatArray | None = None
+) -> Summit:
     """Climb from a point.
+
+    A law with `max` or `abs` folds the hill: on a fold the slope leads nowhere although it is not zero. So a climb that
+    is stuck goes on from places around, as far away as the values are uncertain, as long as that leads higher.
 
     Parameters
     ----------
     plant, records : what is fitted to what
     begin : where to start
     prior : sd of each unknown about its nominal value, (n,)
-    most : steps at most
+    anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     """
-    hill = _Hill(plant, records, begin, prior)
-    now = hill.at(begin)
-    damping, steps, settled = 1e-3, 1, False
-    while steps < most and np.isfinite(now.posterior):
-        found, damping, used, gain = _step(hill, now, damping)
-        steps += used
-        settled = gain <= SETTLED
-        if found is None or settled:
-            settled = settled or gain <= 1e2 * SETTLED
-            now = found or now
+    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
+    now = _straight(hill, hill.at(begin), TURNS)
+    rng = np.random.default_rng(len(prior))
+    for _ in range(SHAKES):
+        if now.settled or not np.isfinite(now.posterior):
+            break
+        best = now
+        for _ in range(PLACES):
+            trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
+            if trial.posterior > now.posterior - NEAR:
+                trial = _straight(hill, trial, SHORT)
+            best = max(best, trial, key=lambda item: item.posterior)
+        worse = best.posterior - now.posterior < WORTH
+        now = replace(best if worse else _straight(hill, best, TURNS), settled=worse)
+    return replace(now, steps=hill.calls)
+
+
+def _straight(hill: "_Hill", now: Summit, most: int) -> Summit:
+    """Climb as the slope leads, so many steps at most."""
+    damping, settled = 1e-3, False
+    for _ in range(most):
+        if settled or not np.isfinite(now.posterior):
+            break
+        found, damping, settled = _step(hill, now, damping)
+        if found is None:
             break
         now = found
-    return replace(now, settled=settled, steps=steps)
+    return replace(now, settled=settled)
 
 
-def _step(hill: "_Hill", now: Summit, damping: float) -> tuple[Summit | None, float, int, float]:
-    """Give a higher point, the damping to go on with, evaluations used, and what Newton's step promises; None: none."""
+def _step(hill: "_Hill", now: Summit, damping: float) -> tuple[Summit | None, float, bool]:
+    """Give a higher point, the damping to go on with, and whether there is nothing to gain; None: there is none."""
     slope = hill.slope(now)
-    held = hill.held(now, slope)
-    promise = np.inf
-    for tried in range(1, PATIENCE + 1):
-        move, promise = hill.move(now, slope, held, damping)
-        if promise <= SETTLED and damping <= 1e-3:
-            return None, damping, tried - 1, promise
+    free = ~hill.held(now, slope)
+    damping = min(damping, STIFF)
+    for _ in range(PATIENCE):
+        move, promise = hill.move(now, slope, free, damping)
+        if promise <= SETTLED and damping <= SOFT:
+            return None, damping, True
         trial = hill.at(hill.moved(now.point, move))
-        if trial.posterior > now.posterior:
-            return trial, max(damping / 10.0, 1e-9), tried, np.inf
+        gain = trial.posterior - now.posterior
+        if gain > 0.0:
+            return trial, _eased(damping, gain / max(hill.foretold(now, slope, move), 1e-300)), False
         damping *= 8.0
-    return None, damping, PATIENCE, promise
+    return None, damping, False
+
+
+def _eased(damping: float, kept: float) -> float:
+    """Give the damping after a step that kept a part of what it promised."""
+    if kept < POOR:
+        return 4.0 * damping
+    return max(damping / 8.0, LEAST_DAMPING) if kept > FAIR else damping
 
 
 class _Hill:
-    """The posterior over the unknowns and the starts."""
+    """The posterior over the unknowns and what recordings have for themselves."""
 
-    def __init__(self, plant: Plant, records: Sequence[Record], begin: Point, prior: FloatArray) -> None:
-        self.plant, self.records = plant, records
-        self.n = len(begin.values)
-        self.anchor = begin.starts
-        n_starts = begin.starts.size
-        self.weight = 1.0 / np.concatenate([prior, np.full(n_starts, START_PRIOR)]) ** 2
-        self.logarithmic = np.concatenate([plant.unknowns.logarithmic, np.zeros(n_starts, dtype=bool)])
+    def __init__(self, plant: Plant, records: Sequence[Record], anchor: FloatArray, prior: FloatArray) -> None:
+        self.plant, self.records, self.anchor = plant, records, anchor
+        self.n, self.calls = len(prior), 0
+        n_own = anchor.size
+        self.weight = 1.0 / np.concatenate([prior, np.full(n_own, START_PRIOR)]) ** 2
+        self.logarithmic = np.concatenate([plant.unknowns.logarithmic, np.zeros(n_own, dtype=bool)])
+        self.plain: BoolArray = np.ones(self.n + n_own, dtype=bool)  # parameters and starts; the others are noise
+        self.plain[plant.unknowns.n_theta : self.n] = False
 
     def away(self, point: Point) -> FloatArray:
         """Give how far a point lies from what was known, in units of the unknowns."""
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
 
+    def penalty(self, point: Point) -> float:
+        return 0.5 * float(np.sum(self.weight * self.away(point) ** 2))
+
     def at(self, point: Point) -> Summit:
+        self.calls += 1
         found = evaluate(self.plant, self.records, point)
-        penalty = 0.5 * float(np.sum(self.weight * self.away(point) ** 2))
         return Summit(
             point=point,
             evaluation=found,
-            posterior=found.value - penalty,
+            posterior=found.value - self.penalty(point),
             precision=found.information + np.diag(self.weight),
             settled=False,
-            steps=1,
+            steps=self.calls,
         )
 
     def slope(self, now: Summit) -> FloatArray:
@@ -120,16 +159,29 @@ class _Hill:
         )
         return stuck
 
-    def move(self, now: Summit, slope: FloatArray, held: BoolArray, damping: float) -> tuple[FloatArray, float]:
+    def move(self, now: Summit, slope: FloatArray, free: BoolArray, damping: float) -> tuple[FloatArray, float]:
         """Give the step, and what it would bring if the hill were as it looks from here."""
-        free = ~held
+        step = np.zeros(len(slope))
         scale = np.sqrt(np.maximum(np.diag(now.precision), 1e-300))[free]
         matrix = now.precision[np.ix_(free, free)] / np.outer(scale, scale)
         matrix[np.diag_indices_from(matrix)] += damping
-        step = np.zeros(len(slope))
         step[free] = np.linalg.lstsq(matrix, slope[free] / scale, rcond=None)[0] / scale
         longest = np.max(np.abs(step[self.logarithmic]), initial=0.0)
         return step * min(1.0, LONGEST / max(longest, 1e-300)), 0.5 * float(step @ slope)
+
+    def foretold(self, now: Summit, slope: FloatArray, move: FloatArray) -> float:
+        """Give what a step would bring if the hill were as it looks from here."""
+        return float(move @ slope - 0.5 * move @ now.precision @ move)
+
+    def random_move(self, now: Summit, rng: np.random.Generator) -> FloatArray:
+        """Give a move of parameters and starts about as long as they are uncertain."""
+        precision = now.precision[np.ix_(self.plain, self.plain)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(precision), 1e-300))
+        values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
+        spread = vectors @ (rng.standard_normal(len(scale)) / np.sqrt(np.maximum(values, 1e-9)))
+        move = np.zeros(len(self.plain))
+        move[self.plain] = SHAKEN * scale * spread
+        return move
 
     def moved(self, point: Point, move: FloatArray) -> Point:
         unknowns = self.plant.unknowns

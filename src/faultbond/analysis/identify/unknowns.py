@@ -13,7 +13,7 @@ from faultbond.model.graph import Parameter
 from faultbond.types import BoolArray, FloatArray, IntArray
 
 FURTHEST = 1e3  # a parameter is at most so many times larger or smaller than nominal
-NOISE_PRIOR = 20.0  # sd of the logarithm of a size of noise: nothing is known
+NOISE_PRIOR = 3.0  # sd of the logarithm of a size of noise: a factor of 20 either way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +46,7 @@ class Unknowns:
         slopes[:n] = np.where(self.logarithmic[:n], entries[:n], 1.0)
         return q, slopes
 
-    def widened(self, times: float) -> FloatArray:
+    def widened(self, times: float | FloatArray) -> FloatArray:
         """Give the prior with accuracies that many times wider."""
         return np.concatenate([times * self.prior[: self.n_theta], self.prior[self.n_theta :]])
 
@@ -61,7 +61,8 @@ def unknowns_of(
     layout : of q
     base : q as the model file states it
     parameters : those to be found, with their places in q
-    noises : places in q of the sizes of noise to be found
+    noises : places in q of the sizes of noise to be found; slow errors are not larger than declared, since one that
+        may grow explains away whatever the model does wrong
     """
     logs = [_has_sign(item) for _, item in parameters]
     nominal, prior, lower, upper = [], [], [], []
@@ -80,7 +81,7 @@ def unknowns_of(
         nominal=np.array([*nominal, *own]),
         prior=np.array([*prior, *([NOISE_PRIOR] * several)]),
         lower=np.array([*lower, *(own - np.log(1e8))]),
-        upper=np.array([*upper, *(own + np.log(1e8))]),
+        upper=np.array([*upper, *(own + np.where(np.array(noises) < layout.n_p + layout.n_y, np.log(1e8), 0.0))]),
     )
 
 
