@@ -7,7 +7,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.analysis.identify.whiteness import Whiteness
-from faultbond.report.charts import Chart, Section, Trace, payload
+from faultbond.report.chart import Chart, Section, Trace, payload
 from faultbond.report.fitted import (
     HEADER,
     WIDER,
