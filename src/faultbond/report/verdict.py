@@ -165,8 +165,15 @@ def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
     }.get(best.kind, "")
     if not event or _has_instrument(best):
         event = f"{owners} {'is' if one else 'are'} at fault"
-    sure = certainty_text(best.probability * (1.0 - (diagnosis.untested.probability if diagnosis.untested else 0.0)))
-    return f"Most likely {event}: {_changes(graph, diagnosis, notation)}, {sure}.{otherwise(best)}"
+    return f"Most likely {event}: {_changes(graph, diagnosis, notation)}{_certainty(diagnosis)}.{otherwise(best)}"
+
+
+def _certainty(diagnosis: Diagnosis) -> str:
+    """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance."""
+    best, left = diagnosis.candidates[0], diagnosis.untested
+    if not best.kinds:  # the method `classic` knows an order only
+        return ""
+    return f", {certainty_text(best.probability * (1.0 - (left.probability if left else 0.0)))}"
 
 
 def _owners(graph: BondGraph, candidate: Candidate) -> str:

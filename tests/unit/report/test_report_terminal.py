@@ -112,9 +112,8 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
 
 def test_sets_too_many_to_be_tested_are_counted() -> None:
     """What they may hide is told, and the verdict is less sure by as much."""
-    run = with_last(
-        tank_history(GRAPH), (Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=0.999, group=True),)
-    )
+    best = kind_of(suspect(GRAPH, "K1", 1.5, 0.1), (FaultKind.STEP, 1.0), probability=0.999)
+    run = with_last(tank_history(GRAPH), (best,))
     for left, sure in ((None, "99 % sure"), (Untested(sets=1330, probability=0.2), "79 % sure")):
         text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), Counts(samples=9))
         words = " ".join(text.split())

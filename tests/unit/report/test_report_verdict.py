@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from fake import counts_of, suspect, tank_graph, tank_history, with_last, wrong
+from fake import counts_of, kind_of, suspect, tank_graph, tank_history, with_last, wrong
 
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
@@ -18,6 +18,7 @@ from faultbond.report.verdict import (
     verdict_sentence,
 )
 from faultbond.runtime.history import Candidate, Diagnosis, History
+from faultbond.types import FaultKind
 
 GRAPH = tank_graph()
 
@@ -35,10 +36,10 @@ def sentence(history: History, *candidates: Candidate) -> str:
 
 def test_verdict_names_component_and_values(history: History) -> None:
     """A clear winner is named with its component, both values, the change and how sure it is."""
-    best = Candidate(suspects=(suspect(GRAPH, "K1", 1.838, 0.025),), probability=0.993, group=True)
-    assert sentence(history, best) == (
-        "Most likely the pipe changed: K1 rose from 2.41e11 to 4.43e11 Pa*s^2/m^6 (+84 %), 99 % sure."
-    )
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    told = "Most likely the pipe changed: K1 rose from 2.41e11 to 4.43e11 Pa*s^2/m^6 (+84 %)"
+    assert sentence(history, best) == f"{told}, 99 % sure."
+    assert sentence(history, replace(best, kinds=())) == f"{told}."  # a method that has no chances
 
 
 def test_verdict_of_a_pair_names_both(history: History) -> None:
