@@ -4,6 +4,8 @@
 
 FOLDER/skab/ holds the recordings and `labels.csv`; see examples/skab/README.md.
 
+Drops of known size and speed, put into the healthy minutes before, are a second table.
+
 The labels say when the valve was first turned. For most of a minute its turning hardly matters to the flow, so delays
 are also counted from when the flow gave way: where the straight ramp that fits its fall best begins.
 """
@@ -12,7 +14,7 @@ import argparse
 import csv
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
@@ -29,9 +31,13 @@ SUSPECTS = frozenset({"pump", "pipe", "valve"})  # one flow cannot tell them apa
 LARGE = 5.0  # %; smaller drops are within what the flow wanders by itself
 VISIBLE = 2.0  # %; of smaller drops it cannot be said when they began
 BEFORE = 120.0  # s before the closing that tell the flow before
+MADE = 0.05  # of the flow: drop put into healthy minutes
+MADE_AT = 300.0  # s after the first row
+MADE_TAKES = (1.0, 20.0, 60.0)  # s
 WIDTH = 120  # of a page
 MARGIN = 20.0  # s by which a label may be off
 HEADER = ("run", "drop", "closing begins", "flow gives way", "alarm", "delay", "from the flow", "CUSUM before", "group")
+MADE_HEADER = ("drop of 5 % that takes", "detected", "alarms before", "after, median", "slowest")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +82,14 @@ class Run:
         if self.delay is None or self.gives_way is None:
             return None
         return self.delay + self.label.begin - self.gives_way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeDrop:
+    """A drop that takes so many seconds, put into each run: seconds from when it began to the alarm, None without."""
+
+    takes: float
+    delays: tuple[float | None, ...]
 
 
 def read_labels(path: Path) -> tuple[Label, ...]:
@@ -154,10 +168,46 @@ def _components(diagnosis: Diagnosis) -> frozenset[str]:
     return frozenset(name for item in diagnosis.candidates if item.group for name in item.components)
 
 
-def measure_all(folder: Path) -> tuple[Run, ...]:
+def measure_all(rig: Rig, folder: Path) -> tuple[Run, ...]:
     """Run every recording that has a label."""
-    rig = build_rig(MODEL)
     return tuple(measure(rig, folder / f"{label.name}.csv", label) for label in read_labels(folder / "labels.csv"))
+
+
+def made_drops(rig: Rig, folder: Path) -> tuple[MadeDrop, ...]:
+    """Put drops into the healthy part of every run."""
+    healthy = []
+    for label in read_labels(folder / "labels.csv"):
+        points = rig.read(folder / f"{label.name}.csv")
+        healthy.append([point for point in points if point.time - points[0].time < label.begin - MARGIN])
+    return tuple(
+        MadeDrop(takes=takes, delays=tuple(_made(rig, points, takes) for points in healthy)) for takes in MADE_TAKES
+    )
+
+
+def _made(rig: Rig, points: Sequence[GridPoint], takes: float) -> float | None:
+    """Give the delay of one drop; the flow meter goes on to tell whole units."""
+    begin, unit = points[0].time + MADE_AT, rig.spec.outputs[0].unit_factor
+    size = MADE * np.nanmean(_flow(points))
+    parts = np.clip([(point.time - begin) / takes for point in points], 0.0, 1.0)
+    lower = [np.round((point.y - size * part) / unit) * unit for point, part in zip(points, parts, strict=True)]
+    changed = [
+        replace(point, y=y if part > 0.0 else point.y) for point, part, y in zip(points, parts, lower, strict=True)
+    ]
+    alarm = rig.watch(changed, to_alarm=True).alarm
+    return None if alarm is None else alarm - begin
+
+
+def made_cells(made: MadeDrop) -> tuple[str, ...]:
+    """Give a row of the second table."""
+    found = [delay for delay in made.delays if delay is not None and delay >= 0.0]
+    early = sum(delay is not None and delay < 0.0 for delay in made.delays)
+    return (
+        _seconds(made.takes),
+        f"{len(found)} of {len(made.delays)}",
+        str(early),
+        _median(found),
+        _seconds(max(found, default=None)),
+    )
 
 
 def cells(run: Run) -> tuple[str, ...]:
@@ -211,16 +261,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder = data_folder()
     if folder is None:
         return
-    runs = measure_all(folder / "skab")
-    rows, note = [cells(run) for run in runs], f"{today()}; {machine()}"
-    print(f"{as_text(HEADER, rows)}\n\n{summary(runs)}\n\n{note}")
+    rig = build_rig(MODEL)
+    runs, made = measure_all(rig, folder / "skab"), made_drops(rig, folder / "skab")
+    rows, made_rows, note = [cells(run) for run in runs], [made_cells(row) for row in made], f"{today()}; {machine()}"
+    print(f"{as_text(HEADER, rows)}\n\n{summary(runs)}\n\n{as_text(MADE_HEADER, made_rows)}\n\n{note}")
     if chosen.json is not None:
-        report = {"note": note, "runs": [asdict(run) for run in runs]}
+        report = {"note": note, "runs": [asdict(run) for run in runs], "made": [asdict(row) for row in made]}
         chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if chosen.markdown is not None:
-        words = fill(summary(runs), WIDTH)
-        text = f"`python -m benchmarks.skab`\n\n{note}.\n\n{as_markdown(HEADER, rows)}\n\n{words}"
-        write_part(chosen.markdown, "skab", text)
+        parts = (
+            "`python -m benchmarks.skab`",
+            f"{note}.",
+            as_markdown(HEADER, rows),
+            fill(summary(runs), WIDTH),
+            as_markdown(MADE_HEADER, made_rows),
+        )
+        write_part(chosen.markdown, "skab", "\n\n".join(parts))
 
 
 if __name__ == "__main__":
