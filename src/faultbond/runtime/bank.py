@@ -118,7 +118,7 @@ def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm
     steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own], alarm)
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
-        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm)
+        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], bank.grown)
     renewed = np.zeros(bank.misfit.sums.shape[2], dtype=bool)
     renewed[: steps.shape[1]] = np.any(steps != bank.steps, axis=0)
     return replace(bank, steps=steps, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

@@ -95,9 +95,17 @@ def _gains(tested: Tested, mean: FloatArray, variance: FloatArray, wide: FloatAr
 
 
 def grow(
-    spec: EngineSpec, engine: Engine, trail: Trail, extended: Extended, alarm: int
+    spec: EngineSpec,
+    engine: Engine,
+    trail: Trail,
+    extended: Extended,
+    alarm: int,
+    before: FloatArray,
+    grown: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Give lanes (n_numbers, PER_SET * n_grown) of the likeliest sets of the reserve, and which these are (n_grown,).
+
+    A set that has lanes already counts by what they say, begins again from there, and keeps those that are likelier.
 
     Parameters
     ----------
@@ -107,11 +115,23 @@ def grow(
     extended : what the closed form says of the sets
     alarm : int
         Place of the alarm in the trail.
+    before, grown : the lanes so far, and which sets they are of
     """
+    likelihood, values = extended.likelihood.copy(), extended.values.copy()
+    found = np.where(np.isfinite(before[-1]), before[-1], -np.inf).reshape(-1, PER_SET)
+    place = {int(k): row for row, k in enumerate(grown) if k >= 0 and np.any(found[row] > -np.inf)}
+    for k, row in place.items():
+        likelihood[k] = found[row].max()
+        values[k] = before[spec.parameter_slice, PER_SET * row + int(np.argmax(found[row]))]
     costs = spec.thresholds.cost_per_suspect * np.array([len(chosen) for chosen in spec.reserve])
-    chosen = np.argsort(costs - extended.likelihood, kind="stable")[: n_grown(spec)]
-    plan = _plan(spec, [spec.reserve[k] for k in chosen], extended.values[chosen], trail.lanes[0][spec.parameter_slice])
-    return begin_steps(spec, engine, trail, alarm, plan), chosen.astype(np.float64)
+    chosen = np.argsort(costs - likelihood, kind="stable")[: n_grown(spec)]
+    plan = _plan(spec, [spec.reserve[k] for k in chosen], values[chosen], trail.lanes[0][spec.parameter_slice])
+    lanes = begin_steps(spec, engine, trail, alarm, plan)
+    for row, k in enumerate(chosen):
+        if int(k) in place:
+            new, old = (slice(PER_SET * at, PER_SET * (at + 1)) for at in (row, place[int(k)]))
+            lanes[:, new] = np.where(lanes[-1, new] > found[place[int(k)]], lanes[:, new], before[:, old])
+    return lanes, chosen.astype(np.float64)
 
 
 def _plan(spec: EngineSpec, sets: list[tuple[int, ...]], values: FloatArray, healthy: FloatArray) -> LanePlan:

@@ -183,10 +183,31 @@ def test_the_likeliest_sets_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     likelihood = np.full(len(SPEC.reserve), -99.0)
     likelihood[[2, 7, 4, 10]] = [-50.0, -40.0, -45.0, -46.5]  # the last is the set of three
     values = np.tile(trail.lanes[0, SPEC.parameter_slice], (len(SPEC.reserve), 1))
-    lanes, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20)
+    none = np.full((SPEC.n_numbers, 3 * PER_SET), np.nan)
+    lanes, chosen = grow(
+        SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20, none, -np.ones(3)
+    )
     assert chosen.tolist() == [7, 4, 2]
     likelihood[10] = -44.0
-    _, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20)
+    _, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20, none, -np.ones(3))
     assert chosen.tolist() == [7, 4, 10]
     assert lanes.shape == (SPEC.n_numbers, 3 * PER_SET)
     assert np.all(np.isfinite(lanes))
+
+
+def test_a_grown_set_is_as_good_as_one_begun_at_the_alarm() -> None:
+    """From the first renewal on, and after each further one, the pair is first, with the estimates it has if begun."""
+    whole = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS))
+    alarm = ended(SPEC).alarm
+    states = [run(spec, ENGINE, recording()[: alarm + 35])[0] for spec in (whole, SPEC)]
+    for last in (alarm + 98, alarm + 110, alarm + 210):
+        found = []
+        for k, spec in enumerate((whole, SPEC)):
+            states[k], _ = run(spec, ENGINE, recording()[states[k].index : last], states[k])
+            diagnosis = finish(spec, states[k])
+            assert diagnosis is not None
+            found.append(diagnosis.candidates[0])
+        assert all(item.components == ("R", "J") for item in found)
+        for one, two in zip(found[0].suspects, found[1].suspects, strict=True):
+            assert one.estimate == pytest.approx(two.estimate, abs=0.25 * one.sd)
+            assert one.sd == pytest.approx(two.sd, rel=0.2)

@@ -146,7 +146,7 @@ def test_the_kind_and_its_value_are_found(name: str) -> None:
         assert suspect.rate_sd < 0.2 * case.rate
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if CASES[name].kind is not FaultKind.INTERMITTENT])
+@pytest.mark.parametrize("name", CASES)
 def test_what_explains_the_data_leaves_nothing(name: str) -> None:
     """Where the kind of fault is right, nothing is unexplained."""
     diagnosis = finish(plant(NAME)[1], ended(name)[1])

@@ -10,9 +10,17 @@ from made import plant, recorded, run
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import SlotLane, plan_slots
-from faultbond.runtime.slotted import SWITCHING, advance_slots, begin_slots, shared, slot_lanes, widened
+from faultbond.runtime.slotted import (
+    SWITCHING,
+    advance_slots,
+    begin_slots,
+    interacted,
+    shared,
+    slot_lanes,
+    widened,
+)
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import Trail
+from faultbond.runtime.stepped import Trail, relinearised
 from faultbond.simulate import Fault
 from faultbond.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine
@@ -264,3 +272,22 @@ def test_only_instruments_have_a_slot(sets: tuple[tuple[int, ...], ...], *, comp
     assert len(diagnosis.candidates) == len(sets) + 3
     assert state.steps.shape[1] == plan_lanes(spec).n_lanes
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
+
+
+def test_both_lanes_of_a_pair_have_the_innovations_of_their_mixture() -> None:
+    """While a fault is gone, the lane in which it is there does not count as one that misfits: the mixture does."""
+    _, spec, engine = plant("dc_motor_current")
+    state, _ = run(spec, engine, recorded("dc_motor_current", 200, FAULT))
+    packed, first = state.trail_samples[150 % len(state.trail_times)], plan_slots(spec).switched
+    _, found = advance_slots(spec, engine, state.slots, packed)
+    ready = interacted(spec, state.slots[:, first:])
+    _, apart = engine.slot.advance(ready, relinearised(spec, packed[None, :]))
+    n_y = len(spec.outputs)
+    for k in range(0, ready.shape[1], 2):
+        weights = np.exp(ready[-1, k : k + 2] - np.logaddexp(*ready[-1, k : k + 2]))
+        error, variance = apart[0, :n_y, k : k + 2], apart[0, n_y:, k : k + 2]
+        mean = error @ weights
+        spread = (variance + error**2) @ weights - mean**2
+        for lane in (first + k, first + k + 1):
+            assert found[:n_y, lane] == pytest.approx(mean, rel=1e-9, abs=1e-12)
+            assert found[n_y:, lane] == pytest.approx(spread, rel=1e-6)
