@@ -20,6 +20,7 @@ from faultbond.io.saved import Found, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
 from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.runtime.rule import Sure, watch
+from faultbond.runtime.trace import Trace
 from faultbond.spec import EngineSpec, Thresholds
 from faultbond.types import FaultKind, Method
 
@@ -262,6 +263,18 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
     for late in (decided, Found().with_detection(first).with_rejected(3)):
         running.heed(late)
         assert running.found == Found(detections=2, open=second)
+
+
+def test_of_many_faults_before_the_last_ones_are_told() -> None:
+    """However many candidates were accepted in the runs before, a run tells of the last five again, and keeps all."""
+    many = Found()
+    for k in range(9):
+        many = many.with_accepted(replace(kept().found.accepted[0], time=float(k)))
+    trace = Trace(Refuser.spec)
+    following = course.Following(out=Out(text=None, json=None), trace=trace)
+    running = course.Course(cast("Any", Refuser()), Grid(1.0), following, replace(kept(), found=many))
+    assert [item.time for item in trace.history().accepted] == [4.0, 5.0, 6.0, 7.0, 8.0]
+    assert len(running.found.accepted) == 9
 
 
 def test_a_live_run_that_is_stopped_is_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

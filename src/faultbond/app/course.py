@@ -19,6 +19,7 @@ from faultbond.runtime.state import Sample, Status
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method
 
+TOLD = 5  # of what was accepted in runs before, the last ones are told again
 ALARMS_ON = (Status.WATCHING, Status.DIAGNOSING)
 
 
@@ -52,7 +53,7 @@ class Course:
         self._told, self._lost = -1, 0
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
-            self._trace.before(() if self.found.open is None else (self.found.open,), self.found.accepted)
+            self._trace.before(() if self.found.open is None else (self.found.open,), self.found.accepted[-TOLD:])
 
     def take(self, point: GridPoint) -> None:
         """Pass one point on, and write what the method says to it."""
