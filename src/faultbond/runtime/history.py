@@ -150,8 +150,8 @@ class History:
     cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`.
     slow (T, n_slow): those slow errors that can alarm, in units of their declared sd, limit `slow_limit`.
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
-    detections, diagnoses, accepted: all records in order. Of a run that went on from another one there are also the last
-    few that were accepted before, and the last detection if it was still open.
+    detections, diagnoses, accepted: all records in order. Of a run that went on from another one there are also the
+    last few that were accepted before, and the last detection if it was still open.
     """
 
     time: FloatArray
