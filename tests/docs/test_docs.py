@@ -42,10 +42,15 @@ RECORDS = {
         "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
         "size in_noise classes near choices input level change hold before after"
     ),
+    "trial": (
+        "model model_sha256 version recordings recording samples first last promise kept between_alarms peak "
+        "statistics name kind mean spread memory regions sensor of low high after_step moments begin end height side "
+        "trials factor needed"
+    ),
     "fit": (
         "model model_sha256 version output recordings recording samples readings first last prediction_error "
         "simulation_error parameters name component nominal estimate sd sd_from_data_alone inflation accuracy "
-        "determined at_end_of_range noise sensor declared found whiteness white statistic lags p spread mean "
+        "determined at_end_of_range noise sensor kind declared found whiteness white statistic lags p spread mean "
         "correlation words alike widened log_likelihood log_likelihood_before starts reached settled"
     ),
     "trace": "model targets ending expanded distinct steps observations",

@@ -31,6 +31,13 @@ class Spy:
         self.seen = {"model": model, "engine": engine}
         self.do(out)
 
+    def check_data(
+        self, model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out
+    ) -> None:
+        """Note a call of `check --data`."""
+        self.seen = {"model": model, "recordings": recordings, "promise": promise}
+        self.do(out)
+
     def fit(
         self,
         model: Path,

@@ -4,7 +4,7 @@ from faultbond.app.analysing import Wishes, analyse, print_code, trace
 from faultbond.app.checking import check
 from faultbond.app.deciding import accept, reject
 from faultbond.app.demonstration import demo
-from faultbond.app.fitting import FitWishes, fit
+from faultbond.app.fitting import FitWishes, check_data, fit
 from faultbond.app.simulating import Imperfections, simulate
 from faultbond.app.watching import Wanted, run
 
@@ -16,6 +16,7 @@ __all__ = [
     "accept",
     "analyse",
     "check",
+    "check_data",
     "demo",
     "fit",
     "print_code",

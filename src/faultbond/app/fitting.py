@@ -84,6 +84,38 @@ def fit(
         out.say(f"Report: {report}")
 
 
+def check_data(model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out) -> None:
+    """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
+
+    Parameters
+    ----------
+    model : the model file
+    recordings : healthy recordings
+    promise : seconds between false alarms that are wanted at least
+    engine : which engine to take
+    out : where to write
+    """
+    graph = load_model(model)
+    _refuse(graph, recordings)
+    read = tuple((name, read_points(graph, name)) for name in recordings)
+    from faultbond.analysis.identify.healthy import on_trial  # noqa: PLC0415 - loads scipy
+    from faultbond.analysis.identify.samples import prepare  # noqa: PLC0415 - loads casadi
+    from faultbond.analysis.identify.session import layout_of_graph  # noqa: PLC0415 - loads casadi
+    from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
+
+    with _waiting() as status:
+        spec, watcher = build_watcher(graph, engine)
+        status("watching the recordings")
+        layout = layout_of_graph(graph)
+        records = tuple(prepare(name, points, spec, layout) for name, points in read)
+        found = on_trial(spec, watcher, layout, records, promise)
+    out.record(health_record(graph, spec, found))
+    if out.text is not None:
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        print_health(Console(file=out.text), graph, found)
+
+
 def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     """Give the grid points of a recording.
 

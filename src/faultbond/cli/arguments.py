@@ -29,12 +29,29 @@ def add_check(verbs: Subparsers) -> None:
     """Add `check`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.check(arguments.model, engine=engine(arguments), out=out)
+        if arguments.data:
+            recordings = tuple(arguments.data)
+            verbs.check_data(arguments.model, recordings, promise=arguments.promise, engine=engine(arguments), out=out)
+        else:
+            verbs.check(arguments.model, engine=engine(arguments), out=out)
         return DONE
 
     example = "faultbond check examples/tank/model.yaml"
     parser = add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
     add_model(parser)
+    parser.add_argument(
+        "--data",
+        metavar="REC",
+        nargs="+",
+        help="healthy recordings: tell what the model gets wrong there, and what it must declare",
+    )
+    parser.add_argument(
+        "--promise",
+        metavar="TIME",
+        type=time,
+        default=30.0 * 86400.0,
+        help="with --data: mean time between false alarms that is wanted (default: '30 day')",
+    )
     add_engine(parser)
 
 

@@ -35,6 +35,11 @@ class Verbs(Protocol):
     def trace(self, model: Path, names: tuple[str, ...], *, out: Out) -> None:
         """Print the thesis' search for a route."""
 
+    def check_data(
+        self, model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out
+    ) -> None:
+        """Put a model on trial on healthy recordings."""
+
     def fit(
         self,
         model: Path,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from faultbond.analysis.identify.begin import begin_at
 from faultbond.analysis.identify.evaluate import Plant, Point
-from faultbond.analysis.identify.likelihood import build_begin, known_starts, layout_of, nominal_q
+from faultbond.analysis.identify.likelihood import Layout, build_begin, known_starts, layout_of, nominal_q
 from faultbond.analysis.identify.samples import Record, prepare
 from faultbond.analysis.identify.unknowns import unknowns_of
 from faultbond.dynamics.step import StepModel
@@ -44,6 +44,19 @@ def free_parameters(
             raise ModelError(f"parameter {name} has accuracy 0, so it is known exactly; state how well it is known")
     wanted = {*free, *own} if free is not None else {name for name, item in known.items() if item.accuracy > 0.0}
     return tuple((k, item) for k, item in enumerate(graph.parameters) if item.name in wanted - set(fixed))
+
+
+def layout_of_graph(graph: BondGraph) -> Layout:
+    """Give the sizes of a plant as recordings need them, without its equations."""
+    return Layout(
+        n_x=0,
+        n_b=len(graph.slow_errors),
+        n_w=sum(item.noise > 0.0 for item in graph.inputs),
+        n_p=len(graph.parameters),
+        n_y=len(graph.sensors),
+        n_u=len(graph.inputs),
+        n_z=0,
+    )
 
 
 def build_fit(
