@@ -34,14 +34,16 @@ from faultbond.synthesis.engine import build_model
 
 PROCESSES = 2
 HEALTHY = {"tank": "tank.healthy", "dc_motor": "motor.healthy", "rlc": "rlc.healthy"}
-KEYS = ("tank.K1", "tank.K6", "tank.K1+K6", "tank.K8", "motor.R", "motor.L", "motor.R+J", "rlc.C")
+FAULTY = ("tank.K1", "tank.K6", "tank.K1+K6", "tank.K8", "motor.R", "motor.L", "motor.R+J", "rlc.C")
+KEYS = (*HEALTHY.values(), *FAULTY)
 CALIBRATION_SEEDS = range(200_000, 200_008)
 MARGIN = 1.15
 HEADER = ("figure", "asked", "faultbond", "FilterPy bank", "faultbond is")
 HEADING = """## Beside a bank of FilterPy's filters
 
-The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors; its
-alarm is calibrated on healthy runs. What it has and has not is said in `benchmarks/filterpy_bank.py`."""
+The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors. What it
+has and has not is said in `benchmarks/filterpy_bank.py`. Its alarm is our CUSUM with a limit a little above what eight
+healthy runs show. That is lower than ours, 25, so it is sooner where nothing but this limit counts."""
 
 Pair = tuple[Outcome, Outcome]
 
@@ -93,6 +95,8 @@ def rows_of_both(key: str, pairs: Sequence[Pair]) -> list[tuple[str, ...]]:
             strict=True,
         )
     ]
+    if not scenario.faults:
+        return list(lines)
     early = [sum(outcome.early for outcome in outcomes) for outcomes in (ours, theirs)]
     return [*lines, (f"{scenario.title}: alarms before the fault", "0", *map(str, early), _compared(*early))]
 
@@ -103,6 +107,8 @@ def _compared(ours: float, theirs: float) -> str:
 
 def _costs(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[float]:
     """Give the number behind each line of `rows_of`; less is better."""
+    if not scenario.faults:
+        return [sum(outcome.early for outcome in outcomes)]
     costs = []
     if scenario.delay is not None:
         delays = [math.inf if outcome.delay is None else outcome.delay for outcome in outcomes]
@@ -122,7 +128,7 @@ def _quantile(values: Sequence[float], part: float) -> float:
 
 
 def times(key: str, seed: int, limit: float) -> tuple[str, ...]:
-    """Give the line about time: a run of one scenario up to its end, everything but the simulation."""
+    """Give the line about processor time: a run of one scenario up to its end, everything but the simulation."""
     scenario = SCENARIOS[key]
     onset = scenario.onset[0]
     faults = [Fault(parameter=name, factor=factor, start=onset) for name, factor in scenario.faults]
@@ -130,12 +136,12 @@ def times(key: str, seed: int, limit: float) -> tuple[str, ...]:
     spec, engine = engine_of(scenario.folder)
     taken = []
     for each in (watch, partial(filterpy_bank.watch, model_of(scenario.folder), limit)):
-        begin = time.perf_counter()
+        begin = time.process_time()
         each(spec, engine, recording, onset, float("inf"))
-        taken.append(time.perf_counter() - begin)
-    sets = f"{len(spec.hypotheses)} sets, {recording.time.size} samples"
+        taken.append(time.process_time() - begin)
+    sets = f"{len(spec.hypotheses)} sets of parameters, {recording.time.size} samples"
     got = (f"{value:.2f} s" for value in taken)
-    return f"{scenario.title}: time of one run, {sets}", "", *got, _compared(taken[0], taken[1])
+    return f"{scenario.title}: processor time of one run, {sets}", "", *got, _compared(taken[0], taken[1])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -161,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             if number % len(seeds) == 0:
                 print(f"{number} of {len(jobs)} runs: {pair[0].key}", file=sys.stderr, flush=True)
     rows = [row for key in keys for row in rows_of_both(key, pairs[key])]
-    firsts = {SCENARIOS[key].folder: key for key in reversed(keys)}
+    firsts = {SCENARIOS[key].folder: key for key in reversed(keys) if key in FAULTY}
     rows += [times(key, seeds[0], limits[folder]) for folder, key in reversed(firsts.items())]
     told = ", ".join(f"{folder} {limit:.1f}" for folder, limit in limits.items())
     note = f"Seeds {seeds[0]} to {seeds[-1]}; limits of the bank's CUSUM: {told}; {today()}; {machine()}."
