@@ -18,7 +18,7 @@ def test_an_accepted_diagnosis_is_the_new_model() -> None:
     """The parameters get their estimates, monitoring begins again, and the same fault raises no second alarm."""
     _, spec, plan = plant("tank")
     samples = recorded("tank", 800, PIPE)
-    state, _ = run(spec, plan, samples[:560])
+    state, _ = run(spec, plan, samples[:640])
     best = rank(spec, plan, state).candidates[0]
     state, candidate = accept(spec, plan, state, best.hypothesis)
     assert candidate.parameters == best.parameters == ("K1",)
@@ -26,8 +26,8 @@ def test_an_accepted_diagnosis_is_the_new_model() -> None:
     assert state.healthy[names.index("K1")] == candidate.suspects[0].estimate
     assert state.healthy[names.index("K2")] == spec.parameters[names.index("K2")].nominal
     assert (state.alarm, state.running) == (-1, -1)
-    state, _ = run(spec, plan, samples[560:], state)
-    assert state.running > 200
+    state, _ = run(spec, plan, samples[640:], state)
+    assert state.running > 120
     assert state.alarm < 0
     assert finish(spec, plan, state) is None
 

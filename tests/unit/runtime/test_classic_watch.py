@@ -81,7 +81,7 @@ def test_a_healthy_plant_is_left_alone() -> None:
 
 @pytest.mark.parametrize(("fault", "signal", "wanted"), [(PIPE, "flow", 3.0 * 2.41e11), (LEAK, "pressure", 1.6e-4)])
 def test_a_fault_is_found(fault: Fault, signal: str, wanted: float) -> None:
-    """The output that shows it alarms, the single suspect comes first, its value is the mean over its supersets."""
+    """The output that shows it alarms, the suspect is one of two that come first, its value the mean over supersets."""
     _, spec, plan = plant("tank")
     state, reports = watched(800, fault)
     detections = [report.detection for report in reports if report.detection is not None]
@@ -91,8 +91,8 @@ def test_a_fault_is_found(fault: Fault, signal: str, wanted: float) -> None:
     assert 290.0 < detections[0].change_time < detections[0].time
     diagnosis = finish(spec, plan, state)
     assert diagnosis is not None
-    best = diagnosis.candidates[0]
-    assert best.parameters == (fault.parameter,)
+    best = next(item for item in diagnosis.candidates[:2] if item.parameters == (fault.parameter,))
+    assert best.group
     assert best.suspects[0].estimate == pytest.approx(wanted, rel=0.15)
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
     index = [item.name for item in spec.parameters].index(fault.parameter)

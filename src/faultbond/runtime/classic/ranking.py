@@ -68,8 +68,7 @@ def current_limits(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> 
 def contained(tested: Sequence[Sequence[int]], hypotheses: Sequence[Sequence[int]]) -> BoolArray:
     """Tell which tested sets contain which hypotheses, (n_hypotheses, n_tested)."""
     largest = [frozenset(item) for item in tested]
-    rows = [[set(item) <= other for other in largest] for item in hypotheses]
-    return np.array(rows, dtype=bool).reshape(len(hypotheses), len(tested))
+    return np.array([[set(item) <= other for other in largest] for item in hypotheses], dtype=bool)
 
 
 def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ class Settings:
     ----------
     printed : places at which the printed formula is used in place of the one that works
     noise : noise/signal ratio N; None: declared noise of each sensor over the rms of what it read so far
-    accuracy : index n of the model's accuracy, 0 to 1; None: 1 - 2 accuracies declared in the model
+    accuracy : index n of the model's accuracy, 0 to 1; None: 1 less the accuracy declared in the model, such as 0.97
     length : points of the parabola, odd; 1: no prefilter
     lengths : points for single signals, by name
     band : half width of the band round the parabola, in standard deviations of the noise

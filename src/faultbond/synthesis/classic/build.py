@@ -27,8 +27,6 @@ from faultbond.synthesis.classic.tapes import compile_batch, compile_torn
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import TimeGrid
 
-ACCURACIES = 2.0  # declared accuracies by which a healthy model may be off
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Functions:
@@ -183,10 +181,10 @@ def _places(network: ComponentNetwork, states: Sequence[str], depth: int, guesse
 
 
 def _accuracy(graph: BondGraph) -> float:
-    """Give the index n: as wrong as the parameters may be while healthy, as a whole."""
+    """Give the index n: 1 less the relative accuracy of the parameters, of the middle one where they differ."""
     relative = sorted(item.accuracy / abs(item.nominal) for item in graph.parameters if item.nominal and item.suspect)
     middle = relative[len(relative) // 2] if relative else 0.0
-    return max(0.0, 1.0 - ACCURACIES * middle)
+    return max(0.0, 1.0 - middle)
 
 
 def _passes_a_store(network: ComponentNetwork, closed: Closed) -> bool:
