@@ -12,7 +12,7 @@ from faultbond.runtime.growing import PER_SET, Tested, extend, factors, grow, n_
 from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.slots import plan_slots
-from faultbond.runtime.slotted import advance_slots, begin_slots
+from faultbond.runtime.slotted import advance_slots, begin_slots, renew_slots
 from faultbond.runtime.stepped import Trail, advance_steps, begin_steps, renew_steps
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
@@ -103,7 +103,7 @@ def tested_sets(spec: EngineSpec, bank: Bank) -> Tested:
 
 
 def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int) -> Bank:
-    """Begin lanes of steps again from what the bank has found, and those of the likeliest sets in reserve.
+    """Begin lanes of steps and drifts again from what the bank has found, and those of the likeliest sets in reserve.
 
     Parameters
     ----------
@@ -119,6 +119,6 @@ def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
         steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], bank.grown)
-    renewed = np.zeros(bank.misfit.sums.shape[2], dtype=bool)
-    renewed[: steps.shape[1]] = np.any(steps != bank.steps, axis=0)
-    return replace(bank, steps=steps, misfit=begin_again(bank.misfit, renewed, index), grown=grown)
+    slots = renew_slots(spec, engine, trail, bank.slots, alarm)
+    renewed = np.concatenate([np.any(steps != bank.steps, axis=0), np.any(slots != bank.slots, axis=0)])
+    return replace(bank, steps=steps, slots=slots, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

@@ -15,7 +15,7 @@ from faultbond.runtime.history import Detection, Diagnosis, Unexplained, Unteste
 from faultbond.runtime.packing import corrected, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import Changes, Report, Sample, State, Status, bank_fields
+from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields
 from faultbond.runtime.stepped import Trail
 from faultbond.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray
@@ -114,7 +114,26 @@ def _all_seen(spec: EngineSpec, state: State) -> bool:
 def _remembered(state: State, lane: FloatArray) -> Changes:
     lanes = state.trail_lanes.copy()
     lanes[state.index % len(lanes)] = lane[:, 0]
-    return {"lane": lane, "trail_lanes": lanes}
+    number, rest = divmod(state.index - _learned_from(state), SNAPSHOT_EVERY)
+    if rest or number < 0:
+        return {"lane": lane, "trail_lanes": lanes}
+    snapshots = state.snapshots.copy()
+    snapshots[number % len(snapshots)] = lane[:, 0]
+    return {"lane": lane, "trail_lanes": lanes, "snapshots": snapshots}
+
+
+def _learned_from(state: State) -> int:
+    """Give the sample from which healthy lanes are kept for long: a while after the start, or what was accepted."""
+    return max(state.begun, state.accepted) + SNAPSHOT_EVERY
+
+
+def _oldest(state: State) -> FloatArray | None:
+    """Give the oldest healthy lane that is kept; None before the first."""
+    number = (state.index - _learned_from(state)) // SNAPSHOT_EVERY
+    if number < 0:
+        return None
+    oldest: FloatArray = state.snapshots[0 if number < len(state.snapshots) else (number + 1) % len(state.snapshots)]
+    return oldest
 
 
 def _report(
@@ -179,7 +198,8 @@ def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
     depth = len(state.trail_times)
     oldest = max(state.begun, state.accepted, state.index - depth + 1)
     chosen = np.arange(oldest, state.index + 1) % depth
-    return Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen]), change - oldest
+    trail = Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen], old=_oldest(state))
+    return trail, change - oldest
 
 
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:

@@ -39,6 +39,7 @@ class SlotLane:
     hypothesis : index among the hypotheses of the specification
     parameter, input, output : index of what is at fault, or -1
     acts : False while a fault that comes and goes is gone
+    old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
         in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
     noise : noise variance of the sensor, in that declared
@@ -51,6 +52,7 @@ class SlotLane:
     input: int = -1
     output: int = -1
     acts: bool = True
+    old: bool = False
     size: float = 0.0
     size_sd: float = 0.0
     rate_sd: float = 0.0
@@ -110,6 +112,7 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
             size=start.value - item.healthy,
             size_sd=start.sd,
             rate_sd=item.change / OLD,
+            old=True,
             weight=DRIFTING - log(2.0 * len(starts)),
         )
 

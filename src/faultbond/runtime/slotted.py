@@ -18,6 +18,7 @@ from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
+AGAIN = 0.35  # sd of a start from what was found, in what was found
 _LOWEST = -1e300  # likelihood of a lane that is no number
 
 
@@ -72,6 +73,46 @@ def _of_pairs(innovations: FloatArray, likelihoods: FloatArray) -> FloatArray:
     return np.repeat(mixture, 2, axis=1)
 
 
+def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, alarm: int) -> FloatArray:
+    """Begin one lane of each drift of a parameter again, from the size and rate that the best of its lanes has found.
+
+    It takes the place of the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
+    the alarm in the trail.
+    """
+    plan = plan_slots(spec)
+    pairs = [(group[np.argmax(slots[-1, group])], group[np.argmin(slots[-1, group])]) for group in drift_groups(plan)]
+    if not pairs:
+        return slots
+    best, worst = (np.array(column, dtype=np.intp) for column in zip(*pairs, strict=True))
+    size, rate = slots[spec.slotted.slot_slice][:, best]
+    samples, place = relinearised(spec, trail.samples), spec.slotted.slot_slice.start
+    elapsed = np.cumsum(samples[::-1, 0])[::-1]  # from before each sample to now
+    mixture: Mixture | None = None
+    for onset, width in onsets(spec, len(samples) - 1, alarm):
+        healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
+        lanes = slot_lanes(spec, plan, worst.tolist(), healthy, samples[:onset], np.ones(len(spec.inputs)), trail.old)
+        then = size - rate * elapsed[onset]
+        lanes[place], lanes[place + 1] = then, rate
+        for k, spread in ((place, AGAIN * np.abs(then)), (place + 1, AGAIN * np.abs(rate))):
+            prior = lanes[covariance_place(spec.slotted, k, k)]
+            lanes[covariance_place(spec.slotted, k, k)] = np.clip(spread**2, AGAIN**4 * prior, prior)
+        lanes[-1] = trail.lanes[onset - 1, -1]
+        mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
+    again, renewed = mixed(spec, mixture), slots.copy()
+    better = np.nan_to_num(again[-1], nan=-np.inf) > np.nan_to_num(slots[-1, worst], nan=-np.inf)
+    renewed[:, worst[better]] = again[:, better]
+    return renewed
+
+
+def drift_groups(plan: SlotPlan) -> list[IntArray]:
+    """Give the lanes of each parameter's drift."""
+    groups: dict[int, list[int]] = {}
+    for k, lane in enumerate(plan.lanes):
+        if lane.kind is FaultKind.DRIFT and lane.parameter >= 0:
+            groups.setdefault(lane.parameter, []).append(k)
+    return [np.array(group, dtype=np.intp) for group in groups.values()]
+
+
 def _from_onsets(
     spec: EngineSpec,
     engine: Engine,
@@ -85,7 +126,7 @@ def _from_onsets(
     mixture: Mixture | None = None
     for onset, width in onsets(spec, len(samples) - 1, change):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
-        lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak)
+        lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak, trail.old)
         lanes[-1] = trail.lanes[onset - 1, -1]
         mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
     return mixed(spec, mixture)
@@ -111,11 +152,14 @@ def slot_lanes(
     healthy: FloatArray,
     seen: FloatArray,
     peak: FloatArray,
+    old: FloatArray | None = None,
 ) -> FloatArray:
     """Give chosen lanes of a plan, begun from a healthy lane (n_numbers,) after the samples `seen` (n, n_sample)."""
     wide = spec.slotted
     lane = widened(spec, healthy)
     lanes = np.repeat(lane[:, None], len(chosen), axis=1)
+    if old is not None:
+        lanes[:, [plan.lanes[index].old for index in chosen]] = widened(spec, unlearned(spec, healthy, old))[:, None]
     lanes[wide.loop_slice.stop : -1] = plan.roles[:, list(chosen)]
     size, rate = wide.slot_slice.start, wide.slot_slice.start + 1
     dt = spec.sample_time or float(np.mean(seen[:, spec.sample_fields["dt"]])) or 1.0
@@ -133,6 +177,17 @@ def slot_lanes(
         lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2
         lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
     return lanes
+
+
+def unlearned(spec: EngineSpec, healthy: FloatArray, old: FloatArray) -> FloatArray:
+    """Give a lane with the states of `healthy` and the parameters of `old`, (n_numbers,) each, uncorrelated."""
+    place, lane = spec.parameter_slice, healthy.copy()
+    lane[place] = old[place]
+    full, before = unpack(spec, healthy[spec.covariance_slice]), unpack(spec, old[spec.covariance_slice])
+    full[place, :] = full[:, place] = 0.0
+    full[place, place] = before[place, place]
+    lane[spec.covariance_slice] = pack(full)
+    return lane
 
 
 def _last_reading(spec: EngineSpec, seen: FloatArray, output: int) -> float:

@@ -13,6 +13,7 @@ from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name
+SNAPSHOTS, SNAPSHOT_EVERY = 12, 300  # how many healthy lanes are kept for long, and after how many samples each
 _COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent")
 
 
@@ -78,6 +79,7 @@ class State:
     trail_samples: FloatArray
     trail_lanes: FloatArray
     trail_times: FloatArray
+    snapshots: FloatArray  # (n, n_numbers): the healthy lane every so many samples, in turn
     steps: FloatArray  # lanes of the bank
     slots: FloatArray
     misfit: FloatArray
@@ -139,6 +141,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         trail_samples=np.zeros((depth, spec.n_sample)),
         trail_lanes=np.zeros((depth, spec.n_numbers)),
         trail_times=np.zeros(depth),
+        snapshots=np.zeros((SNAPSHOTS, spec.n_numbers)),
         rejected=np.zeros(spec.n_hypotheses),
         normal=np.zeros((spec.n_numbers, 1)),
         reading_gain=np.ones(n_y),

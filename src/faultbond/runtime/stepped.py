@@ -24,10 +24,14 @@ _LOWEST = -1e300  # likelihood of a lane that is no number
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trail:
-    """The last samples and healthy lanes, oldest first: `samples` (n, n_sample), `lanes` (n, n_numbers)."""
+    """The last samples and healthy lanes, oldest first: `samples` (n, n_sample), `lanes` (n, n_numbers).
+
+    old : (n_numbers,), the healthy lane as it stood long ago, before a slow drift taught it wrongly; None: not kept
+    """
 
     samples: FloatArray
     lanes: FloatArray
+    old: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,123 @@
+"""Drifts long under way: what the healthy filter learned from them is forgotten, and they begin again."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from made import TANK_START, plant, run, samples_of
+
+from faultbond.runtime import monitor
+from faultbond.runtime.bank import Bank
+from faultbond.runtime.slots import plan_slots
+from faultbond.runtime.slotted import drift_groups, renew_slots, slot_lanes, unlearned
+from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
+from faultbond.runtime.stepped import Trail
+from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.spec import Engine, EngineSpec, covariance_place, unpack
+from faultbond.types import FaultKind
+
+
+@cache
+def drifting() -> tuple[EngineSpec, Engine, State]:
+    """A tank whose pipe narrows slowly, some time after the alarm; its valve moves."""
+    graph, spec, engine = plant("tank")
+    time = np.arange(1500.0)
+    u = np.stack([np.where(time % 400.0 < 200.0, 80.0, 45.0), np.where(time % 600.0 < 300.0, 65.0, 45.0)], axis=1)
+    fault = Fault(parameter="K1", factor=2.5, start=350.0, end=1500.0)
+    made = simulate(graph, Inputs(time=time, values=u), [fault], seed=2, start={"tank.q": TANK_START})
+    samples = samples_of(time, made.inputs, made.outputs)
+    state, used = init(spec), 0
+    for used, sample in enumerate(samples):
+        state, _ = monitor.step(spec, engine, state, sample)
+        if state.alarm >= 0 and used == state.alarm + 99:
+            break
+    assert state.alarm >= 0
+    return spec, engine, state
+
+
+def trail_of(state: State) -> tuple[Trail, int]:
+    """The trail that the monitor would use now, and the place of the alarm in it."""
+    return monitor._cut_trail(state, state.alarm)
+
+
+def test_unlearned_parameters_are_as_they_were() -> None:
+    """States and slow errors stay, parameters are those of long ago, and nothing ties them to the states."""
+    spec, _, state = drifting()
+    healthy, old = state.lane[:, 0], state.snapshots[0]
+    lane, place = unlearned(spec, healthy, old), spec.parameter_slice
+    before, past, now = (unpack(spec, item[spec.covariance_slice]) for item in (healthy, old, lane))
+    assert np.array_equal(lane[: place.start], healthy[: place.start])
+    assert np.array_equal(lane[place], old[place])
+    assert np.array_equal(now[place, place], past[place, place])
+    others = np.setdiff1d(np.arange(spec.n_joint), np.arange(spec.n_joint)[place])
+    assert np.array_equal(now[np.ix_(others, others)], before[np.ix_(others, others)])
+    assert not now[place][:, others].any()
+    assert np.array_equal(lane[spec.loop_slice.start :], healthy[spec.loop_slice.start :])
+
+
+def test_only_drifts_under_way_forget_what_was_learned() -> None:
+    """Lanes of drifts that may have begun long ago take the old parameters, all others those of the onset."""
+    spec, _, state = drifting()
+    plan, trail = plan_slots(spec), trail_of(state)[0]
+    lanes = slot_lanes(spec, plan, range(plan.switched), trail.lanes[0], trail.samples[:1], state.peak, trail.old)
+    assert trail.old is not None
+    for k in range(plan.switched):
+        item = plan.lanes[k]
+        expected = trail.old if item.old else trail.lanes[0]
+        assert np.array_equal(lanes[spec.parameter_slice, k], expected[spec.parameter_slice])
+        assert item.old <= (item.kind is FaultKind.DRIFT and item.parameter >= 0)
+    assert any(item.old for item in plan.lanes)
+
+
+def test_the_oldest_healthy_lane_is_from_before_the_drift() -> None:
+    """A healthy lane is kept every so many samples, and the oldest one has learned nothing from the drift."""
+    spec, _, state = drifting()
+    old = monitor._oldest(state)
+    assert old is not None
+    assert np.array_equal(old, state.snapshots[0])
+    drifted = state.lane[spec.parameter_slice, 0]
+    assert np.abs(old[spec.parameter_slice] - 1.0).max() < 0.01 < np.abs(drifted - 1.0).max()
+    assert monitor._oldest(replace(state, index=SNAPSHOT_EVERY - 1, begun=0, accepted=-1)) is None
+
+
+def test_the_ring_of_old_lanes_turns() -> None:
+    """When more lanes have been kept than there is room for, the oldest is the one after the newest."""
+    _, _, state = drifting()
+    numbered = np.repeat(np.arange(SNAPSHOTS, dtype=np.float64)[:, None], state.snapshots.shape[1], axis=1)
+    for kept in (1, SNAPSHOTS, SNAPSHOTS + 1, 2 * SNAPSHOTS + 3):
+        index = max(state.begun, state.accepted) + SNAPSHOT_EVERY * kept
+        found = monitor._oldest(replace(state, index=index, snapshots=numbered))
+        assert found is not None
+        assert found[0] == (0 if kept <= SNAPSHOTS else kept % SNAPSHOTS)
+
+
+def test_drifts_begin_again_from_what_was_found() -> None:
+    """Only the least likely lane of each drift may change, to a likelier one; a drift that is there gains much."""
+    spec, engine, state = drifting()
+    plan, bank = plan_slots(spec), state.bank
+    assert isinstance(bank, Bank)
+    renewed = renew_slots(spec, engine, trail_of(state)[0], bank.slots, trail_of(state)[1])
+    changed = np.flatnonzero(np.any(renewed != bank.slots, axis=0))
+    worst = {int(group[np.argmin(bank.slots[-1, group])]) for group in drift_groups(plan)}
+    assert len(changed) > 0
+    assert set(changed.tolist()) <= worst
+    assert np.all(renewed[-1, changed] > bank.slots[-1, changed])
+    names = [item.name for item in spec.parameters]
+    (pipe,) = [group for group in drift_groups(plan) if plan.lanes[group[0]].parameter == names.index("K1")]
+    best = renewed[:, pipe[np.argmax(renewed[-1, pipe])]]
+    wide, place = spec.slotted, spec.slotted.slot_slice.start
+    sds = [np.sqrt(best[covariance_place(wide, k, k)]) for k in (place, place + 1)]
+    now = 1.0 + 1.5 * (state.index - 1 - 350.0) / 1150.0
+    assert best[spec.parameter_slice][names.index("K1")] + best[place] == pytest.approx(now, abs=3.0 * sds[0])
+    assert best[place + 1] == pytest.approx(1.5 / 1150.0, abs=3.0 * sds[1])
+    assert sds[0] < 0.3
+    assert sds[1] < 0.003
+
+
+def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
+    """Old lanes are saved and restored with the state."""
+    spec, engine, state = drifting()
+    restored = State.restore(state.save())
+    assert np.array_equal(restored.snapshots, state.snapshots)
+    assert run(spec, engine, (), restored)[0] is restored
