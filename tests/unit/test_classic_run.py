@@ -60,7 +60,7 @@ def test_it_finds_a_fault_in_the_same_records(whole: list[dict[str, Any]], folde
     assert whole[-2]["advice"] == []
     assert (whole[-1]["samples"], whole[-1]["detections"]) == (ROWS, 1)
     page = (folder / "classic.html").read_text(encoding="utf-8")
-    assert "closed forms" in page
+    assert "algorithms, 11 functions" in page
 
 
 def test_a_run_cut_in_two_is_the_whole_run(folder: Path, whole: list[dict[str, Any]]) -> None:

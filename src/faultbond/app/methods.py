@@ -124,7 +124,7 @@ class Classic:
 
     def __init__(self, spec: EngineSpec, plan: ClassicPlan, saved: Numbers | None = None) -> None:
         self.spec = spec
-        self.title = f"the thesis' algorithms, {len(plan.formulas)} closed forms"
+        self.title = f"the thesis' algorithms, {len(plan.formulas)} functions"
         self.asleep = plan.delay + plan.depth + spec.thresholds.warm_up_samples
         self._plan = plan
         fresh = classic.init(spec, plan)
