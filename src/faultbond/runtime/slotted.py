@@ -18,7 +18,6 @@ from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
-AGAIN = 0.35  # sd of a start from what was found, in what was found
 _LOWEST = -1e300  # likelihood of a lane that is no number
 
 
@@ -76,7 +75,8 @@ def _of_pairs(innovations: FloatArray, likelihoods: FloatArray) -> FloatArray:
 def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, alarm: int) -> FloatArray:
     """Begin one lane of each drift of a parameter again, from the size and rate that the best of its lanes has found.
 
-    It takes the place of the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
+    Only where it begins, and so where it linearises, is what was found; the spread is that of the start of the lane
+    whose place it takes, the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
     the alarm in the trail.
     """
     plan = plan_slots(spec)
@@ -93,9 +93,6 @@ def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArra
         lanes = slot_lanes(spec, plan, worst.tolist(), healthy, samples[:onset], np.ones(len(spec.inputs)), trail.old)
         then = size - rate * elapsed[onset]
         lanes[place], lanes[place + 1] = then, rate
-        for k, spread in ((place, AGAIN * np.abs(then)), (place + 1, AGAIN * np.abs(rate))):
-            prior = lanes[covariance_place(spec.slotted, k, k)]
-            lanes[covariance_place(spec.slotted, k, k)] = np.clip(spread**2, AGAIN**4 * prior, prior)
         lanes[-1] = trail.lanes[onset - 1, -1]
         mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
     again, renewed = mixed(spec, mixture), slots.copy()
