@@ -121,9 +121,9 @@ def test_without_a_report_no_curves_are_kept(folder: Path, monkeypatch: pytest.M
     """Text alone needs no memory that grows with the recording."""
     made: list[bool] = []
 
-    def trace(spec: Any, *, curves: bool) -> Trace:
+    def trace(spec: Any, *, curves: bool, lag: int) -> Trace:
         made.append(curves)
-        return Trace(spec, curves=curves)
+        return Trace(spec, curves=curves, lag=lag)
 
     monkeypatch.setattr(watching, "Trace", trace)
     main(["run", str(MODEL), str(folder / "healthy.csv")])

@@ -40,6 +40,10 @@ class Watcher(Protocol):
     def asleep(self) -> int:
         """Samples after the start for which the alarms are off."""
 
+    @property
+    def lag(self) -> int:
+        """Samples by which a report is about an earlier one."""
+
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
 
@@ -74,7 +78,7 @@ class Bank:
     ) -> None:
         self.spec = spec
         self.title = engine.title
-        self.asleep = spec.thresholds.warm_up_samples
+        self.asleep, self.lag = spec.thresholds.warm_up_samples, 0
         self._engine = engine
         self._probe = probe
         self._state = init(spec) if saved is None else restored(spec, saved)
@@ -125,7 +129,7 @@ class Classic:
     def __init__(self, spec: EngineSpec, plan: ClassicPlan, saved: Numbers | None = None) -> None:
         self.spec = spec
         self.title = f"the thesis' algorithms, {len(plan.formulas)} functions"
-        self.asleep = plan.delay + plan.depth + spec.thresholds.warm_up_samples
+        self.asleep, self.lag = plan.delay + plan.depth + spec.thresholds.warm_up_samples, plan.delay
         self._plan = plan
         fresh = classic.init(spec, plan)
         self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))

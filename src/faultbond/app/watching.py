@@ -58,7 +58,7 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
             clock=before.clock if before else None,
         )
         curves = wanted.report is not None
-        trace = Trace(watcher.spec, curves=curves) if curves or out.text is not None else None
+        trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
         course = Course(watcher, grid, Following(out=out, trace=trace, level=wanted.accept), before)
         out.record(_run_record(watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method) if wanted.state else None

@@ -20,10 +20,12 @@ class Trace:
     ----------
     spec : the model
     curves : False keeps only the first and the last sample and the last diagnosis, in memory of fixed size
+    lag : samples by which what a report expects is of an earlier sample
     """
 
-    def __init__(self, spec: EngineSpec, *, curves: bool = True) -> None:
+    def __init__(self, spec: EngineSpec, *, curves: bool = True, lag: int = 0) -> None:
         self._spec = spec
+        self._lag = lag
         self._curves = curves
         self._slow = np.array([error.alarms for error in spec.slow_errors], dtype=bool)
         n_y, n_u = len(spec.outputs), len(spec.inputs)
@@ -79,6 +81,7 @@ class Trace:
         """Give all that was kept."""
         rows = np.array(self._numbers).reshape(-1, self._width)
         time, measured, expected, variance, inputs, cusum, slow = np.split(rows, self._ends, axis=1)
+        expected, variance = (_earlier(values, self._lag) for values in (expected, variance))
         settings = self._spec.thresholds
         return History(
             time=_frozen(time[:, 0]),
@@ -100,6 +103,13 @@ class Trace:
         """Give the diagnoses in order, the last one among them."""
         last = [self._last] if self._last is not None and self._last not in self._diagnoses[-1:] else []
         return (*self._diagnoses, *last)
+
+
+def _earlier(values: FloatArray, lag: int) -> FloatArray:
+    """Move rows to those `lag` before; the last ones are nan."""
+    moved = np.full_like(values, np.nan)
+    moved[: max(len(values) - lag, 0)] = values[lag:]
+    return moved
 
 
 def _frozen(values: FloatArray) -> FloatArray:

@@ -72,6 +72,21 @@ def test_columns_stand_in_their_places() -> None:
     assert (history.cusum_limit, history.slow_limit) == (25.0, 1.6)
 
 
+def test_what_lags_stands_beside_its_sample() -> None:
+    """What a late method expects is moved to the sample that it is of, the statistic is not; the end is open."""
+    trace = Trace(SPEC, lag=2)
+    for k in range(5):
+        trace.add(sample(k), report(k))
+    history = trace.history()
+    assert history.expected[:3, 0] == pytest.approx([2.2, 3.2, 4.2])
+    assert np.isnan(history.expected[3:]).all()
+    assert np.isnan(history.expected_sd[3:]).all()
+    assert history.cusum[:, 0] == pytest.approx(np.arange(5) + 0.4)
+    short = Trace(SPEC, lag=9)
+    short.add(sample(0), report(0))
+    assert np.isnan(short.history().expected).all()
+
+
 def test_arrays_are_frozen_and_a_run_goes_on() -> None:
     """A history does not change when more samples come, and nobody can write into it."""
     trace = Trace(SPEC)
