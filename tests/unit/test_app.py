@@ -234,21 +234,20 @@ def test_both_engines_find_the_same(folder: Path, tmp_path: Path) -> None:
     assert found[0][1] == found[1][1]
 
 
-@pytest.mark.parametrize("method", ["bank", "classic"])
-def test_a_fault_where_nothing_is_a_suspect(
-    method: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A model file that lets nothing be a suspect still has its alarm; there are no candidates to accept."""
+def test_a_fault_where_nothing_is_a_suspect(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A model file that lets nothing be a suspect has its alarm, and no candidates to accept; `classic` refuses it."""
     text = MODEL.read_text().replace("10 kohm", "{nominal: 10 kohm, suspect: no}")
     text = text.replace("100 uF", "{nominal: 100 uF, suspect: no}") + "instrument_faults: no\n"
     (tmp_path / "m.yaml").write_text(text)
+    run = ["run", str(tmp_path / "m.yaml"), str(folder / "faulty.csv")]
     target, state = tmp_path / "r.jsonl", str(tmp_path / "x.state")
-    options = ["--method", method, "--json", str(target), "--state", state, "--accept", "auto"]
-    assert main(["run", str(tmp_path / "m.yaml"), str(folder / "faulty.csv"), *options]) == 1
+    assert main([*run, "--json", str(target), "--state", state, "--accept", "auto"]) == 1
     assert records(target)[-2]["candidates"] == []
     assert "A fault was detected" in capsys.readouterr().out
     assert main(["accept", str(tmp_path / "m.yaml"), state]) == 2
     assert "nothing to accept" in capsys.readouterr().err
+    assert main([*run, "--method", "classic"]) == 2
+    assert "tests sets of parameters, and none is a suspect" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["run", "check"])

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from faultbond.app.engines import build_watcher
 from faultbond.app.rows import resumed
-from faultbond.errors import RecordingError
+from faultbond.errors import RecordingError, StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
@@ -168,7 +168,10 @@ def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: 
     if method is Method.CLASSIC:
         from faultbond.synthesis.classic.build import build_classic  # noqa: PLC0415 - loads casadi and sympy
 
-        return Classic(*build_classic(graph), saved)
+        spec, plan = build_classic(graph)
+        if not plan.tested:
+            raise StructureError(f"{graph.file}: method `classic` tests sets of parameters, and none is a suspect")
+        return Classic(spec, plan, saved)
     spec, engine = build_watcher(graph, choice)
     from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
 
