@@ -1,4 +1,4 @@
-"""The tables of the thesis, computed anew beside what it prints: writes docs/thesis.md.
+"""The tables and figures of the thesis, computed anew beside what it prints: writes docs/thesis.md and its pictures.
 
     python -m benchmarks.thesis
 
@@ -10,12 +10,21 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks import thesis_appendix as appendix
+from benchmarks import thesis_chapter5 as circuit
+from benchmarks import thesis_chapter5_index as alarms
+from benchmarks import thesis_chapter6 as conflict
+from benchmarks import thesis_chapter6_exact as exact
+from benchmarks import thesis_chapter7 as detecting
+from benchmarks import thesis_chapter7_multiple as multiple
+from benchmarks import thesis_chapter7_single as single
+from benchmarks import thesis_chapter7_valve as valve
 from benchmarks import thesis_hypotheses as motor
 from benchmarks import thesis_reach as reach
 from benchmarks import thesis_routes as routes
 from benchmarks import thesis_sets as conflicts
 from benchmarks import thesis_static as static
 from benchmarks.page import as_markdown, write_part
+from benchmarks.thesis_figure import COLUMNS, DIFFERS, Figure, write_pictures
 from benchmarks.thesis_page import HEADER, SAME, Table, as_text
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis.md"
@@ -73,12 +82,20 @@ def appendix_a() -> tuple[Table, ...]:
     return appendix.voltage_alone(), appendix.section_a_3(found), appendix.table_a_1(found), appendix.closed_forms()
 
 
-PARTS: Mapping[str, Callable[[], tuple[Table, ...]]] = {
+PARTS: Mapping[str, Callable[[], tuple[Table | Figure, ...]]] = {
     "chapter-3": chapter_3,
     "chapter-4": chapter_4,
+    "section-5-3": circuit.figures,
+    "section-5-4": alarms.figures,
     "chapter-6": chapter_6,
+    "section-6-2-1": exact.figures,
+    "section-6-2-2": conflict.figures,
     "reach": lambda: (reach.three_components(),),
     "section-6-6": lambda: (conflicts.section_6_6(),),
+    "section-7-1": valve.figures,
+    "section-7-2": detecting.figures,
+    "section-7-3": single.figures,
+    "section-7-4": multiple.figures,
     "appendix-a": appendix_a,
 }
 
@@ -86,20 +103,25 @@ PARTS: Mapping[str, Callable[[], tuple[Table, ...]]] = {
 def summary(page: str) -> str:
     """Give, from the tables of a page, how many values agree and every correction of the thesis."""
     found: dict[tuple[str, str], list[str]] = {}
-    same = 0
+    same = differ = 0
     title = ""
     for line in page.splitlines():
         title = line.removeprefix("### ") if line.startswith("### ") else title
         cells = [cell.strip() for cell in line.split("|")]
-        if len(cells) != len(HEADER) + 2 or not title:
+        if len(cells) not in (len(HEADER) + 2, len(COLUMNS) + 2) or not title:
             continue
-        same += cells[4].startswith(SAME)
-        _, mark, correction = cells[4].partition(ERRATUM)
-        if mark:
+        remark = cells[-2]
+        same += remark.startswith(SAME)
+        differ += remark.startswith(DIFFERS)
+        _, mark, correction = remark.partition(ERRATUM)
+        if mark and not remark.startswith(SAME):
             found.setdefault((title, correction), []).append(cells[1])
     rows = [(_link(title), _what(lines), text) for (title, text), lines in found.items()]
     corrected = sum(len(lines) for lines in found.values())
-    head = f"Of {same + corrected} printed values and statements {same} agree with ours; {corrected} are corrected:"
+    head = (
+        f"Of {same + differ + corrected} printed values, statements and shapes {same} agree with ours, {differ} differ "
+        f"for a reason that the remark names, and {corrected} are corrected:"
+    )
     return f"{head}\n\n{as_markdown(('where', 'of what', 'what is right'), rows)}"
 
 
@@ -113,9 +135,11 @@ def _link(title: str) -> str:
 
 
 def main() -> None:
-    """Put all tables into the page, then what they sum up to."""
-    for name, tables in PARTS.items():
-        write_part(PAGE, name, as_text(tables()))
+    """Put all tables and figures into the page, then what they sum up to."""
+    for name, compute in PARTS.items():
+        part = compute()
+        write_part(PAGE, name, as_text(part))
+        write_pictures(part)
     write_part(PAGE, SUMMARY, summary(PAGE.read_text(encoding="utf-8")))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import sympy as sp
 
@@ -64,8 +64,16 @@ class Table:
         )
 
 
-def as_text(tables: Iterable[Table]) -> str:
-    """Give tables one below the other."""
+class Shown(Protocol):
+    """A table or a figure."""
+
+    @property
+    def text(self) -> str:
+        """What stands on the page, in Markdown, with its heading."""
+
+
+def as_text(tables: Iterable[Shown]) -> str:
+    """Give tables and figures one below the other."""
     return "\n\n".join(table.text for table in tables)
 
 
