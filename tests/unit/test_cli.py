@@ -32,7 +32,7 @@ class Spy:
         self.do(out)
 
     def check_data(
-        self, model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out
+        self, model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
     ) -> None:
         """Note a call of `check --data`."""
         self.seen = {"model": model, "recordings": recordings, "promise": promise}

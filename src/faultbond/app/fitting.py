@@ -84,21 +84,23 @@ def fit(
         out.say(f"Report: {report}")
 
 
-def check_data(model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out) -> None:
+def check_data(
+    model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
+) -> None:
     """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
 
     Parameters
     ----------
     model : the model file
     recordings : healthy recordings
-    promise : seconds between false alarms that are wanted at least
+    promise : seconds between false alarms that are wanted at least; None: as the model file says, else 30 days
     engine : which engine to take
     out : where to write
     """
     graph = load_model(model)
     _refuse(graph, recordings)
     read = tuple((name, read_points(graph, name)) for name in recordings)
-    from faultbond.analysis.identify.healthy import on_trial  # noqa: PLC0415 - loads scipy
+    from faultbond.analysis.identify.healthy import MONTH, on_trial  # noqa: PLC0415 - loads scipy
     from faultbond.analysis.identify.samples import prepare  # noqa: PLC0415 - loads casadi
     from faultbond.analysis.identify.session import layout_of_graph  # noqa: PLC0415 - loads casadi
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
@@ -108,7 +110,7 @@ def check_data(model: Path, recordings: tuple[str, ...], *, promise: float, engi
         status("watching the recordings")
         layout = layout_of_graph(graph)
         records = tuple(prepare(name, points, spec, layout) for name, points in read)
-        found = on_trial(spec, watcher, layout, records, promise)
+        found = on_trial(spec, watcher, layout, records, promise or graph.time_between_false_alarms or MONTH)
     out.record(health_record(graph, spec, found))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load

@@ -49,8 +49,7 @@ def add_check(verbs: Subparsers) -> None:
         "--promise",
         metavar="TIME",
         type=time,
-        default=30.0 * 86400.0,
-        help="with --data: mean time between false alarms that is wanted (default: '30 day')",
+        help="with --data: mean time between false alarms that is wanted (default: that of the model, else '30 day')",
     )
     add_engine(parser)
 

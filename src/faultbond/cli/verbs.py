@@ -36,7 +36,7 @@ class Verbs(Protocol):
         """Print the thesis' search for a route."""
 
     def check_data(
-        self, model: Path, recordings: tuple[str, ...], *, promise: float, engine: EngineChoice, out: Out
+        self, model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
     ) -> None:
         """Put a model on trial on healthy recordings."""
 

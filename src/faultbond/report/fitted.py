@@ -30,6 +30,7 @@ from faultbond.report.verdict import join
 from faultbond.runtime.records import Record
 
 _ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
+AT_MOST = 0.999  # of what is declared; a slow error is not found larger
 WIDER = 1.05  # times an accuracy is widened that is worth telling
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 
@@ -88,7 +89,7 @@ class Fitted:
             value = 0.0 if _stays_zero(item) else item.value
             if abs(back.nominal - value) > _CLOSE * item.accuracy or back.accuracy < 0.99 * item.accuracy:
                 raise ModelError(f"{self.graph.file}: what was found of {back.name} cannot be written into it")
-        wanted = {item.name: item.to_declare for item in self.noises}
+        wanted = {item.name: item.to_declare for item in self.noises if isinstance(item.of, Sensor)}
         for name, size in [(item.name, item.noise) for item in read.sensors]:
             if abs(size - wanted.get(name, size)) > _CLOSE * size:
                 raise ModelError(f"{self.graph.file}: the noise found of {name} cannot be written into it")
@@ -139,7 +140,7 @@ def _joined(number: str, unit: Unit) -> str:
 
 def _what(fitted: Fitted) -> str:
     parameters = [item.parameter.name for item in fitted.estimates]
-    noises = [f"noise of {item.name}" for item in fitted.noises if isinstance(item.of, Sensor)]
+    noises = [f"noise of {item.name}" for item in fitted.noises if item.to_declare != item.declared]
     return join([*parameters, *noises])
 
 
@@ -313,7 +314,9 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
         unit = _unit_of(fitted.graph, item.of)
         declared = figure(item.declared / unit.factor, digits=3).number(Notation.FILE)
         both = figure(item.found / unit.factor, item.sd / unit.factor).both(Notation.FILE)
-        if not item.is_known:
+        if item.found > AT_MOST * item.declared and not is_sensor:
+            both = f"{declared} or more"
+        elif not item.is_known:
             both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number(Notation.FILE)}"
         name = item.name if is_sensor else f"slow error of {item.name}"
         yield name, declared, both, unit_text(unit.text, Notation.FILE), tests[item.name] if is_sensor else ""

@@ -46,7 +46,7 @@ class Whiteness:
         if np.isnan(self.p):
             return "too few readings to judge"
         if self.white:
-            return "white noise: the model leaves nothing that could be predicted"
+            return "white noise: nothing that could be foretold"
         first = float(self.correlation[0])
         if abs(first) < SLIGHT:
             return "nearly white: the model misses a little"

@@ -1,0 +1,180 @@
+"""`fit` and `check --data`: from the command line to the file, the record and the report."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.cli import DONE, main
+from faultbond.cli.program import USER_MISTAKE
+from faultbond.io.recording import write_recording
+from faultbond.model.text import load_model
+
+MODEL = """# a motor
+name: motor
+sample_time: 0.02 s
+accuracy: 3 %
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 3 ohm}}      # winding
+  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+junctions: {armature: 1}
+bonds: [source -> armature -> R, armature -> L]
+sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
+"""
+R, L, NOISE = 3.6, 2.0, 0.02
+
+
+def write_current(path: Path, *, rows: int = 800, seed: int = 1, resistance: float = R) -> Path:
+    """Write a recording of the motor's winding under a voltage that jumps."""
+    rng = np.random.default_rng(seed)
+    h, current, values = 0.02, 0.0, []
+    voltage = np.where(np.arange(rows) // 50 % 2 == 0, 6.0, -2.0)
+    for k in range(rows):
+        values.append(current + NOISE * rng.standard_normal())
+        decay = np.exp(-resistance / L * h)
+        current = decay * current + (1.0 - decay) * voltage[k] / resistance
+    write_recording(path, {"time": h * np.arange(rows), "V": voltage, "i": np.array(values)})
+    return path
+
+
+def call(*arguments: object) -> dict[str, Any]:
+    """Run a verb that writes one record, and give it."""
+    target = Path(str(arguments[1])).parent / "record.json"
+    assert main([*map(str, arguments), "--json", str(target)]) == DONE
+    return dict(json.loads(target.read_text(encoding="utf-8")))
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """Write the model file."""
+    path = tmp_path / "model.yaml"
+    path.write_text(MODEL, encoding="utf-8")
+    return path
+
+
+def test_parameters_and_noise_are_found(model: Path, tmp_path: Path) -> None:
+    """Values 20 % off nominal are found within three standard errors, which are small, and so is the noise."""
+    record = call("fit", model, write_current(tmp_path / "a.csv"), "-o", tmp_path / "new.yaml")
+    found = {item["name"]: item for item in record["parameters"]}
+    for name, truth in (("R", R), ("L", L)):
+        assert abs(found[name]["estimate"] - truth) < 3.0 * found[name]["sd"]
+        assert found[name]["sd"] < 0.01 * truth
+        assert found[name]["determined"]
+    assert record["noise"][0]["found"] == pytest.approx(NOISE, rel=0.1)
+    assert record["whiteness"][0]["white"]
+    assert record["widened"]["R"] > 2.0
+
+
+def test_the_new_file_holds_what_was_found(model: Path, tmp_path: Path) -> None:
+    """Only numbers change, and they are those of the record; accuracies are not below 1 %."""
+    new = tmp_path / "new.yaml"
+    record = call("fit", model, write_current(tmp_path / "a.csv"), "-o", new)
+    graph = load_model(new)
+    for item in record["parameters"]:
+        back = graph.parameter(item["name"])
+        assert back.nominal == pytest.approx(item["estimate"], rel=1e-3)
+        assert back.accuracy == pytest.approx(item["accuracy"], rel=0.1)
+        assert back.accuracy >= 0.0099 * back.nominal
+    assert graph.sensors[0].noise == pytest.approx(record["noise"][0]["found"], rel=0.01)
+    text = new.read_text(encoding="utf-8")
+    assert "# a motor\n" in text
+    assert "# winding\n" in text
+
+
+def test_recordings_are_fitted_together(model: Path, tmp_path: Path) -> None:
+    """Two recordings tell more than one."""
+    first, second = (write_current(tmp_path / f"{k}.csv", seed=k) for k in (1, 2))
+    one, two = call("fit", model, first), call("fit", model, first, second)
+    assert [item["recording"] for item in two["recordings"]] == [str(first), str(second)]
+    assert two["parameters"][0]["sd"] < 0.8 * one["parameters"][0]["sd"]
+
+
+def test_a_fixed_parameter_stays(model: Path, tmp_path: Path) -> None:
+    """What is fixed is not fitted and not written."""
+    new = tmp_path / "new.yaml"
+    record = call("fit", model, write_current(tmp_path / "a.csv"), "--fixed", "L", "-o", new)
+    assert [item["name"] for item in record["parameters"]] == ["R"]
+    before, after = (load_model(path).parameter("L") for path in (model, new))
+    assert replace(after, line=before.line) == before
+
+
+def test_what_does_not_show_is_named(model: Path, tmp_path: Path) -> None:
+    """At rest an inductance does not show: it is named, and keeps its accuracy."""
+    rows = 300
+    rng = np.random.default_rng(1)
+    columns = {"time": 0.02 * np.arange(rows), "V": np.zeros(rows), "i": NOISE * rng.standard_normal(rows)}
+    write_recording(tmp_path / "rest.csv", columns)
+    record = call("fit", model, tmp_path / "rest.csv")
+    assert not any(item["determined"] for item in record["parameters"])
+    assert {name for item in record["alike"] for name in item} == {"R", "L"}
+    assert record["parameters"][1]["sd"] == pytest.approx(0.05 * 2.5, rel=0.1)
+
+
+def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
+    """The report names the plant, its parameters and its sensor, and needs no network."""
+    page = tmp_path / "fit.html"
+    call("fit", model, write_current(tmp_path / "a.csv"), "--report", page)
+    text = page.read_text(encoding="utf-8")
+    assert "<h1>The data fix R and L. What is left is white.</h1>" in text
+    assert "Autocorrelation" in text
+    assert "http://" not in text.replace("http://www.w3.org", "")
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([], "there is no row below the header"),
+        (["0,1,2"], "1 readings can be used, and 3 values are to be found"),
+        (["0,1,", "0.02,1,", "0.04,1,x"], "no row has a value of the sensor i"),
+        (["0,,1", "0.02,,1", "0.04,,1"], "no row has a value of the input V"),
+    ],
+)
+def test_recordings_with_too_little(
+    rows: list[str], message: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recording that tells nothing is refused in one line."""
+    recording = tmp_path / "bad.csv"
+    recording.write_text("\n".join(["time,V,i", *rows]) + "\n", encoding="utf-8")
+    assert main(["fit", str(model), str(recording)]) == USER_MISTAKE
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (["--fixed", "Q"], "no parameter `Q`"),
+        (["--starts", "0"], "--starts 0"),
+        (["--fixed", "R", "--free", "R"], "both fixed and free"),
+    ],
+)
+def test_wishes_that_make_no_sense(
+    extra: list[str], message: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A wrong name or number is refused in one line."""
+    assert main(["fit", str(model), str(write_current(tmp_path / "a.csv")), *extra]) == USER_MISTAKE
+    assert message in capsys.readouterr().err
+
+
+def test_a_right_model_keeps_its_promise(model: Path, tmp_path: Path) -> None:
+    """The fitted model would hardly alarm; the one with a winding 20 % off would, and larger accuracies mend it."""
+    recording, new = write_current(tmp_path / "a.csv"), tmp_path / "new.yaml"
+    call("fit", model, recording, "-o", new)
+    good = call("check", new, "--data", recording, "--promise", "1 h")
+    assert good["kept"]
+    assert good["statistics"][0]["spread"] == pytest.approx(1.0, abs=0.1)
+    strict = tmp_path / "strict.yaml"
+    strict.write_text(
+        MODEL.replace("accuracy: 3 %", "accuracy: 0.1 %").replace("accuracy: 5 %", "accuracy: 0.1 %"), encoding="utf-8"
+    )
+    bad = call("check", strict, "--data", recording, "--promise", "1 h")
+    assert not bad["kept"]
+    assert bad["peak"] > 1.0
+    assert bad["regions"]
+    assert bad["moments"][0]["sensor"] == "i"
