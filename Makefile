@@ -64,8 +64,8 @@ bench: $(DEV)
 	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.closed_forms
 	@echo "faultbond: smallest faults (a quarter of an hour)"; $(BIN)/python -m benchmarks.smallest
 	@if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
-	  else set -e; for script in $(wildcard benchmarks/recordings.py benchmarks/watersafe.py); do \
-	    echo "faultbond: $$script"; $(BIN)/python "$$script"; done; fi
+	  else set -e; for name in recordings skab watersafe; do \
+	    echo "faultbond: $$name"; $(BIN)/python -m benchmarks.$$name; done; fi
 
 $(RUNTIME): pyproject.toml
 	@echo "faultbond: setting up .venv (once) ..."
