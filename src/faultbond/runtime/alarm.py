@@ -28,9 +28,7 @@ def detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
     settings = spec.thresholds
     peak = state.cusum.max(axis=0)
     crossed = peak > settings.cusum_limit
-    ratios = np.abs(slow_ratios(spec, state))
-    slow = any(error.alarms and ratios[k] > settings.slow_error_limit for k, error in enumerate(spec.slow_errors))
-    if not crossed.any() and not slow:
+    if not crossed.any() and not _slow_error_alarms(spec, state):
         return None, 0
     leading = int(np.argmax(peak))
     side = int(np.argmax(state.cusum[:, leading]))
@@ -43,6 +41,17 @@ def detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
         change_time=float(state.trail_times[change % len(state.trail_times)]),
         signals=tuple(signals),
     ), change
+
+
+def _slow_error_alarms(spec: EngineSpec, state: State) -> bool:
+    """Whether a slow error has left its declared size.
+
+    It counts once it has been watched for as long as its memory: until then it stands for parameters that the filter
+    has not learned yet.
+    """
+    watched = (state.index - max(state.begun, state.accepted)) * (spec.sample_time or 1.0)
+    beyond = np.abs(slow_ratios(spec, state)) > spec.thresholds.slow_error_limit
+    return any(beyond[k] and error.alarms and watched >= error.memory for k, error in enumerate(spec.slow_errors))
 
 
 def slow_ratios(spec: EngineSpec, state: State) -> FloatArray:

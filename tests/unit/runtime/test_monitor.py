@@ -303,9 +303,13 @@ def test_sum_that_grows_from_its_first_sample_begins_there() -> None:
 
 
 def test_slow_error_beyond_its_size_alarms() -> None:
-    """A relative slow error of a plant signal alarms beyond 1.6 of its declared sd, and only if it may alarm."""
-    _, spec, engine = plant("tank")
-    healthy, _ = run(spec, engine, recorded("tank", 200))
+    """A relative slow error alarms beyond 1.6 of its declared sd, if it may, once watched for as long as its memory."""
+    _, long, engine = plant("tank")
+    spec, young = (
+        replace(long, slow_errors=tuple(replace(error, memory=memory) for error in long.slow_errors))
+        for memory in (150.0, 201.0)
+    )
+    healthy, _ = run(long, engine, recorded("tank", 200))
     assert healthy.alarm < 0
     sample = recorded("tank", 201)[200]
     still = Disturbed(np.array([0.0, 0.0, 1.0, 1.0]))
@@ -318,6 +322,7 @@ def test_slow_error_beyond_its_size_alarms() -> None:
         assert (report.detection is not None) == expected
         assert report.slow == pytest.approx([0.0, ratio])
         assert step(quiet, still, replace(healthy, lane=lane), sample)[1].detection is None
+        assert step(young, still, replace(healthy, lane=lane), sample)[1].detection is None
         early = replace(healthy, lane=lane, begun=healthy.index - 1)
         assert step(spec, still, early, sample)[1].detection is None
 
