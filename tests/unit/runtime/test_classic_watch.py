@@ -144,7 +144,7 @@ def test_missing_values_are_held_and_counted_out() -> None:
     generator = np.random.default_rng(1)
     for k in range(len(samples)):
         gone = generator.random(4) < 0.1
-        if 250 <= k < 290:
+        if 250 <= k < 262:
             gone[2:] = True
         u, y = np.where(gone[:2], np.nan, samples[k].u), np.where(gone[2:], np.nan, samples[k].y)
         samples[k] = Sample(time=samples[k].time, dt=samples[k].dt, u=u, y=y)
@@ -154,6 +154,38 @@ def test_missing_values_are_held_and_counted_out() -> None:
     assert np.all(np.isfinite([report.cusum for report in reports[60:]]))
     nothing = Sample(time=0.0, dt=1.0, u=np.full(2, np.nan), y=np.full(2, np.nan))
     assert step(spec, plan, init(spec, plan), nothing)[1].status is Status.WAITING
+
+
+def test_after_a_gap_the_states_are_sought_anew() -> None:
+    """Twenty samples and more without any output make monitoring begin again; no alarm follows."""
+    _, spec, plan = plant("rc")
+    samples = list(recorded("rc", 300))
+    gone = np.array([np.nan])
+    for k in range(150, 200):
+        samples[k] = Sample(time=samples[k].time, dt=samples[k].dt, u=samples[k].u, y=gone)
+    state, reports = run(spec, plan, samples)
+    assert {report.status for report in reports[180:205]} == {Status.STARTING}
+    assert reports[230].status is Status.WATCHING
+    assert 80 < state.running < 100
+    assert state.alarm < 0
+
+
+@pytest.mark.parametrize("name", ["skab", "three_tank", "dc_motor"])
+def test_nonsense_leaves_numbers(name: str) -> None:
+    """Values of any size and sign, some missing, leave every number finite, and weights that add up to 1."""
+    _, spec, plan = plant(name)
+    generator, state = np.random.default_rng(3), init(spec, plan)
+    for k in range(150):
+        u, y = generator.uniform(-1, 4, len(spec.inputs)), generator.uniform(-1, 2, len(spec.outputs))
+        u[generator.random(u.size) < 0.1] = np.nan
+        y = y * 1e9 if k % 50 == 3 else np.full_like(y, np.nan) if k % 5 == 0 else y
+        state, _ = step(spec, plan, state, Sample(time=float(k), dt=1.0, u=u, y=y))
+    assert state.alarm > 0
+    assert np.all(np.isfinite(state.states))
+    assert np.all(np.isfinite(state.sums))
+    diagnosis = finish(spec, plan, state)
+    assert diagnosis is not None
+    assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
 
 
 def test_a_saved_state_goes_on() -> None:

@@ -18,7 +18,7 @@ from faultbond.structure.components import ComponentNetwork, build_components
 from faultbond.structure.network import build_network
 from faultbond.structure.solving.backward_euler import plant_of, random_inputs, simulate
 from faultbond.synthesis.classic.build import build_classic, largest_sets
-from faultbond.synthesis.classic.functions import expected, from_before, from_samples, read_by
+from faultbond.synthesis.classic.functions import expected, from_before, from_samples, read_by, state_signals
 from faultbond.synthesis.classic.tapes import compile_torn
 from faultbond.synthesis.classic.torn import tear
 from faultbond.types import FloatArray
@@ -142,6 +142,8 @@ def test_largest_sets_are_tested() -> None:
     assert laws["K1", "K6"] == ["pipe", "leak"]
     assert laws["K3", "K6"] == ["tank"]
     assert laws["K2", "K4"] == ["orifice", "orifice"]  # K2 is in both relations
+    for k, hypothesis in enumerate(spec.hypotheses):
+        assert plan.contains[k].sum() == {1: 6, 2: 1}[len(hypothesis)]
     assert largest_sets([(0,), (1,), (2,), (0, 1)]) == ((2,), (0, 1))
 
 
@@ -181,11 +183,12 @@ def test_a_torn_function_gives_what_its_closed_form_gives() -> None:
 
 def test_a_long_chain_is_followed_by_the_model_alone() -> None:
     """Of the pipe's 21 temperatures those that would take many differences of one reading have no A."""
-    _, plan = built("pipe")
-    rows = {row for _, found in plan.from_samples for row in found}
-    assert {plan.states[row] for row in rows} == {"node18.e", "node19.e", "node20.e", "probe.e"}
-    assert sorted(row for _, found in plan.from_before for row in found) == list(range(21))
-    assert dict(plan.formulas)["state node1.e"].startswith("not from samples")
+    network = network_of("pipe")
+    found = dict(zip(state_signals(network), from_samples(network), strict=True))
+    assert {name for name, item in found.items() if item is not None} == {"node18.e", "node19.e", "node20.e", "probe.e"}
+    assert len(found) == 21
+    assert read_by(network, found["node1.e"]) == frozenset()
+    assert read_by(network, found["node20.e"]) == {"water_out_degC"}
 
 
 def test_what_has_no_time_is_refused() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from faultbond.errors import FaultbondError
 from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.ranking import rank
-from faultbond.runtime.classic.state import ClassicState
+from faultbond.runtime.classic.state import ClassicState, begin_anew
 from faultbond.runtime.history import Candidate
 from faultbond.spec import EngineSpec
 
@@ -60,14 +60,7 @@ def resumed(state: ClassicState) -> ClassicState:
     if state.alarm >= 0:
         return state
     return replace(
-        state,
-        running=-1,
-        sums=np.zeros_like(state.sums),
-        index_before=np.zeros_like(state.index_before),
-        spread_sums=np.zeros_like(state.spread_sums),
-        raw=np.full_like(state.raw, np.nan),
-        raw_times=np.full_like(state.raw_times, np.nan),
-        frames=np.full_like(state.frames, np.nan),
+        begin_anew(state), raw=np.full_like(state.raw, np.nan), raw_times=np.full_like(state.raw_times, np.nan)
     )
 
 

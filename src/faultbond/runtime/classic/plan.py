@@ -48,6 +48,7 @@ class ClassicPlan:
     sides : laws of suspended components
     uses : for each tested set the sides that it is estimated from
     tested : sets of parameters that are tested
+    hypotheses : sets of parameters that are reasoned about, those of the specification
     formulas : all functions in words, for people
     """
 
@@ -69,6 +70,7 @@ class ClassicPlan:
     sides: tuple[Sides, ...]
     uses: tuple[tuple[int, ...], ...]
     tested: tuple[tuple[int, ...], ...]
+    hypotheses: tuple[tuple[int, ...], ...]
     formulas: tuple[tuple[str, str], ...]
 
     @property
@@ -97,6 +99,15 @@ class ClassicPlan:
         found = np.full((self.n_slots, self.n_lanes), -1.0)
         for lane, chosen in enumerate(self.tested, start=1):
             found[: len(chosen), lane] = chosen
+        found.setflags(write=False)
+        return found
+
+    @cached_property
+    def contains(self) -> BoolArray:
+        """Whether a tested set contains a hypothesis, shape (n_hypotheses, n_tested)."""
+        largest = [frozenset(item) for item in self.tested]
+        found = np.array([[other.issuperset(item) for other in largest] for item in self.hypotheses], dtype=bool)
+        found = found.reshape(len(self.hypotheses), len(self.tested))
         found.setflags(write=False)
         return found
 

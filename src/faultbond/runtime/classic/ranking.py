@@ -5,7 +5,6 @@ does not makes it a conflict. A hypothesis is left if every tested set that cont
 this, the error indices and the size. Source: thesis 6.4 to 6.6, 7.4; docs/decisions/011-classic.md.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,12 +64,6 @@ def current_limits(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> 
     return limits_of(plan.settings, noise, model, max(state.running, 0))
 
 
-def contained(tested: Sequence[Sequence[int]], hypotheses: Sequence[Sequence[int]]) -> BoolArray:
-    """Tell which tested sets contain which hypotheses, (n_hypotheses, n_tested)."""
-    largest = [frozenset(item) for item in tested]
-    return np.array([[set(item) <= other for other in largest] for item in hypotheses], dtype=bool)
-
-
 def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
     """Give the hitting index of each hypothesis, (n_hypotheses,).
 
@@ -101,7 +94,7 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     limit = current_limits(spec, plan, state)[:, None] / plan.settings.limit
     average = Erratum.AVERAGE in plan.settings.printed
     explains: BoolArray = np.asarray(error <= limit.mean() if average else (indices <= limit).all(axis=0))
-    contains = contained(plan.tested, spec.hypotheses)
+    contains = plan.contains
     counts = np.maximum(contains.sum(axis=1), 1)
     order = np.sort(np.where(contains, error, np.inf), axis=1)
     quarter = order[np.arange(len(order)), (counts - 1) // 4] if order.size else np.zeros(len(order))
@@ -172,7 +165,7 @@ def suspects_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypoth
     Thesis 7.4. Ours: the standard deviation has a part from each estimate and one from how they differ.
     """
     chosen = spec.hypotheses[hypothesis]
-    lanes = [lane for lane, tested in enumerate(plan.tested, start=1) if set(chosen) <= set(tested)]
+    lanes = [int(k) + 1 for k in np.flatnonzero(plan.contains[hypothesis])]
     suspects = []
     for index in chosen:
         item = spec.parameters[index]

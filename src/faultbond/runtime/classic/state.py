@@ -1,6 +1,6 @@
 """What method `classic` remembers: numbers only, of fixed size, so that a run can be saved and gone on with."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
-_WHOLE = ("index", "running", "alarm")
+_WHOLE = ("index", "running", "alarm", "absent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,6 +19,7 @@ class ClassicState:
     index : samples taken
     running : samples since monitoring began, T of the thesis; -1: not yet
     alarm : sample of the alarm; -1: none
+    absent : samples since any output was there
     time, at : of the newest sample, and of the sample that was last worked on, which the prefilter delays; s
     raw : newest samples as they came, oldest first, shape (window, n_signals); raw_times : (window,)
     frames : filtered samples, newest first, missing ones held, shape (depth, n_signals)
@@ -44,6 +45,7 @@ class ClassicState:
     index: int
     running: int
     alarm: int
+    absent: int
     time: float
     at: float
     trust: float
@@ -85,6 +87,18 @@ class ClassicState:
         return ClassicState(**({name: np.asarray(saved[name]) for name in saved} | numbers))
 
 
+def begin_anew(state: ClassicState) -> ClassicState:
+    """Give the state with which monitoring begins again; what the plant's signals are like is kept."""
+    return replace(
+        state,
+        running=-1,
+        sums=np.zeros_like(state.sums),
+        index_before=np.zeros_like(state.index_before),
+        spread_sums=np.zeros_like(state.spread_sums),
+        frames=np.full_like(state.frames, np.nan),
+    )
+
+
 def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
     """Give the state before the first sample, at time `t0` (s)."""
     n_u, n_y, n_x, lanes = len(spec.inputs), len(spec.outputs), len(plan.states), plan.n_lanes
@@ -93,6 +107,7 @@ def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
         index=0,
         running=-1,
         alarm=-1,
+        absent=0,
         time=t0,
         at=t0,
         trust=1.0,

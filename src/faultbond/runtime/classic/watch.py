@@ -23,12 +23,14 @@ from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.prefilter import filtered
 from faultbond.runtime.classic.ranking import current_limits, noise_of, rank
 from faultbond.runtime.classic.settings import WORKING, Erratum
-from faultbond.runtime.classic.state import ClassicState
+from faultbond.runtime.classic.state import ClassicState, begin_anew
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.monitor import DIAGNOSIS_EVERY
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
+
+GAP = 20  # samples without any output after which the states are no longer known; longer where the prefilter is
 
 
 def step(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, sample: Sample) -> tuple[ClassicState, Report]:
@@ -103,8 +105,17 @@ def _filtered(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Class
             row[k] = filtered(window, points // 2, band, relative=relative)
     present = np.isfinite(row)
     newest = np.where(present, row, state.frames[0])
-    frames = np.vstack([newest, state.frames[:-1]])
-    return replace(state, frames=frames, present=present.astype(float), at=float(state.raw_times[centre]))
+    absent = 0 if present[len(spec.inputs) :].any() else state.absent + 1
+    if absent > max(GAP, 2 * centre) and state.alarm < 0:
+        state = begin_anew(state)
+        newest = np.where(present, row, np.nan)
+    return replace(
+        state,
+        frames=np.vstack([newest, state.frames[:-1]]),
+        present=present.astype(float),
+        absent=absent,
+        at=float(state.raw_times[centre]),
+    )
 
 
 def _mean_noise(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> float:
@@ -124,7 +135,7 @@ def _begun(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicS
     """Begin with the states that several samples give."""
     moment = _moment(spec, plan, state, 1)
     starts = {item.name: item.start_mean for item in spec.states}
-    otherwise = np.array([[starts.get(name, 0.0)] for name in plan.states])
+    otherwise = np.array([starts.get(name, 0.0) for name in plan.states], dtype=float)[:, None]
     states = np.repeat(states_from_samples(plan, moment, otherwise), plan.n_lanes, axis=1)
     return replace(
         state,

@@ -143,6 +143,7 @@ def _plan(
         sides=sides,
         uses=tuple(_uses(functions.sides, sides, spec, chosen) for chosen in tested),
         tested=tested,
+        hypotheses=spec.hypotheses,
         formulas=_formulas(states, functions),
     )
 
@@ -202,22 +203,20 @@ def _described(network: ComponentNetwork, spec: EngineSpec, side: Side) -> Sides
     )
 
 
-def _uses(sides: Sequence[Side], compiled: Sequence[Sides], spec: EngineSpec, chosen: Sequence[int]) -> tuple[int, ...]:
-    """Choose what a set is estimated from: in each relation that it touches the law of its first member there."""
+def _uses(
+    sides: Sequence[Side], described: Sequence[Sides], spec: EngineSpec, chosen: Sequence[int]
+) -> tuple[int, ...]:
+    """Choose what a set is estimated from: in each relation that it touches, the law of its first member there."""
+    names = [spec.parameters[index].name for index in chosen]
     found: dict[frozenset[str], int] = {}
-    for index in chosen:
-        own = spec.parameters[index].name
+    for name in names:  # first choice: a law of its own
         for k, side in enumerate(sides):
-            if index in compiled[k].parameters and (
-                side.relation not in found
-                or (own in side.suspended and not _is_own(sides[found[side.relation]], spec, chosen))
-            ):
-                found[side.relation] = k
+            if name in side.suspended:
+                found.setdefault(side.relation, k)
+    for k, side in enumerate(sides):
+        if described[k].parameters.intersection(chosen):
+            found.setdefault(side.relation, k)
     return tuple(sorted(found.values()))
-
-
-def _is_own(side: Side, spec: EngineSpec, chosen: Sequence[int]) -> bool:
-    return any(spec.parameters[index].name in side.suspended for index in chosen)
 
 
 def _formulas(states: Sequence[str], functions: _Functions) -> tuple[tuple[str, str], ...]:
