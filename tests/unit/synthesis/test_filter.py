@@ -8,9 +8,9 @@ import pytest
 
 from faultbond.dynamics.step import StepModel
 from faultbond.model.text import load_model, parse_model
-from faultbond.runtime.stepped import suspect_lanes
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.start import healthy_lane
+from faultbond.runtime.stepped import suspect_lanes
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.synthesis.engine import build_engine, build_model
