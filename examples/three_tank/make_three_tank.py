@@ -57,7 +57,7 @@ def sizes(faults: Sequence[Fault], time: FloatArray) -> FloatArray:
 @lru_cache(maxsize=32)
 def course(faults: tuple[Fault, ...], rows: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give time (n,), pressures (n, 3) and flow q0 (n,) without noise."""
-    time = np.arange(rows) * STEP
+    time: FloatArray = np.asarray(np.arange(rows) * STEP, dtype=np.float64)
     gains, lead = feedback()
 
     def control(moment: FloatArray | float, pressures: FloatArray) -> FloatArray:
@@ -68,7 +68,7 @@ def course(faults: tuple[Fault, ...], rows: int) -> tuple[FloatArray, FloatArray
         return np.asarray(A @ pressures + B * control(moment, pressures) + E @ fault)
 
     solved = solve_ivp(rates, (0.0, time[-1]), np.zeros(3), t_eval=time, rtol=_TOLERANCE, atol=_TOLERANCE, max_step=0.1)
-    return time, solved.y.T, control(time, solved.y)
+    return time, np.asarray(solved.y.T), control(time, solved.y)
 
 
 def record(graph: BondGraph, seed: int | None, faults: Sequence[Fault] = (), rows: int = ROWS) -> Simulation:

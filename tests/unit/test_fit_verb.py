@@ -38,7 +38,9 @@ def write_current(path: Path, *, rows: int = 800, seed: int = 1, resistance: flo
         values.append(current + NOISE * rng.standard_normal())
         decay = np.exp(-resistance / L * h)
         current = decay * current + (1.0 - decay) * voltage[k] / resistance
-    write_recording(path, {"time": h * np.arange(rows), "V": voltage, "i": np.array(values)})
+    write_recording(
+        path, {"time": np.asarray(h * np.arange(rows), dtype=np.float64), "V": voltage, "i": np.array(values)}
+    )
     return path
 
 
@@ -107,7 +109,8 @@ def test_what_does_not_show_is_named(model: Path, tmp_path: Path) -> None:
     """At rest an inductance does not show: it is named, and keeps its accuracy."""
     rows = 300
     rng = np.random.default_rng(1)
-    columns = {"time": 0.02 * np.arange(rows), "V": np.zeros(rows), "i": NOISE * rng.standard_normal(rows)}
+    time = np.asarray(0.02 * np.arange(rows), dtype=np.float64)
+    columns = {"time": time, "V": np.zeros(rows), "i": NOISE * rng.standard_normal(rows)}
     write_recording(tmp_path / "rest.csv", columns)
     record = call("fit", model, tmp_path / "rest.csv")
     assert not any(item["determined"] for item in record["parameters"])
