@@ -10,10 +10,10 @@ from faultbond.types import FloatArray
 
 INK, PALE, GRID = "#222222", "#b8bec6", "#e4e7ea"
 COLORS = ("#1f5fa8", "#c4541a", "#2e8540", "#8250a0", "#a07000", "#0f8a94", "#c0357f")
-POINTS = 360  # of a curve
+POINTS, FEW = 360, 120  # of a curve, of a pale one
 WIDTH, HEIGHT = 300.0, 130.0  # of a panel's frame
 LEFT, TOP, GAP, BELOW = 52.0, 34.0, 66.0, 22.0
-LETTER = 6.2  # width of a letter of the legend
+LETTER = 5.7  # width of a letter of the legend
 TICKS = 5
 
 
@@ -104,7 +104,7 @@ def _grid(x: tuple[float, float], y: tuple[float, float], left: float, top: floa
 def _curve(curve: Curve, x: tuple[float, float], y: tuple[float, float], left: float, top: float) -> str:
     """Give a curve; what is beyond the scale is drawn along its edge."""
     color = COLORS[curve.color % len(COLORS)] if curve.label else PALE
-    chosen = np.arange(curve.x.size) if curve.dots else thin([curve.y], POINTS)
+    chosen = np.arange(curve.x.size) if curve.dots else thin([curve.y], POINTS if curve.label else FEW)
     across = left + WIDTH * (curve.x[chosen] - x[0]) / (x[1] - x[0])
     up = top + HEIGHT * (1.0 - np.clip((curve.y[chosen] - y[0]) / (y[1] - y[0]), 0.0, 1.0))
     there = np.isfinite(up)
@@ -128,7 +128,7 @@ def _legend(panel: Panel, left: float, top: float) -> str:
             dash = ' stroke-dasharray="4 2"' if item.dashed else ""
             parts.append(f'<path d="M{at:.0f} {top - 8:g}h12" stroke="{color}" stroke-width="2"{dash}/>')
             parts.append(_text(at + 15, top - 5, item.label))
-            at += 24.0 + LETTER * len(item.label)
+            at += 22.0 + LETTER * len(item.label)
     return "".join(parts)
 
 

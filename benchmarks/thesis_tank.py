@@ -33,6 +33,8 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
 LENGTHS = {"healthy": 82.0, "pipe": 82.0, "leak": 41.0, "both": 41.0}  # min
 LITERAL = (Erratum.STEPS, Erratum.AVERAGE, Erratum.LIMIT)  # the detection of 5.4 as it is printed
 SINGLES, PAIRS = 1, 2  # size of the sets that are tested
+HIGH = 0.2 * LITRE  # m3/s
+EVERY = 4  # samples between the points of the curves
 
 
 @cache
@@ -51,7 +53,7 @@ def recording(name: str) -> Simulation:
 def run(name: str, largest: int, *printed: Erratum) -> Curves:
     """Watch a run with method `classic`, told 2 % of noise and a model that is 95 % accurate."""
     settings = Settings(noise=0.02, accuracy=0.95, largest=largest, printed=frozenset(printed))
-    return watch(graph(), recording(name), settings)
+    return watch(graph(), recording(name), settings, every=EVERY)
 
 
 @cache
@@ -64,7 +66,7 @@ def banked(name: str) -> Banked:
 def explained(name: str, parameter: str, value: float) -> Curves:
     """Compare a run, from its fault on, with a model in which one parameter is another."""
     settings = Settings(noise=0.02, accuracy=0.95, largest=0)
-    return watch(graph(), recording(name), settings, {parameter: value}, round(FAULTS[name][0].start))
+    return watch(graph(), recording(name), settings, {parameter: value}, round(FAULTS[name][0].start), EVERY)
 
 
 @cache
@@ -109,6 +111,14 @@ def relative(found: Curves, output: int, first: float, last: float = np.inf) -> 
     return usual(measured, expected)
 
 
+def by_flow(found: Curves, first: float) -> tuple[float, float]:
+    """Give the median relative error of the flow while it is below and above 0.2 l/s, from a moment on (min)."""
+    rows = window(found, first)
+    measured, expected = found["measured"][rows, 0], found["expected"][rows, 0]
+    off, high = np.abs(measured - expected) / measured, measured > HIGH
+    return float(np.nanmedian(off[~high])), float(np.nanmedian(off[high]))
+
+
 def bank_relative(name: str, output: int, first: float, last: float = np.inf) -> float:
     """Give the same of `bank`, against the raw samples."""
     made, other = recording(name), banked(name)
@@ -121,9 +131,10 @@ def usual(measured: FloatArray, expected: FloatArray) -> float:
     return float(np.nanquantile(np.abs(measured - expected), 0.9) / np.sqrt(np.nanmean(measured**2)))
 
 
-def last(found: Curves, name: str, labels: Sequence[str]) -> dict[str, float]:
-    """Give the last values of the tests or hypotheses, lowest first."""
-    values = found[name][-1]
+def usually(found: Curves, name: str, labels: Sequence[str]) -> dict[str, float]:
+    """Give the mean of a curve of each test or hypothesis from 5 min after the alarm on, lowest first."""
+    begin = float(found.time[found.alarm or 0]) / MINUTE + 5.0
+    values = found[name][window(found, begin)].mean(axis=0)
     return {labels[k]: float(values[k]) for k in np.argsort(values, kind="stable")}
 
 
@@ -136,7 +147,7 @@ def inputs(name: str) -> tuple[Panel, ...]:
     return tuple(
         Panel(
             title=f"{letter}: {words} valve, %",
-            curves=(Curve(label="", x=made.time / MINUTE, y=made.inputs[:, k]),),
+            curves=(Curve(label="opening", x=made.time / MINUTE, y=made.inputs[:, k]),),
             below="min",
             low=0.0,
             high=100.0,
@@ -191,7 +202,7 @@ def index_panels(name: str, found: Curves, high: float = 0.25) -> tuple[Panel, .
     """Draw the error index as the thesis prints it, averaged, and that of each output, with their limits."""
     time = found.time / MINUTE
     literal = found["index"].mean(axis=1)
-    limit = 0.03 + 0.97 * np.exp(-np.arange(1, time.size + 1) / found.plan.settings.decay)
+    limit = 0.03 + 0.97 * np.exp(-(found.time - found.time[0]) / found.plan.settings.decay)
     mark = onset(name) if FAULTS[name] else None
     averaged = Panel(
         title="average of both outputs, as printed",
@@ -234,14 +245,14 @@ def many(
     time = found.time[begin:] / MINUTE
     curves = [
         Curve(
-            label=label if label in leading else "",
+            label=label.replace(", ", " ") if label in leading else "",
             x=time,
             y=values[begin:, k],
             color=list(leading).index(label) if label in leading else 0,
         )
         for k, label in enumerate(labels)
     ]
-    ordered = sorted(curves, key=lambda item: list(leading).index(item.label) if item.label else len(leading))
+    ordered = sorted(curves, key=lambda item: item.color if item.label else len(leading))
     return Panel(title=title, curves=tuple(ordered), below="min", low=low, high=high)
 
 
@@ -251,7 +262,12 @@ def bank_panel(name: str, sets: Sequence[str]) -> Panel:
     return Panel(
         title="bank: probability, %",
         curves=tuple(
-            Curve(label=label, x=other.times / MINUTE, y=100 * other.probability(*label.split(", ")), color=k)
+            Curve(
+                label=label.replace(", ", " "),
+                x=other.times / MINUTE,
+                y=100 * other.probability(*label.split(", ")),
+                color=k,
+            )
             for k, label in enumerate(sets)
         ),
         below="min",

@@ -66,10 +66,18 @@ def watch(
     settings: Settings,
     healthy: Mapping[str, float] | None = None,
     start: int = 0,
+    every: int = 1,
 ) -> Curves:
-    """Pass a recording, from a row on, through method `classic`, with other healthy parameters (SI) if given.
+    """Pass a recording through method `classic`; if no sets are tested no alarm is raised.
 
-    If no sets are tested no alarm is raised.
+    Parameters
+    ----------
+    graph : the model
+    recording : what is watched
+    settings : of the method
+    healthy : parameters while healthy that are not those of the model, SI
+    start : the first row that is watched
+    every : a point of the curves for so many samples, and one at the alarm
     """
     spec, plan = build_classic(graph, settings)
     if not plan.tested:
@@ -84,7 +92,7 @@ def watch(
             time=float(recording.time[k]), dt=float(steps[k]), u=recording.inputs[k], y=recording.outputs[k]
         )
         state, report = classic_watch.step(spec, plan, state, sample)
-        if state.running > 0:
+        if state.running > 0 and (k % every == 0 or report.detection is not None):
             points.append(point_of(spec, plan, state))
         if report.detection is not None:
             detection, alarm = report.detection, len(points) - 1

@@ -1,9 +1,12 @@
 """The page with the thesis' tables holds what the program computes, and says of every difference what is right."""
 
 import re
+from collections.abc import Sequence
+from functools import cache
 
 import pytest
 from benchmarks.thesis import PAGE, PARTS, SUMMARY, summary
+from benchmarks.thesis_figure import FOLDER, Figure, row
 from benchmarks.thesis_page import Table, as_text, equal, is_printed, number, printed_value
 from benchmarks.thesis_reach import exact_count, is_possible
 
@@ -17,10 +20,33 @@ def part(name: str) -> str:
     return match[1]
 
 
+@cache
+def computed(name: str) -> Sequence[Table | Figure]:
+    """Compute a part, once."""
+    return PARTS[name]()
+
+
 @pytest.mark.parametrize("name", PARTS)
 def test_page_is_what_is_computed(name: str) -> None:
-    """Each part of the page is byte for byte what its tables give now."""
-    assert part(name) == as_text(PARTS[name]())
+    """Each part of the page, with its pictures, is byte for byte what its tables and figures give now."""
+    assert part(name) == as_text(computed(name))
+    for figure in computed(name):
+        if isinstance(figure, Figure):
+            assert (FOLDER / figure.name).read_text(encoding="utf-8") == figure.picture, figure.number
+
+
+def test_every_picture_is_shown() -> None:
+    """The page shows each picture of the folder once, and no other."""
+    shown = re.findall(r"\]\(images/thesis/([^)]+)\)", TEXT)
+    assert sorted(shown) == sorted(path.name for path in FOLDER.iterdir())
+
+
+def test_every_result_figure_is_there() -> None:
+    """The figures of chapters 5, 6.2 and 7 that show results stand under their numbers, in order within a chapter."""
+    numbers = [tuple(map(int, item.split("."))) for item in re.findall(r"^### Figure (\d+\.\d+):", TEXT, flags=re.M)]
+    for chapter, first, last, drawings in ((5, 3, 15, {7}), (6, 3, 12, set()), (7, 4, 40, set())):
+        found = [figure for number, figure in numbers if number == chapter and first <= figure <= last]
+        assert found == [k for k in range(first, last + 1) if k not in drawings]
 
 
 def test_three_components_agree_with_algebra() -> None:
@@ -55,6 +81,10 @@ def test_no_difference_without_a_remark() -> None:
     with pytest.raises(ValueError, match="M1: 5, printed 4, and no remark says why"):
         number("M1", "4", 5)
     assert equal("minimal sets", "{B}", "{B}, {A, C}", "erratum: two").same is False
+    with pytest.raises(ValueError, match="alarm: ours differs from the thesis, and no remark says why"):
+        row("alarm", "6.7 s", "never", same=False)
+    assert row("alarm", "6.7 s", "never", same=False, otherwise="small").cells[-1] == "differs: small"
+    assert row("alarm", "6.7 s", "6.7 s", same=True, otherwise="small").cells[-1] == "same"
 
 
 def test_printed_numbers() -> None:
