@@ -138,7 +138,7 @@ def _told(spec: EngineSpec, states: FloatArray) -> EngineSpec:
 
 def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace | None:
     quiet = replace(
-        spec.thresholds, cusum_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
+        spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
     )  # only as much history as the start may need
     watched = replace(spec, thresholds=quiet)
     state = init(watched)

@@ -81,6 +81,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         normal=healthy[:, None].copy(),
         trail_lanes=trail,
         cusum=np.zeros_like(state.cusum),
+        fast=np.zeros_like(state.fast),
         cusum_start=np.full_like(state.cusum_start, last),
         rejected=np.zeros_like(state.rejected),
         **bank_fields(no_bank(spec)),

@@ -1,4 +1,8 @@
-"""The alarm: a two-sided CUSUM of the innovations of each sensor, and slow errors that leave their declared size.
+"""The alarm: two-sided CUSUMs of the innovations of each sensor, and slow errors that leave their declared size.
+
+A sum with a small drift finds small faults; one with a large drift and a low limit finds large ones in half the time.
+The latter alarms only where a time between false alarms is promised: a few wild values in a row, which real sensors
+have, are enough for it.
 
 Source: Page, Biometrika 41 (1954) 100.
 """
@@ -16,17 +20,18 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     score = np.clip(innovations[:n_y] / np.sqrt(innovations[n_y:]), -settings.cusum_clip, settings.cusum_clip)
     use = (packed[place["use"]] > 0) & (packed[place["scale"]] < settings.blank_factor)
-    grown = np.maximum(state.cusum + np.array([score, -score]) - settings.cusum_drift, 0.0)
-    cusum = np.where(use, grown, state.cusum)
+    sides = np.array([score, -score])
+    cusum = np.where(use, np.maximum(state.cusum + sides - settings.cusum_drift, 0.0), state.cusum)
+    fast = np.where(use, np.maximum(state.fast + sides - settings.fast_drift, 0.0), state.fast)
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
     start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
-    return {"cusum": cusum, "cusum_start": start}
+    return {"cusum": cusum, "cusum_start": start, "fast": fast}
 
 
 def detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
     """Give the detection, if a statistic crossed, and the sample of the estimated onset."""
     settings = spec.thresholds
-    peak = state.cusum.max(axis=0)
+    peak = statistic(spec, state)
     crossed = peak > settings.cusum_limit
     if not crossed.any() and not _slow_error_alarms(spec, state):
         return None, 0
@@ -41,6 +46,13 @@ def detect(spec: EngineSpec, state: State) -> tuple[Detection | None, int]:
         change_time=float(state.trail_times[change % len(state.trail_times)]),
         signals=tuple(signals),
     ), change
+
+
+def statistic(spec: EngineSpec, state: State) -> FloatArray:
+    """Give the largest sum of each sensor, (n_outputs,); a fast one counts as far as it is on the way to its limit."""
+    settings = spec.thresholds
+    scale = settings.cusum_limit / settings.fast_limit if np.isfinite(settings.cusum_limit) else 1.0
+    return np.asarray(np.maximum(state.cusum.max(axis=0), scale * state.fast.max(axis=0)))
 
 
 def _slow_error_alarms(spec: EngineSpec, state: State) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultbond.runtime.alarm import accumulated, detect, slow_ratios
+from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank, tested_sets
 from faultbond.runtime.growing import extend
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained, Untested
@@ -56,7 +56,8 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     state = _drifted(spec, state, float(packed[0]))
     lane, innovations = engine.advance(state.lane, packed[None, :])
     if not np.all(np.isfinite(lane)):
-        lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=np.zeros_like(state.cusum))
+        zero = np.zeros_like(state.cusum)
+        lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=zero, fast=zero)
         return lost, _silent(spec, Status.LOST)
     return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
 
@@ -154,7 +155,7 @@ def _report(
         status=status,
         expected=measured - innovations[:n_y],
         variance=innovations[n_y:] - blank,
-        cusum=state.cusum.max(axis=0),
+        cusum=statistic(spec, state),
         slow=slow_ratios(spec, state),
         detection=detection,
         diagnosis=diagnosis,

@@ -76,6 +76,7 @@ class State:
     lane: FloatArray  # healthy filter
     cusum: FloatArray  # (2, n_outputs): up, down
     cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
+    fast: FloatArray  # (2, n_outputs): sums with the larger drift
     trail_samples: FloatArray
     trail_lanes: FloatArray
     trail_times: FloatArray
@@ -138,6 +139,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         lane=np.zeros((spec.n_numbers, 1)),
         cusum=np.zeros((2, n_y)),
         cusum_start=np.zeros((2, n_y)),
+        fast=np.zeros((2, n_y)),
         trail_samples=np.zeros((depth, spec.n_sample)),
         trail_lanes=np.zeros((depth, spec.n_numbers)),
         trail_times=np.zeros(depth),

@@ -91,7 +91,8 @@ def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresho
         return usual
     return replace(
         usual,
-        cusum_limit=cusum_limit(promise, grid, len(graph.sensors), usual.cusum_drift, shares),
+        cusum_limit=cusum_limit(promise, grid, len(graph.sensors), usual.cusum_drift, 2 * shares),
+        fast_limit=cusum_limit(promise, grid, len(graph.sensors), usual.fast_drift, 2 * shares),
         slow_error_limit=slow_error_limit(promise, memories, shares) if memories else usual.slow_error_limit,
     )
 

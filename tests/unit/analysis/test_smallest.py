@@ -51,7 +51,7 @@ def watched(plant: Built, made: Simulation, state: State, rows: range) -> tuple[
     The bank, slow without a compiler, does not begin.
     """
     _, spec, engine = plant
-    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf))
+    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
     crossed = False
     for k in rows:
         dt = float(made.time[k] - made.time[k - 1]) if k else 0.0
@@ -167,8 +167,8 @@ def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
 def test_a_slow_error_alarms_too() -> None:
     """With the CUSUM switched off the tank's leak is still found, by the slow error of the flow out."""
     model, spec, engine = built(example("tank", ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")))
-    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf))
-    deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, slow_error_limit=inf))
+    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
+    deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf))
     assert found((model, deaf, engine), parameters=["K6"], within=150.0)["K6"].up is not None
     assert found((model, deafer, engine), parameters=["K6"], within=150.0)["K6"].value is None
 
