@@ -266,13 +266,14 @@ class EngineSpec:
             "gain": n_y,
             "bias": n_y,
             "noise": n_y,
+            "wander": 1,
         }
         return _fields(sizes, self.loop_slice.stop) if self.slot else {}
 
     @cached_property
     def n_roles(self) -> int:
         """Number of roles."""
-        return int(self.role_fields["noise"].stop - self.loop_slice.stop) if self.slot else 0
+        return int(self.role_fields["wander"].stop - self.loop_slice.stop) if self.slot else 0
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:

@@ -9,7 +9,7 @@ import pytest
 from faultbond.dynamics.plant import build_plant
 from faultbond.dynamics.step import build_step_model
 from faultbond.model.text import load_model
-from faultbond.runtime.slots import SlotLane, plan_slots
+from faultbond.runtime.slots import WANDER, SlotLane, plan_slots
 from faultbond.runtime.slotted import slot_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised
@@ -66,7 +66,7 @@ def charging(z: FloatArray, voltage: float, acts: Acts) -> tuple[float, FloatArr
 
 
 def predicted(
-    z: FloatArray, P: FloatArray, voltage: float, dt: float, unknown: float, acts: Acts
+    z: FloatArray, P: FloatArray, voltage: float, dt: float, unknown: float, acts: Acts, wander: float
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance one step later: ROS2, Jacobian inside the method held; the size goes on at its rate."""
     f, slope = charging(z, voltage, acts)
@@ -85,7 +85,7 @@ def predicted(
     following[VOLTAGE] += dt * (1.5 * k1 + 0.5 * k2)
     following[SIZE] += dt * z[RATE]
     following[INPUT] = 0.0
-    return following, F @ P @ F.T + np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, 0.0, NOISE_V**2])
+    return following, F @ P @ F.T + np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, wander * dt, NOISE_V**2])
 
 
 def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatArray, FloatArray, float]:
@@ -138,13 +138,18 @@ def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, 
     lanes[wide.slot_slice.start + 1] = 0.02  # something moves in every lane
     z, P = lanes[: wide.n_joint].T.copy(), np.array([unpack(wide, lane[wide.covariance_slice]) for lane in lanes.T])
     total = np.zeros(plan.n_lanes)
+    rates = [
+        lane.rate_sd * (healthy[spec.parameter_slice][lane.parameter] if lane.parameter >= 0 else 1.0)
+        for lane in plan.lanes
+    ]
     assert {lane.kind for lane in plan.lanes} == set(FaultKind) - {FaultKind.STEP}
     for sample in samples[1:]:
         lanes, innovations = engine.advance(lanes, sample[None, :])
         y, dt, before = (float(sample[place[name]][0]) for name in ("y", "dt", "u_before"))
         for k, lane in enumerate(plan.lanes):
             acts = acts_of(lane)
-            z[k], P[k] = predicted(z[k], P[k], before, dt, spec.states[0].noise ** 2, acts)
+            wander = WANDER * (rates[k] / 0.02) ** 2 / (lane.span * 0.02) if lane.span else 0.0
+            z[k], P[k] = predicted(z[k], P[k], before, dt, spec.states[0].noise ** 2, acts, wander)
             reading = (acts.reads + acts.gain * z[k, SIZE]) * z[k, VOLTAGE] + acts.added * z[k, SIZE]
             assert innovations[0, 0, k] == pytest.approx(y - reading, rel=1e-8, abs=1e-8)
             if sample[place["use"]] > 0:

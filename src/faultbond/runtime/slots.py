@@ -16,10 +16,11 @@ from faultbond.spec import EngineSpec, ParameterSpec
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
+WANDER = 0.5  # variance that a rate gains in `span` samples, in that at its start: a drift may slow down or stop
 FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
-STUCK_NOISES = (0.01, 1.0)  # noise variance of a sensor that is stuck, in that declared
+STUCK_NOISES = (0.1, 1.0)  # noise variance of a sensor that is stuck, in that declared
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
@@ -56,6 +57,7 @@ class SlotLane:
     size: float = 0.0
     size_sd: float = 0.0
     rate_sd: float = 0.0
+    span: float = 0.0
     noise: float = 1.0
     weight: float = 0.0
 
@@ -105,7 +107,8 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
     """Give a drift that begins at the onset, and drifts that have already gone some way."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
     starts = starts_of(item, 1)
-    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=DRIFTING - log(2.0))
+    rate = 2.0 * item.change / FRESH  # twice, since it may also slow down
+    yield replace(lane, size_sd=item.accuracy, rate_sd=rate, span=FRESH, weight=DRIFTING - log(2.0))
     for start in starts:
         yield replace(
             lane,

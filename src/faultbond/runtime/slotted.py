@@ -12,7 +12,7 @@ from math import log, log1p
 
 import numpy as np
 
-from faultbond.runtime.slots import SlotPlan, plan_slots
+from faultbond.runtime.slots import WANDER, SlotPlan, plan_slots
 from faultbond.runtime.stepped import Mixture, Trail, forget_slow_errors, mix, mixed, onsets, relinearised
 from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
@@ -173,6 +173,9 @@ def slot_lanes(
         lanes[size, column] = start
         lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2
         lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
+        if item.span:
+            wander = WANDER * (item.rate_sd * unit / dt) ** 2 / (item.span * dt)
+            lanes[wide.role_fields["wander"], column] = wander
     return lanes
 
 

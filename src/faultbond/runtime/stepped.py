@@ -17,7 +17,7 @@ from faultbond.types import FloatArray
 
 ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
-LARGE_BANK = 250_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
+LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
 SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
 _LOWEST = -1e300  # likelihood of a lane that is no number
 

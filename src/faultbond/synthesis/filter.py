@@ -145,6 +145,8 @@ def _time_update(
     if spec.slot:
         transition[spec.slot_slice.start, spec.slot_slice.start + 1] = dt
         slot = ca.vertcat(slot[0] + dt * slot[1], slot[1])
+        rate = spec.slot_slice.start + 1
+        noise[rate, rate] = view.roles["wander"] * dt
     for k, index in zip(range(spec.noise_slice.start, n), spec.noisy_inputs, strict=True):
         noise[k, k] = spec.inputs[index].noise ** 2
     moved = ca.vertcat(

@@ -115,7 +115,7 @@ def test_starts_of_parameters_are_those_of_steps() -> None:
         assert pairs == wanted
         assert [(lane.size, lane.size_sd) for lane in old] == wanted
         assert (fresh.size, fresh.size_sd) == (0.0, item.accuracy)
-        assert fresh.rate_sd == item.change / FRESH
+        assert (fresh.rate_sd, fresh.span) == (2.0 * item.change / FRESH, FRESH)
         assert all(lane.rate_sd == item.change / OLD for lane in old)
         assert all(lane.rate_sd == 0.0 for lane in own if lane.kind is FaultKind.INTERMITTENT)
 
