@@ -27,7 +27,8 @@ def solved(item: Search, a: FloatArray, before: FloatArray | None = None) -> Flo
     """The result for each lane."""
     nothing = np.array([np.nan])
     with np.errstate(all="ignore"):
-        return np.asarray(solve(item, [nothing, nothing, a, nothing if before is None else before], a.size)[0])
+        found: FloatArray = solve(item, [nothing, nothing, a, nothing if before is None else before], a.size)[0]
+    return found
 
 
 def test_each_lane_finds_its_own_root() -> None:

@@ -156,6 +156,20 @@ def test_missing_values_are_held_and_counted_out() -> None:
     assert step(spec, plan, init(spec, plan), nothing)[1].status is Status.WAITING
 
 
+def test_what_is_absent_does_not_count() -> None:
+    """While the flow is not there its error index stands still, and that of the pressure goes on."""
+    _, spec, plan = plant("tank")
+    samples = recorded("tank", 500)
+    state, _ = run(spec, plan, samples[:300])
+    sums = []
+    for sample in samples[300:340]:
+        state, _ = step(spec, plan, state, Sample(time=sample.time, dt=sample.dt, u=sample.u, y=sample.y * [np.nan, 1]))
+        sums.append(state.sums[:, :, 0])
+    gone = [k for k in range(40) if k > 8]  # before that half of the window still has flows
+    assert all(np.array_equal(sums[k][:, 0], sums[9][:, 0]) for k in gone)
+    assert not np.array_equal(sums[20][:, 1], sums[19][:, 1])
+
+
 def test_after_a_gap_the_states_are_sought_anew() -> None:
     """Twenty samples and more without any output make monitoring begin again; no alarm follows."""
     _, spec, plan = plant("rc")

@@ -19,6 +19,7 @@ from faultbond.structure.network import build_network
 from faultbond.structure.solving.backward_euler import plant_of, random_inputs, simulate
 from faultbond.synthesis.classic.build import build_classic, largest_sets
 from faultbond.synthesis.classic.functions import expected, from_before, from_samples, read_by, state_signals
+from faultbond.synthesis.classic.sides import independent, relations
 from faultbond.synthesis.classic.tapes import compile_torn
 from faultbond.synthesis.classic.torn import tear
 from faultbond.types import FloatArray
@@ -126,6 +127,18 @@ def test_functions_agree_with_a_backward_euler_plant(name: str) -> None:
     assert sorted(misfits) == list(range(len(plan.sides)))
     size = max(abs(known[key]) for key in known if key.endswith("_0"))
     assert max(map(abs, misfits.values())) < 1e-6 * size
+
+
+def test_relations_are_independent() -> None:
+    """The tank has two equations to spare: line with meter, vessel with meter; line with vessel is no third."""
+    network = network_of("tank")
+    line, vessel = {"pump", "pipe", "valve", "line"}, {"tank", "vessel", "outlet", "leak"}
+    meter = {"orifice", "flow"}
+    assert {item.equations for item in relations(network)} == {frozenset(line | meter), frozenset(vessel | meter)}
+    without = frozenset(line | vessel | {"orifice"})
+    candidates = [frozenset(line | meter), frozenset(vessel | meter), without]
+    assert independent(network, candidates) == tuple(candidates[:2])
+    assert independent(network, candidates[::-1]) == tuple(candidates[:0:-1])
 
 
 def test_largest_sets_are_tested() -> None:

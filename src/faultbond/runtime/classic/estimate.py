@@ -62,11 +62,18 @@ def improve(
     for side in np.flatnonzero(~resting & (state.misfit_counts > 0)):
         slope = (all_[side, 1:] - all_[side, :1]) / moved
         _take(plan, state, int(side), all_[side, 0], slope, factors, covariance)
-    return _within(factors, covariance, *_ranges(spec, plan)), covariance
+    return within_ranges(factors, covariance, *_ranges(spec, plan)), covariance
 
 
-def _within(factors: FloatArray, covariance: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Bring factors back into their ranges; the other suspects of a set follow, so that they still fit together."""
+def within_ranges(factors: FloatArray, covariance: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Bring factors back into their ranges; the other suspects of a set follow, so that they still fit together.
+
+    Parameters
+    ----------
+    factors : (n_slots, n_lanes)
+    covariance : (n_slots, n_slots, n_lanes)
+    lower, upper : (n_slots, n_lanes)
+    """
     for slot in range(len(factors)):
         over = np.clip(factors[slot], lower[slot], upper[slot]) - factors[slot]
         if over.any():

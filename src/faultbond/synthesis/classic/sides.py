@@ -6,6 +6,7 @@ each other are taken, as many as there are equations to spare. In each the law o
 over, so that for a single suspect the parameter follows from the signals on its two sides.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from faultbond.errors import StructureError
@@ -98,13 +99,18 @@ def relations(network: ComponentNetwork) -> tuple[Relation, ...]:
             continue
         relation = frozenset({law.name, *(step.equation for step in steps)})
         found.setdefault(relation, len(found))
-    chosen: list[frozenset[str]] = []
     suspects = {item.name: len(set(item.parameters).intersection(network.suspects)) for item in laws}
-    for relation in sorted(found, key=lambda item: (len(item), sum(suspects[name] for name in item), found[item])):
-        together = frozenset().union(*chosen, relation)
-        if _spare(network, together) > len(chosen):
-            chosen.append(relation)
-    return tuple(Relation(equations=item) for item in chosen)
+    order = sorted(found, key=lambda item: (len(item), sum(suspects[name] for name in item), found[item]))
+    return tuple(Relation(equations=item) for item in independent(network, order))
+
+
+def independent(network: ComponentNetwork, candidates: Iterable[frozenset[str]]) -> tuple[frozenset[str], ...]:
+    """Give, in order, the sets of equations that say something which those before them do not."""
+    chosen: list[frozenset[str]] = []
+    for candidate in candidates:
+        if _spare(network, frozenset().union(*chosen, candidate)) > len(chosen):
+            chosen.append(candidate)
+    return tuple(chosen)
 
 
 def _spare(network: ComponentNetwork, equations: frozenset[str]) -> int:
