@@ -118,6 +118,29 @@ def test_what_does_not_show_is_named(model: Path, tmp_path: Path) -> None:
     assert record["parameters"][1]["sd"] == pytest.approx(0.05 * 2.5, rel=0.1)
 
 
+def test_wild_readings_are_left_out(model: Path, tmp_path: Path) -> None:
+    """Three readings a million times too large change nothing, and are counted."""
+    path = write_current(tmp_path / "a.csv")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for k in (100, 333, 700):
+        lines[k] = lines[k].rsplit(",", 1)[0] + ",1e6"
+    (tmp_path / "wild.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    good, wild = call("fit", model, path), call("fit", model, tmp_path / "wild.csv")
+    assert (good["wild"], wild["wild"]) == (0, 3)
+    assert wild["parameters"][0]["estimate"] == pytest.approx(good["parameters"][0]["estimate"], rel=2e-3)
+
+
+def test_a_parameter_that_changes_is_named(model: Path, tmp_path: Path) -> None:
+    """A winding that changes in the middle of a recording is no steady one, and the middle is told."""
+    first = write_current(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
+    second = write_current(tmp_path / "b.csv", resistance=1.3 * R).read_text(encoding="utf-8").splitlines()
+    (tmp_path / "both.csv").write_text("\n".join([*first[:401], *second[401:]]) + "\n", encoding="utf-8")
+    steady, changing = call("fit", model, tmp_path / "a.csv"), call("fit", model, tmp_path / "both.csv")
+    assert steady["changes"] == []
+    assert changing["changes"][0]["parameter"] == "R"
+    assert changing["changes"][0]["time"] == pytest.approx(8.0, abs=1.0)
+
+
 def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
     """The report names the plant, its parameters and its sensor, and needs no network."""
     page = tmp_path / "fit.html"

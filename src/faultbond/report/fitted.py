@@ -24,7 +24,7 @@ from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import lines, table, title
-from faultbond.report.numbers import Notation, change_text, duration_text, figure, unit_text
+from faultbond.report.numbers import Notation, change_text, clock_text, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.verdict import join
 from faultbond.runtime.records import Record
@@ -180,6 +180,11 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         },
         "log_likelihood": found.summit.evaluation.value,
         "log_likelihood_before": found.before,
+        "changes": [
+            {"parameter": item.parameter, "recording": item.recording, "time": item.time, "statistic": item.statistic}
+            for item in found.changes
+        ],
+        "wild": found.wild,
         "starts": found.starts,
         "reached": found.reached,
         "settled": found.summit.settled,
@@ -259,6 +264,8 @@ def _data_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
     ]
     if wide:
         yield "accuracies", f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
+    if found.wild:
+        yield "left out", f"{found.wild} readings far off all others"
     if found.starts > 1:
         yield "search", f"{found.reached} of {found.starts} starts end at the same values"
 
@@ -290,6 +297,10 @@ def remarks(fitted: Fitted) -> Iterator[tuple[str, str]]:
     """Say what the parameters' table does not: combinations that do not show, and wider errors."""
     for k, item in enumerate(fitted.silences):
         yield ("looks alike" if k == 0 else ""), silence_text(item)
+    if fitted.found.changes:
+        first = fitted.found.changes[0]
+        names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
+        yield "not steady", f"{names}; most of all {first.parameter}, about {clock_text(first.time)}. Is it healthy?"
     inflated = [item for item in fitted.estimates if item.inflation > 1.1]
     if inflated:
         most = max(item.inflation for item in inflated)

@@ -53,19 +53,7 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
             }
             for item in found.rates
         ],
-        "regions": [
-            {
-                "sensor": item.sensor,
-                "of": item.of or None,
-                "low": item.low,
-                "high": item.high,
-                "after_step": item.after_step,
-                "mean": item.mean,
-                "spread": item.spread,
-                "samples": item.samples,
-            }
-            for item in found.regions
-        ],
+        "regions": [_region_record(item) for item in found.regions],
         "moments": [
             {
                 "recording": item.recording,
@@ -82,6 +70,19 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
             for item in found.trials
         ],
         "needed": found.needed,
+    }
+
+
+def _region_record(item: Region) -> Record:
+    return {
+        "sensor": item.sensor,
+        "of": item.of or None,
+        "low": item.low,
+        "high": item.high,
+        "after_step": item.after_step,
+        "mean": item.mean,
+        "spread": item.spread,
+        "samples": item.samples,
     }
 
 

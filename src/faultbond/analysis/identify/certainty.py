@@ -96,10 +96,16 @@ def _long_run(courses: Sequence[Course], total: int, n: int) -> FloatArray:
     return found
 
 
-def long_run_variance(scores: FloatArray) -> FloatArray:
-    """Give the variance of the sum of scores (N, m), (m, m), by Bartlett's weights with Andrews' bandwidth."""
+def long_run_variance(scores: FloatArray, most: float = MOST_BANDWIDTH) -> FloatArray:
+    """Give the variance of the sum of scores (N, m), (m, m), by Bartlett's weights with Andrews' bandwidth.
+
+    Parameters
+    ----------
+    scores : float array, shape (N, m)
+    most : largest bandwidth, in parts of N
+    """
     m = scores.shape[1]
-    width = _bandwidth(scores)
+    width = min(_bandwidth(scores), int(most * len(scores)))
     centred = scores - scores.mean(axis=0)
     scale = np.maximum(np.sqrt(np.mean(centred**2, axis=0)), 1e-300)
     unit = centred / scale

@@ -15,6 +15,7 @@ from enum import Enum
 import numpy as np
 
 from faultbond.analysis.identify.certainty import Certainty, certainty_of, together
+from faultbond.analysis.identify.change import Change, changes_of
 from faultbond.analysis.identify.evaluate import Course, Plant, Point, course
 from faultbond.analysis.identify.samples import Record
 from faultbond.analysis.identify.search import START_PRIOR, Summit, climb, spread_noise
@@ -28,6 +29,9 @@ LEAST_TOLD = 0.3  # parameters of a group; data that tell less say nothing about
 CAUTION = 1.5  # times the widening of a group of several: which of them is off is not known
 STEADY = 0.02  # relative change of the width at which it stands
 START_SPREAD = 0.7  # sd of further starts, logarithms or parts of the scale
+WILD = 8.0  # standard deviations; a reading farther off is none
+FEW_WILD = 0.01  # of all readings; more of them are no accident
+WILD_ROUNDS = 4
 ALIKE = 1.0  # nats; starts that end so close have found the same
 
 
@@ -59,6 +63,12 @@ class Fit:
     courses: tuple[Course, ...]
     simulated: tuple[FloatArray, ...]
     whiteness: tuple[Whiteness, ...]
+    changes: tuple[Change, ...]
+
+    @property
+    def wild(self) -> int:
+        """How many readings were left out since they lie far off all others."""
+        return sum(item.wild for item in self.records)
 
 
 def fit_plant(
@@ -90,6 +100,7 @@ def fit_plant(
     """
     _refuse(plant, records)
     best, reached = _search(plant, records, begin, starts, seed, tell)
+    records, best = _without_wild(plant, records, best)
     tell("weighing the declared accuracies")
     best, widths = _weigh(plant, records, begin, best, prior)
     unknowns = plant.unknowns
@@ -115,6 +126,7 @@ def fit_plant(
         courses=courses,
         simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
         whiteness=_whiteness(plant, courses),
+        changes=changes_of(plant, records, courses),
     )
 
 
@@ -147,6 +159,20 @@ def _search(
             f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
         )
     return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
+
+
+def _without_wild(plant: Plant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
+    """Leave out readings that lie far off, as long as they are few, and climb on without them."""
+    kept = tuple(records)
+    for _ in range(WILD_ROUNDS):
+        far = [np.abs(course(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
+        count = sum(int(item.sum()) for item in far)
+        if not count or count > FEW_WILD * sum(item.readings for item in kept):
+            break
+        kept = tuple(item.without(plant.layout, wild) for item, wild in zip(kept, far, strict=True))
+        begin = spread_noise(plant, kept, best.point)
+        best = climb(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
+    return kept, best
 
 
 def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:

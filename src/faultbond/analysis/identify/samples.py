@@ -27,6 +27,7 @@ class Record:
     y: FloatArray
     samples: FloatArray
     use: BoolArray
+    wild: int = 0  # readings left out since they lie far off
 
     @property
     def readings(self) -> int:
@@ -37,7 +38,7 @@ class Record:
         """Give the recording with some readings (N, n_outputs) left out."""
         samples, use = self.samples.copy(), self.use & ~wild
         samples[:, layout.sample_fields["use"]] = use
-        return replace(self, samples=samples, use=use)
+        return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
 
 
 def prepare(name: str, points: Sequence[Sample], spec: EngineSpec, layout: Layout) -> Record:
