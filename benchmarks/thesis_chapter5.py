@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
-from benchmarks.thesis_figure import Figure, row
+from benchmarks.thesis_figure import Figure, percent, row
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
@@ -163,7 +163,7 @@ def figure_5_3() -> Figure:
             Panel(title="B: V_R, V", curves=(Curve(label="measured", x=time, y=y),)),
         ),
         rows=(
-            row("noise/signal ratio", "about 10 %", f"{ratio:.0%}", same=abs(ratio - 0.1) < 0.03),
+            row("noise/signal ratio", "about 10 %", percent(ratio), same=abs(ratio - 0.1) < 0.03),
             row(
                 "zero crossings of the output",
                 "5",
@@ -365,8 +365,7 @@ def figure_5_10() -> Figure:
                 "removed",
                 f"{offsets[0]:.2f} A",
                 same=offsets[0] < 0.5 * offsets[1],
-                remark=f"differs: smaller than the {offsets[1]:.2f} A with n = 1, but not gone; the thesis says itself "
-                "that it need not be",
+                remark=f"with n = 1 {offsets[1]:.2f} A; what is left the thesis expects, too, for some parameters",
             ),
             row(
                 "error of the estimated output from 5 s on, rms",

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.plants import recipe_module
 from benchmarks.thesis_chapter6_exact import FAULTY, SEED, model
 from benchmarks.thesis_chart import Curve, Panel
-from benchmarks.thesis_figure import Figure, row
+from benchmarks.thesis_figure import Figure, percent, row
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
 from faultbond.runtime.classic.settings import Erratum, Settings
 from faultbond.simulate import Fault, Simulation
@@ -80,7 +80,7 @@ def figure_6_6() -> Figure:
             row(
                 "noise/signal ratio of V",
                 "about 2 %",
-                f"{noise:.1%}",
+                percent(noise, 1),
                 same=0.01 < noise < 0.03,
                 otherwise="another voltage",
             ),
@@ -215,7 +215,7 @@ def error_index(name: str, number: str) -> Figure:
                 f"probability of {{{name}}} at the end",
                 "-",
                 _weight(found, name),
-                bank=f"{other.probability(name)[-1]:.0%}",
+                bank=percent(other.probability(name)[-1]),
                 remark="a weight, not a frequency, for `classic`",
             ),
         ),
@@ -224,4 +224,4 @@ def error_index(name: str, number: str) -> Figure:
 
 def _weight(found: Curves, name: str) -> str:
     best = found.diagnosis.candidates if found.diagnosis is not None else ()
-    return next((f"{item.probability:.0%}" for item in best if item.parameters == (name,)), "-")
+    return next((percent(item.probability) for item in best if item.parameters == (name,)), "-")

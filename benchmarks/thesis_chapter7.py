@@ -303,6 +303,7 @@ def _index(name: str, number: str) -> Figure:
                 same=same,
                 remark="" if same else OWN_RECIPE,
             ),
+            _averaged(found, printed),
             row(
                 "after the fault", f"{60 * (printed - moment):.0f} s", _after(alarm, moment), bank=_after(other, moment)
             ),

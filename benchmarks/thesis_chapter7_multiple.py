@@ -2,7 +2,7 @@
 
 from benchmarks import thesis_tank as tank
 from benchmarks.thesis_chart import Curve, Panel
-from benchmarks.thesis_figure import Figure, row
+from benchmarks.thesis_figure import Figure, row, short
 from benchmarks.thesis_page import set_text
 from benchmarks.thesis_watch import Curves
 
@@ -177,8 +177,8 @@ def figure_7_37() -> Figure:
             row(
                 "at the end: average, K1 alone",
                 "very similar; 4.45e11 alone",
-                f"{mean[-1]:.3g}, {single[-1]:.3g}",
-                bank=f"{other.estimate('K1')[-1]:.3g}",
+                f"{short(mean[-1])}, {short(single[-1])}",
+                bank=short(other.estimate("K1")[-1]),
                 same=bool(abs(mean[-1] / single[-1] - 1) < 0.1),
                 otherwise="in some pairs the other parameter takes a part of the fault",
             ),

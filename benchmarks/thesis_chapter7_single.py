@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks import thesis_tank as tank
 from benchmarks.thesis_chart import Panel
-from benchmarks.thesis_figure import Figure, Row, row
+from benchmarks.thesis_figure import Figure, Row, row, short
 from benchmarks.thesis_watch import Curves
 from faultbond.types import FloatArray
 
@@ -76,8 +76,8 @@ def _value(printed: str, name: str, parameter: str, within: float, otherwise: st
     return row(
         f"estimate of {parameter} at the end",
         printed,
-        f"{ours:.3g}",
-        bank=f"{theirs:.3g}",
+        short(ours),
+        bank=short(theirs),
         same=abs(ours / float(printed) - 1.0) < within,
         remark=remark,
         otherwise=otherwise,
@@ -117,8 +117,8 @@ def figure_7_20() -> Figure:
             row(
                 "K1 5 min after the alarm and at the end",
                 "still decreasing at the end",
-                f"{early:.3g}, {late:.3g}",
-                f"{theirs[0]:.3g}, {theirs[1]:.3g}",
+                f"{short(early)}, {short(late)}",
+                f"{short(theirs[0])}, {short(theirs[1])}",
                 same=late < early,
                 otherwise="it rises",
             ),
@@ -199,7 +199,7 @@ def compared(name: str, parameter: str, numbers: tuple[str, str], printed: str) 
     """Give how a model with one parameter changed follows the plant, and its error index."""
     value = estimate(name, parameter)
     found = tank.explained(name, parameter, value)
-    words = f"From the fault on, with {parameter} = {value:.3g}; the thesis has {printed}."
+    words = f"From the fault on, with {parameter} = {short(value)}; the thesis has {printed}."
     behaviour = Figure(
         number=numbers[0],
         caption=f"the behaviour with {parameter} faulty, {WORDS[name]}",

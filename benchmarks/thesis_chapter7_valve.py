@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks import thesis_tank as tank
 from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
-from benchmarks.thesis_figure import Figure, row
+from benchmarks.thesis_figure import Figure, row, short
 from benchmarks.thesis_tank import MINUTE
 from faultbond.model.text import parse_model
 from faultbond.simulate import Inputs, simulate
@@ -111,8 +111,8 @@ def figure_7_5() -> Figure:
             ),
         ),
         rows=(
-            row("slope K4", "2.35e-6", f"{slope:.3g}", same=abs(slope / 2.35e-6 - 1) < 0.01),
-            row("flow at 0 %, K6", "1.04e-5", f"{offset:.3g}", same=abs(offset / 1.04e-5 - 1) < 0.01),
+            row("slope K4", "2.35e-6", short(slope), same=abs(slope / 2.35e-6 - 1) < 0.01),
+            row("flow at 0 %, K6", "1.04e-5", short(offset), same=abs(offset / 1.04e-5 - 1) < 0.01),
             row("range in which it is linear", "10 % to 65 %", "assumed everywhere"),
             row(
                 "pump pressure constant below a flow of",

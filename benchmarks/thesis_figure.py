@@ -72,6 +72,16 @@ def row(
     )
 
 
+def short(value: float) -> str:
+    """Write a number to three digits as the thesis does: 4.45e11."""
+    return f"{value:.3g}".replace("e+", "e").replace("e-0", "e-")
+
+
+def percent(value: float, digits: int = 0) -> str:
+    """Write a part as per cent."""
+    return f"{100 * value:.{digits}f} %"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Figure:
     """A figure under its number.

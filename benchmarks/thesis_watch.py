@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.thesis_figure import percent
 from benchmarks.thesis_page import set_text
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.classic import state as classic_state
@@ -135,7 +136,7 @@ class Banked:
     def ranking(self, count: int) -> str:
         """Give the best sets of the last diagnosis with their probabilities."""
         best = self.diagnoses[-1].candidates[:count] if self.diagnoses else ()
-        return " ".join(f"{set_text(sorted(item.parameters))} {item.probability:.0%}" for item in best)
+        return " ".join(f"{set_text(sorted(item.parameters))} {percent(item.probability)}" for item in best)
 
 
 def bank(graph: BondGraph, recording: Simulation) -> Banked:
