@@ -127,7 +127,8 @@ def _candidate(
 ) -> Candidate:
     """Give a candidate with the estimates of its best lane."""
     steps = bank.steps.shape[1]
-    shares = np.exp(kinds - np.logaddexp.reduce(kinds))
+    shares = np.exp(kinds - kinds.max())  # so that they add up even where rejected lanes have lost all scale
+    shares = shares / shares.sum()
     order = [int(k) for k in np.argsort(-shares, kind="stable") if np.isfinite(kinds[k])]
     hypothesis = int(table_of(spec, bank).hypothesis[lane])
     if lane < steps:

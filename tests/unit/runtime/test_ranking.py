@@ -158,6 +158,8 @@ def test_a_hypothesis_without_any_number_is_last() -> None:
     assert diagnosis.candidates[-1].parameters == (SPEC.parameters[SPEC.hypotheses[0][0]].name,)
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
     assert diagnosis.candidates[-2].probability > 0.0
+    for item in diagnosis.candidates:
+        assert sum(share for _, share in item.kinds) == pytest.approx(1.0)
 
 
 def test_smaller_sets_win_a_tie() -> None:
