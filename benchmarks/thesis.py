@@ -6,10 +6,11 @@ Only what is between the marks of the page is written.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks import thesis_appendix as appendix
+from benchmarks import thesis_chapter3 as store
 from benchmarks import thesis_chapter5 as circuit
 from benchmarks import thesis_chapter5_index as alarms
 from benchmarks import thesis_chapter6 as conflict
@@ -84,6 +85,7 @@ def appendix_a() -> tuple[Table, ...]:
 
 PARTS: Mapping[str, Callable[[], tuple[Table | Figure, ...]]] = {
     "chapter-3": chapter_3,
+    "figure-3-19": store.figures,
     "chapter-4": chapter_4,
     "section-5-3": circuit.figures,
     "section-5-4": alarms.figures,
@@ -101,28 +103,43 @@ PARTS: Mapping[str, Callable[[], tuple[Table | Figure, ...]]] = {
 
 
 def summary(page: str) -> str:
-    """Give, from the tables of a page, how many values agree and every correction of the thesis."""
-    found: dict[tuple[str, str], list[str]] = {}
-    same = differ = 0
+    """Give, from the tables of a page, how many values agree, every correction of the thesis and what differs."""
+    corrected: dict[tuple[str, str], list[str]] = {}
+    differing: dict[tuple[str, str], list[str]] = {}
+    same = 0
+    for title, cells in _lines(page):
+        remark = cells[-1]
+        _, mark, correction = remark.partition(ERRATUM)
+        if remark.startswith(SAME):
+            same += 1
+        elif remark.startswith(DIFFERS):
+            differing.setdefault((title, remark.removeprefix(DIFFERS)), []).append(cells[0])
+        elif mark:
+            corrected.setdefault((title, correction), []).append(cells[0])
+    right, other = (sum(map(len, found.values())) for found in (corrected, differing))
+    return "\n\n".join(
+        (
+            f"Of {same + right + other} printed values, statements and shapes {same} agree with ours, {right} are "
+            f"corrected, and {other} differ for another reason. The corrections:",
+            as_markdown(("where", "of what", "what is right"), _listed(corrected)),
+            "What differs, and why:",
+            as_markdown(("where", "of what", "why"), _listed(differing)),
+        )
+    )
+
+
+def _lines(page: str) -> Iterator[tuple[str, list[str]]]:
+    """Give the lines of all tables with the headings above them."""
     title = ""
     for line in page.splitlines():
         title = line.removeprefix("### ") if line.startswith("### ") else title
-        cells = [cell.strip() for cell in line.split("|")]
-        if len(cells) not in (len(HEADER) + 2, len(COLUMNS) + 2) or not title:
-            continue
-        remark = cells[-2]
-        same += remark.startswith(SAME)
-        differ += remark.startswith(DIFFERS)
-        _, mark, correction = remark.partition(ERRATUM)
-        if mark and not remark.startswith(SAME):
-            found.setdefault((title, correction), []).append(cells[1])
-    rows = [(_link(title), _what(lines), text) for (title, text), lines in found.items()]
-    corrected = sum(len(lines) for lines in found.values())
-    head = (
-        f"Of {same + differ + corrected} printed values, statements and shapes {same} agree with ours, {differ} differ "
-        f"for a reason that the remark names, and {corrected} are corrected:"
-    )
-    return f"{head}\n\n{as_markdown(('where', 'of what', 'what is right'), rows)}"
+        cells = [cell.strip() for cell in line.split("|")][1:-1]
+        if len(cells) in (len(HEADER), len(COLUMNS)) and title:
+            yield title, cells
+
+
+def _listed(found: Mapping[tuple[str, str], Sequence[str]]) -> list[tuple[str, str, str]]:
+    return [(_link(title), _what(lines), text) for (title, text), lines in found.items()]
 
 
 def _what(lines: Sequence[str]) -> str:

@@ -57,8 +57,8 @@ def table_3_1() -> Table:
     )
 
 
-def figure_3_19() -> Table:
-    """Give both ways through a store with noisy signals."""
+def through_a_store() -> tuple[Solution, Solution, tuple[np.ndarray, ...]]:
+    """Give both ways through the store of figure 3.18, and x, y, y from x, x from y as figure 3.19 has them."""
     store = system("fig_3_18")
     (output,) = questions.outputs(store.network)
     _, forward = store.ask(output)
@@ -66,7 +66,13 @@ def figure_3_19() -> Table:
     x, y = _recorded("fig_3_18")
     ahead = [_follow(forward, "y_0", x_0=x[k], y_1=y[k - 1]) for k in range(1, len(x))]
     back = [_follow(backward, "x_0", y_0=y[k], y_1=y[k - 1]) for k in range(1, len(x))]
-    off = np.std(np.array(ahead) - y[1:])
+    return forward, backward, (x, y, np.array(ahead), np.array(back))
+
+
+def figure_3_19() -> Table:
+    """Give both ways through a store with noisy signals."""
+    forward, backward, (_, y, ahead, back) = through_a_store()
+    off = np.std(ahead - y[1:])
     return Table(
         title="Figures 3.18 and 3.19: noise through a store",
         source="3.9, pages 48 and 49",
