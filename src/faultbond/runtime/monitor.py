@@ -91,6 +91,8 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     needed = START_SAMPLES if again or any(item.start_sd is None for item in spec.states) else 1
     if count < needed or (needed > 1 and count < START_PATIENCE and not _all_seen(spec, state)):
         return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
+    if count > START_SAMPLES and all(item.start_sd is None for item in spec.states):
+        state = replace(state, begun=_recent(spec, state))
     chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
     samples = state.trail_samples[chosen]
     known = state.normal if state.accepted >= 0 else None
@@ -104,6 +106,14 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     state = replace(state, lane=lane, trail_lanes=lanes, running=1)
     report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
     return replace(state, index=state.index + 1), report
+
+
+def _recent(spec: EngineSpec, state: State) -> int:
+    """Give the first of the samples that are enough: over all of a long wait the nominal parameters would not hold."""
+    chosen = np.arange(state.begun, state.index + 1)
+    used = state.trail_samples[chosen % len(state.trail_times)][:, spec.sample_fields["use"]] > 0
+    last = [int(chosen[column][-1]) for column in used.T if np.any(column)]
+    return min([state.index - START_SAMPLES + 1, *last])
 
 
 def _all_seen(spec: EngineSpec, state: State) -> bool:

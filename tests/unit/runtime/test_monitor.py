@@ -189,6 +189,18 @@ def test_waits_for_every_input() -> None:
     assert np.array_equal(state.lane, late.lane)
 
 
+@pytest.mark.parametrize(("pressures", "solved", "begun"), [(260, 250, 231), (101, 250, 100), (0, 299, 280)])
+def test_of_a_long_wait_for_a_sensor_the_newest_samples_count(pressures: int, solved: int, begun: int) -> None:
+    """The start is solved from the newest samples that show each sensor seen; one never seen is given up."""
+    _, spec, engine = plant("tank")
+    samples = list(recorded("tank", 320))
+    for k, sample in enumerate(samples):
+        samples[k] = replace(sample, y=np.where([k >= 250, k < pressures], sample.y, np.nan))
+    state, reports = run(spec, engine, samples)
+    assert [report.status for report in reports].index(Status.WARMING) == solved
+    assert state.begun == begun
+
+
 def test_no_alarm_while_warming_up() -> None:
     """Whatever the first samples hold, no alarm is raised before the warm-up is over; the sums stand at zero."""
     _, spec, engine = plant("dc_motor_current")
