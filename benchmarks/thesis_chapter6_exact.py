@@ -106,7 +106,7 @@ def figure_6_3() -> Figure:
                 ),
             ),
         ),
-        rows=(row("samples a second", "50", f"{RATE:g}", same=True),),
+        rows=(row("samples a second", "50", f"{RATE:g}"),),
     )
 
 

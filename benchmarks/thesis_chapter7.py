@@ -38,7 +38,7 @@ def measurements(number: str) -> Figure:
         "not told. Our plant has parameters off by up to 3 %, valves that lag by 3 s and whose curves are a little "
         "wrong, and noise of 2 %.",
         panels=(*tank.inputs("healthy"), *tank.outputs("healthy", "CD")),
-        rows=(row("samples", "one a second", f"{made.time.size}", same=True),),
+        rows=(row("samples", "one a second", f"{made.time.size}"),),
     )
 
 
@@ -183,7 +183,7 @@ def _valves(name: str, number: str) -> Figure:
         source="7.2.2",
         words=f"{words[name]} The thesis opened a valve by hand; these are the values that it estimates.",
         panels=tank.inputs(name),
-        rows=(row("fault at", f"{tank.onset(name):.0f} min", f"{tank.onset(name):.0f} min", same=True),),
+        rows=(row("fault at", f"{tank.onset(name):.0f} min", f"{tank.onset(name):.0f} min"),),
     )
 
 
