@@ -55,8 +55,7 @@ HEADING = """## Three tanks of the Fault Diagnosis Toolbox
 The toolbox' own example: three tanks in a row under feedback, noise of 0.01 on level p1 and flow q2, six faults that
 grow to 0.3 from 6 s to 10 s. Delays count from the start of the ramp. Beside ours stand the three residuals of the
 toolbox on the same data, with thresholds at the 99 % quantile of healthy runs and three samples in a row for an alarm.
-V3 and T3 enter the same equation and cannot be told apart. The ramps stop at 10 s. None of the kinds of fault that are
-tested does, so what is said while the fault grows is better than what is said at the end."""
+V3 and T3 enter the same equation and cannot be told apart. The ramps stop at 10 s."""
 PROCESSES = 2
 _EPSILON = 1e-9  # s
 
