@@ -17,7 +17,7 @@ help:
 	@echo "make lint     check style, format and types"
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
 	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
-	@echo "make thesis   compute the thesis' tables anew beside the printed values, into docs/thesis.md"
+	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
 	@echo "make bench    run the benchmarks (half an hour)"
 
 demo: $(RUNTIME)
@@ -48,9 +48,9 @@ docs: $(DEV)
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 
 thesis: $(DEV)
-	@echo "faultbond: the thesis' tables"
+	@echo "faultbond: the thesis' tables and figures"
 	@$(BIN)/python -m benchmarks.thesis
-	@git --no-pager diff --stat -- docs/thesis.md
+	@git --no-pager diff --stat -- docs/thesis.md docs/images/thesis
 
 bench: $(DEV)
 	@echo "faultbond: benchmarks, half an hour in all"
