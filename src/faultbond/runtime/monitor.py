@@ -14,6 +14,7 @@ from faultbond.runtime.growing import extend
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained, Untested
 from faultbond.runtime.packing import corrected, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
+from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields
 from faultbond.runtime.stepped import Trail
@@ -220,7 +221,7 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     bank = _without(spec, state)
     return replace(
         rank(spec, state.time, bank),
-        unexplained=_unexplained(spec, state, leading_lane(spec, bank)),
+        unexplained=_unexplained(spec, state, leading_lane(spec, _steady(spec, bank))),
         untested=_untested(spec, state.bank),
     )
 
@@ -236,6 +237,13 @@ def _untested(spec: EngineSpec, bank: Bank) -> Untested | None:
     top = max(float(own.max()), float(score.max(initial=-np.inf)))
     rest = float(np.exp(score - top).sum())
     return Untested(sets=len(left), probability=rest / (rest + float(np.exp(own - top).sum())))
+
+
+def _steady(spec: EngineSpec, bank: Bank) -> Bank:
+    """Give the bank without drifts whose rate may change: these follow nearly anything, so their fit says little."""
+    slots = bank.slots.copy()
+    slots[-1, [lane.span > 0.0 for lane in plan_slots(spec).lanes]] = -np.inf
+    return replace(bank, slots=slots)
 
 
 def _without(spec: EngineSpec, state: State) -> Bank:
