@@ -230,7 +230,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         parts = (command, note, as_markdown(HEADER, [row.cells for row in table]))
         write_part(chosen.markdown, "trust", "\n\n".join(parts))
         write_part(chosen.markdown, "calibration", as_markdown(("", "claimed", "right", "claims"), calibrated))
-        write_plot(runs, chosen.markdown.parent / "images" / "calibration.svg")
+        write_plot(runs, chosen.markdown.parent / "images" / "trust" / "calibration.svg")
 
 
 if __name__ == "__main__":

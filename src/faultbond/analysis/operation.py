@@ -149,7 +149,7 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
             rows = []
             continue
         packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
-        rows.append((sample.time, packed, state.lane[:, 0], np.sqrt(report.variance)))
+        rows.append((sample.time, packed, state.lane[:, 0], np.sqrt(np.maximum(report.variance, 0.0))))
     if not rows:
         return None
     first = state.index - len(rows)

@@ -25,7 +25,8 @@ from faultbond.structure.solving.backward_euler import (
     simulate,
 )
 
-FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/model.yaml") if path.parent.name != "pipe")
+WITHOUT = ("pipe", "skab")  # a long chain, and a plant without inputs, of which a record is made
+FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/model.yaml") if path.parent.name not in WITHOUT)
 
 
 def at(network: ComponentNetwork, plant: Plant, record: Record, position: int) -> dict[str, Value]:
