@@ -458,3 +458,20 @@ def test_expected_is_what_the_model_says() -> None:
     blanked, open_ = (step(item, engine, state, moved)[1] for item in (spec, plain))
     assert blanked.expected == pytest.approx(open_.expected, rel=1e-9)
     assert blanked.variance == pytest.approx(open_.variance, rel=1e-9)
+
+
+def test_fast_sum_alarms_where_it_has_a_limit() -> None:
+    """With a limit of 8 five samples of 3 sd raise the alarm, four do not; without one it takes ten."""
+    _, spec, engine = plant("dc_motor_current")
+    healthy, _ = run(spec, engine, recorded("dc_motor_current", 50))
+    calm = replace(healthy, cusum=np.zeros((2, 2)), fast=np.zeros((2, 2)))
+    wild = Disturbed(np.array([3.0, 0.0, 1.0, 1.0]))
+    promised = replace(spec, thresholds=replace(spec.thresholds, fast_limit=8.0))
+    sample = recorded("dc_motor_current", 50)[49]
+    for chosen, needed in ((promised, 5), (spec, 10)):
+        state, count = calm, 0
+        while state.alarm < 0:
+            state, report = step(chosen, wild, state, sample)
+            count += 1
+            assert (report.cusum[0] > spec.thresholds.cusum_limit) == (state.alarm >= 0)
+        assert count == needed

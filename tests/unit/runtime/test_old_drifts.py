@@ -1,6 +1,6 @@
 """Drifts long under way: what the healthy filter learned from them is forgotten, and they begin again."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +15,7 @@ from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
 from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.spec import Engine, EngineSpec, covariance_place, unpack
-from faultbond.types import FaultKind
+from faultbond.types import FaultKind, FloatArray
 
 
 @cache
@@ -136,3 +136,39 @@ def test_a_drift_that_may_change_explains_nothing_by_its_fit() -> None:
         found = monitor.conclude(spec, replace(state, slots=slots, misfit=misfit))
         assert found.candidates[0].kind is FaultKind.DRIFT
         assert (found.unexplained is not None) == expected
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """An engine of lanes with a slot that keeps where lanes begin, and how long they run."""
+
+    inner: Engine
+    calls: list[tuple[FloatArray, float]] = field(default_factory=list)
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "recorder"
+
+    @property
+    def slot(self) -> "Recorder":
+        """Itself."""
+        return self
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Keep and pass on."""
+        self.calls.append((lanes.copy(), float(samples[:, 0].sum())))
+        return self.inner.slot.advance(lanes, samples)
+
+
+def test_a_renewed_drift_leads_to_what_was_found() -> None:
+    """Wherever a renewed drift begins, its size and rate there lead to the size that the best lane has now."""
+    spec, engine, state = drifting()
+    recorder, (trail, place) = Recorder(engine), trail_of(state)
+    renew_slots(spec, recorder, trail, state.slots, place)
+    size = spec.slotted.slot_slice.start
+    best = [group[np.argmax(state.slots[-1, group])] for group in drift_groups(plan_slots(spec))]
+    assert len(recorder.calls) > 10
+    for lanes, seconds in recorder.calls:
+        assert lanes[size + 1] == pytest.approx(state.slots[size + 1, best])
+        assert lanes[size] + lanes[size + 1] * seconds == pytest.approx(state.slots[size, best])

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from made import plant, recorded
 
-from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, pack_sample
+from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, corrected, pack_sample
 from faultbond.runtime.state import Sample, State, init
 from faultbond.spec import EngineSpec
 
@@ -51,3 +52,19 @@ def test_rows_that_come_slowly_are_no_gaps() -> None:
     assert gaps(usual + int(UNUSUAL * 4) * "." + "x")[-1] == 0
     assert gaps(usual + 20 * "." + "x")[-1] == 20
     assert gaps(500 * "." + "x" + GAP * "." + "x" * PAUSES * 3 + GAP * "." + "x")[-1] == GAP
+
+
+def test_accepted_faults_of_instruments_are_corrected() -> None:
+    """What acts is the input and its offset; a reading loses its offset and gain; a sensor out of use is missing."""
+    _, spec, _ = plant("dc_motor_current")
+    state = replace(
+        init(spec),
+        input_offset=np.array([0.5]),
+        reading_gain=np.array([2.0, 1.0]),
+        reading_offset=np.array([0.3, 0.0]),
+        reading_noise=np.array([1.0, np.inf]),
+    )
+    found = corrected(state, Sample(time=1.0, dt=0.02, u=np.array([4.0]), y=np.array([6.3, 1.0])))
+    assert found.u.tolist() == [4.5]
+    assert found.y[0] == pytest.approx(3.0)
+    assert np.isnan(found.y[1])

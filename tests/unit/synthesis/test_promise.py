@@ -73,4 +73,7 @@ def test_model_file_sets_the_limits() -> None:
     assert (usual.cusum_limit, usual.slow_error_limit) == (25.0, 1.6)
     promised = thresholds("time_between_false_alarms: 30 days")
     assert promised.cusum_limit == pytest.approx(cusum_limit(month, 1.0, 1, usual.cusum_drift, 4))
+    assert promised.fast_limit == pytest.approx(cusum_limit(month, 1.0, 1, usual.fast_drift, 4))
+    assert promised.fast_limit < 20.0
+    assert usual.fast_limit == 1000.0
     assert promised.slow_error_limit == pytest.approx(slow_error_limit(month, [600.0], 2))
