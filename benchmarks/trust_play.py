@@ -7,7 +7,8 @@ import numpy as np
 
 from benchmarks.play import engine_of
 from benchmarks.trust_cases import Case, Played
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
+from faultbond.runtime.accepting import candidate_names
+from faultbond.runtime.history import Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.spec import EngineSpec
@@ -107,13 +108,8 @@ def _run(
     )
 
 
-def names_of(candidate: Candidate) -> frozenset[str]:
-    """Give the parameters of a candidate, or its sensor or input."""
-    return frozenset(name.partition(".")[0] for name in candidate.parameters)
-
-
 def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
-    sets = [names_of(item) for item in diagnosis.candidates]
+    sets = [candidate_names(item) for item in diagnosis.candidates]
     place = sets.index(made.suspects) if made.suspects in sets else len(sets)
     best = diagnosis.candidates[0]
     true = diagnosis.candidates[place] if place < len(sets) else None

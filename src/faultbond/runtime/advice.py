@@ -9,6 +9,7 @@ Source: de Kleer and Williams, Artificial Intelligence 32 (1987) 97 (probing by 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -168,11 +169,13 @@ def _measurements(spec: EngineSpec, state: State, rivals: Sequence[_Rival], prob
     values = np.stack([probe(rival.lane, state.held) for rival in rivals])
     signals = [item for item in spec.checks if item.kind is CheckKind.SIGNAL]
     for k, item in enumerate(signals):
-        groups = _groups(
-            len(rivals),
-            lambda i, j, k=k, noise=item.noise: abs(values[i, k] - values[j, k]) / max(noise, 1e-300),  # type: ignore[misc]
-        )
+        scaled = (values[:, k] / max(item.noise, 1e-300)).tolist()
+        groups = _groups(len(rivals), partial(_apart, scaled))
         yield from _advice(rivals, groups, CheckKind.SIGNAL, item.name, item.cost)
+
+
+def _apart(values: Sequence[float], i: int, j: int) -> float:
+    return abs(values[i] - values[j])
 
 
 def _groups(count: int, separation: Callable[[int, int], float]) -> list[list[int]]:
