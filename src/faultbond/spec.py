@@ -186,6 +186,11 @@ class EngineSpec:
         """All hypotheses: those tested from the alarm on, then those in reserve."""
         return self.n_begun + len(self.reserve)
 
+    @cached_property
+    def reserve_costs(self) -> FloatArray:
+        """Cost of the suspects of each set in reserve, nats."""
+        return _still(self.thresholds.cost_per_suspect * np.array([float(len(chosen)) for chosen in self.reserve]))
+
     def members(self, hypothesis: int) -> tuple[int, ...]:
         """Give the parameters of a hypothesis; none of an instrument."""
         if hypothesis < len(self.hypotheses):

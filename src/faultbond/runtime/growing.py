@@ -123,8 +123,7 @@ def grow(
     for k, row in place.items():
         likelihood[k] = found[row].max()
         values[k] = before[spec.parameter_slice, PER_SET * row + int(np.argmax(found[row]))]
-    costs = spec.thresholds.cost_per_suspect * np.array([len(chosen) for chosen in spec.reserve])
-    chosen = np.argsort(costs - likelihood, kind="stable")[: n_grown(spec)]
+    chosen = np.argsort(spec.reserve_costs - likelihood, kind="stable")[: n_grown(spec)]
     plan = _plan(spec, [spec.reserve[k] for k in chosen], values[chosen], trail.lanes[0][spec.parameter_slice])
     lanes = begin_steps(spec, engine, trail, alarm, plan)
     for row, k in enumerate(chosen):

@@ -231,8 +231,7 @@ def _untested(spec: EngineSpec, bank: Bank) -> Untested | None:
     if not spec.reserve:
         return None
     left = np.setdiff1d(np.arange(len(spec.reserve)), bank.grown.astype(np.intp))
-    costs = spec.thresholds.cost_per_suspect * np.array([len(chosen) for chosen in spec.reserve])
-    score = (extend(spec, tested_sets(spec, bank), bank.healthy[:, 0]).likelihood - costs)[left]
+    score = (extend(spec, tested_sets(spec, bank), bank.healthy[:, 0]).likelihood - spec.reserve_costs)[left]
     own = scores(spec, bank)
     top = max(float(own.max()), float(score.max(initial=-np.inf)))
     rest = float(np.exp(score - top).sum())

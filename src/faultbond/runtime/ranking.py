@@ -56,14 +56,13 @@ def lane_table(spec: EngineSpec, grown: tuple[int, ...] = ()) -> LaneTable:
     instruments = [
         settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments
     ]
-    in_reserve = [settings.cost_per_suspect * len(chosen) for chosen in spec.reserve]
     kinds = [_KINDS.index(FaultKind.STEP)] * (steps.n_lanes + len(later))
     kinds += [_KINDS.index(lane.kind) for lane in slots.lanes]
     return LaneTable(
         hypothesis=np.concatenate([steps.hypothesis, spec.n_begun + np.maximum(later, 0), slots.hypothesis]),
         kind=np.array(kinds, dtype=np.intp),
         weight=np.concatenate([-np.log(counts[steps.hypothesis]), none, slots.weight]),
-        costs=np.array([*(settings.cost_per_suspect * steps.sizes), *instruments, *in_reserve]),
+        costs=np.array([*(settings.cost_per_suspect * steps.sizes), *instruments, *spec.reserve_costs]),
     )
 
 
