@@ -47,7 +47,7 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
 
 
 def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
-    """Rule a candidate of a kept run out."""
+    """Rule a candidate of a kept run out, and with it all sets that contain it."""
     opened = _opened(model, state)
     chosen = find_hypothesis(opened.watcher.spec, names)
     rejected = Accepted(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)

@@ -1,7 +1,8 @@
 """Accepting and rejecting a candidate: what a person, or a rule, makes of a diagnosis.
 
 An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
-instrument is corrected from then on, and the alarms are on again. A rejected one is out until the next alarm.
+instrument is corrected from then on, and the alarms are on again. A rejected one is out until the next alarm, and with
+it all sets that contain it: that all of a set are at fault is claimed by each of these too.
 """
 
 from collections.abc import Sequence
@@ -13,12 +14,12 @@ from faultbond.errors import FaultbondError
 from faultbond.runtime.bank import no_bank
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.monitor import conclude
-from faultbond.runtime.ranking import best_lanes
+from faultbond.runtime.ranking import best_lanes, scores
 from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.runtime.slotted import shared
 from faultbond.runtime.state import State, bank_fields
 from faultbond.spec import EngineSpec, pack, unpack
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import BoolArray, FaultKind, FloatArray
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
 SURE = 0.95  # probability from which a rule accepts, if nothing else is said
@@ -90,7 +91,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
 
 
 def reject(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Candidate]:
-    """Rule a hypothesis out until the next alarm; the others share its probability.
+    """Rule a hypothesis out until the next alarm, with all sets that contain it; the others share their probability.
 
     Raises
     ------
@@ -98,11 +99,36 @@ def reject(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         Where there is no alarm to explain, or nothing would be left.
     """
     candidate = candidate_of(spec, state, hypothesis)
-    rejected = state.rejected.copy()
-    rejected[hypothesis] = 1.0
-    if np.all(rejected > 0):
-        raise FaultbondError(f"{', '.join(candidate.components)}: the last hypothesis cannot be rejected.")
+    rejected = without(spec, state.rejected, hypothesis, scores(spec, state.bank) > -np.inf)
     return replace(state, rejected=rejected), candidate
+
+
+def without(spec: EngineSpec, rejected: FloatArray, hypothesis: int, tested: BoolArray) -> FloatArray:
+    """Give what is rejected after one more hypothesis, with all that contain it.
+
+    Parameters
+    ----------
+    spec : the model
+    rejected : float array, shape (n_hypotheses,)
+        1 for each hypothesis that is rejected.
+    hypothesis : the one that a person rejects
+    tested : bool array, shape (n_hypotheses,)
+        Those that have a score now.
+
+    Raises
+    ------
+    FaultbondError
+        Where no tested hypothesis would be left.
+    """
+    chosen = frozenset(spec.members(hypothesis))
+    after = rejected.copy()
+    after[hypothesis] = 1.0
+    if chosen:  # an instrument is in no set but its own
+        after[[chosen <= frozenset(spec.members(k)) for k in range(len(after))]] = 1.0
+    if np.all(after[tested] > 0):
+        names = ", ".join(sorted(hypothesis_names(spec, hypothesis)))
+        raise FaultbondError(f"{names}: the last hypothesis cannot be rejected, and all that are left contain this.")
+    return after
 
 
 def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:

@@ -102,7 +102,9 @@ def tested_sets(spec: EngineSpec, bank: Bank) -> Tested:
     return Tested(sets=spec.hypotheses, likelihood=own[-1, best], mean=mean, variance=variance)
 
 
-def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int) -> Bank:
+def renew_bank(
+    spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int, rejected: FloatArray
+) -> Bank:
     """Begin lanes of steps and drifts again from what the bank has found, and those of the likeliest sets in reserve.
 
     Parameters
@@ -112,13 +114,18 @@ def renew_bank(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm
     bank : the bank before
     alarm : place of the alarm in the trail
     index : number of the sample of now
+    rejected : float array, shape (n_hypotheses,)
+        1 for each that a person has ruled out; of the reserve these are not begun.
     """
     own, grown = plan_lanes(spec).n_lanes, bank.grown
     steps = bank.steps.copy()
     steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own], alarm)
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
-        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], bank.grown)
+        out = rejected[spec.n_begun :] > 0
+        extended = replace(extended, likelihood=np.where(out, -np.inf, extended.likelihood))
+        kept = np.where(out[bank.grown.astype(np.intp)], -1.0, bank.grown)
+        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], kept)
     slots = renew_slots(spec, engine, trail, bank.slots, alarm)
     renewed = np.concatenate([np.any(steps != bank.steps, axis=0), np.any(slots != bank.slots, axis=0)])
     return replace(bank, steps=steps, slots=slots, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

@@ -185,7 +185,7 @@ def _judge(
         bank = advance_bank(spec, engine, bank, packed, state.index)
         if state.index - alarm in RENEWALS:
             trail, place = _cut_trail(state, alarm)
-            bank = renew_bank(spec, engine, trail, bank, place, state.index)
+            bank = renew_bank(spec, engine, trail, bank, place, state.index, state.rejected)
     elif warm:
         detection, change = detect(spec, state)
         if detection is not None:

@@ -88,7 +88,7 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     """Renewed lanes have empty sums from that sample on; all others but those of drifts keep lane and sums."""
     state = alarmed(200)
     bank = state.bank
-    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888)
+    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888, state.rejected)
     changed = differing_lanes(renewed, bank)
     assert 0 < changed.sum() < bank.steps.shape[1]
     drifts = np.concatenate(drift_groups(plan_slots(SPEC))) + bank.steps.shape[1]

@@ -78,8 +78,10 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bank begins again exactly at the samples that are set for it, counted from the alarm."""
     renewed = []
 
-    def renew(spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int) -> Bank:
-        del spec, engine, trail, alarm
+    def renew(
+        spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int, rejected: FloatArray
+    ) -> Bank:
+        del spec, engine, trail, alarm, rejected
         renewed.append(index)
         return bank
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.errors import FaultbondError
+from faultbond.runtime.accepting import without
 from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.ranking import rank
 from faultbond.runtime.classic.state import ClassicState, begin_anew
@@ -37,18 +38,15 @@ def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
 
 
 def reject(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis: int) -> tuple[ClassicState, Candidate]:
-    """Rule a hypothesis out until the next alarm; give the state and the candidate as it stood.
+    """Rule a hypothesis out until the next alarm, with all that contain it; give the state and the candidate.
 
     Raises
     ------
     FaultbondError
-        Where there is no alarm to explain, the hypothesis is not among the candidates, or it is the last one.
+        Where there is no alarm to explain, the hypothesis is not among the candidates, or nothing would be left.
     """
     candidate = _candidate(spec, plan, state, hypothesis)
-    rejected = state.rejected.copy()
-    rejected[hypothesis] = 1.0
-    if np.all(rejected > 0):
-        raise FaultbondError(f"{', '.join(candidate.components)}: the last hypothesis cannot be rejected.")
+    rejected = without(spec, state.rejected, hypothesis, np.ones(len(state.rejected), dtype=bool))
     return replace(state, rejected=rejected), candidate
 
 
