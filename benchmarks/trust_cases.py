@@ -1,182 +1,41 @@
-"""What is simulated for the table of trust: plants, and faults of every kind.
+"""What is played for the table of trust: the kinds of run, and when one looks at them."""
 
-Of every second seed the stores keep effort or flow at the fault, not content (`benchmarks.variants`).
-"""
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, partial
-from itertools import combinations
+from benchmarks.trust_arrival import interrupted, with_late, with_missing
+from benchmarks.trust_plants import (
+    MOTOR,
+    MOTOR_SECONDS,
+    MOVING_AFTER,
+    NEVER,
+    TANK_SECONDS,
+    Make,
+    any_pair,
+    any_triple,
+    drifting,
+    healthy,
+    healthy_moving,
+    misread,
+    roughly_modelled,
+    stepped,
+)
+from faultbond.types import FaultKind
 
-import numpy as np
-
-from benchmarks.plants import EXAMPLES, case, recipe_module
-from benchmarks.variants import effort_or_flow_goes_on
-from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
-from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
-from faultbond.types import FloatArray
-
-TANK_SECONDS, MOTOR_SECONDS = 4920.0, 60.0
-ONSETS = {"tank": (1200.0, 1800.0), "dc_motor": (15.0, 25.0), "dc_motor_current": (15.0, 25.0)}
-DRIFT_ONSET, DRIFT_SECONDS = (300.0, 900.0), 3600.0
-MOTOR = ("R", "L", "K", "J", "C")
-NEVER = float("inf")
-LOW, HIGH = 4000.0, 10000.0  # Pa: levels between which the outlet keeps the tank whose valves move
-NONE: Mapping[str, float] = {}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Played:
-    """One recording and what is true of it.
-
-    suspects : parameters at fault, or the sensor at fault; empty of a healthy plant
-    onset : moment of the fault, s
-    values : true values at the end of the recording, by parameter, SI
-    rate : of a drift, SI per second
-    """
-
-    folder: str
-    time: FloatArray
-    inputs: FloatArray
-    outputs: FloatArray
-    suspects: frozenset[str] = frozenset()
-    onset: float = NEVER
-    values: Mapping[str, float]
-    rate: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """A kind of run: `make` gives the recording of a seed, `looks` are the seconds after the alarm at which one reads.
-
-    opened : seconds since the alarm for which `u_in` has to have been at 60 % or more at the last look
-    """
-
-    key: str
-    make: Callable[[int], Played]
-    looks: tuple[float, ...] = ()
-    opened: float = 0.0
-
-
-@cache
-def graph_of(folder: str) -> BondGraph:
-    """Give the model of an example."""
-    return load_model(EXAMPLES / folder / "model.yaml")
-
-
-def healthy(folder: str, seconds: float, seed: int) -> Played:
-    """Give a run without a fault."""
-    return _played(folder, case(folder, seed, seconds=seconds).recording, ())
-
-
-def roughly_modelled(seed: int) -> Played:
-    """Give a healthy tank that is worse modelled than usual by 5 to 3: parameters off by up to 5 %, and the curves."""
-    graph, module = graph_of("tank"), recipe_module("tank")
-    level = np.random.default_rng([seed, 1]).uniform(0.4, 0.7)
-    start = {"tank.q": level * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
-    policy = Policy(time=np.arange(TANK_SECONDS), begin=module.recipe)
-    effects = Effects(spread=0.05, lag=3.0, curve={"u_in": 0.05, "u_out": 0.033})
-    return _played("tank", simulate(graph, policy, (), seed=seed, effects=effects, start=start), ())
-
-
-def stepped(folder: str, factors: Sequence[tuple[str, float]], seed: int) -> Played:
-    """Give a run in which parameters step."""
-    onset = _onset(folder, seed)
-    faults = [Fault(parameter=name, factor=factor, start=onset) for name, factor in factors]
-    plant = effort_or_flow_goes_on(folder) if seed % 2 else None
-    seconds = TANK_SECONDS if folder == "tank" else MOTOR_SECONDS
-    recording = case(folder, seed, faults, seconds=seconds, plant=plant).recording
-    return replace(_played(folder, recording, [name for name, _ in factors]), onset=onset)
-
-
-def drifting(seed: int) -> Played:
-    """Give a tank whose K1 doubles over an hour, while its valves move; the recording ends when it has."""
-    onset = float(np.random.default_rng([seed, 7]).uniform(*DRIFT_ONSET))
-    fault = Fault(parameter="K1", factor=2.0, start=onset, end=onset + DRIFT_SECONDS)
-    graph, module = graph_of("tank"), recipe_module("tank")
-    start = {"tank.q": 0.6 * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
-    policy = Policy(time=np.arange(round(onset + DRIFT_SECONDS) + 1.0), begin=moving_valves)
-    recording = simulate(graph, policy, [fault], seed=seed, effects=module.EFFECTS, start=start)
-    found = _played("tank", recording, ["K1"])
-    return replace(found, onset=onset, rate=0.5 * found.values["K1"] / DRIFT_SECONDS)
-
-
-def moving_valves() -> Decide:
-    """Begin an operation whose inlet valve moves every five minutes, while the outlet keeps the level in bounds."""
-    draining = False
-
-    def decide(time: float, outputs: FloatArray) -> Sequence[float]:
-        nonlocal draining
-        level = outputs[1]  # Pa; nan at the first row
-        draining = level > HIGH or (draining and not level < LOW)
-        return (80.0, 45.0, 70.0, 30.0)[int(time // 300.0) % 4], 65.0 if draining else 35.0
-
-    return decide
-
-
-def biased(folder: str, sensor: str, sds: float, seed: int) -> Played:
-    """Give a run in which a sensor reads `sds` of its noise too much, or too little, from the onset on."""
-    graph, onset = graph_of(folder), _onset(folder, seed)
-    found = healthy(folder, TANK_SECONDS if folder == "tank" else MOTOR_SECONDS, seed)
-    index = [item.name for item in graph.sensors].index(sensor)
-    outputs = found.outputs.copy()
-    sign = 1.0 if seed % 4 < 2 else -1.0
-    outputs[found.time >= onset, index] += sign * sds * graph.sensors[index].noise
-    return replace(found, outputs=outputs, suspects=frozenset({sensor}), onset=onset)
-
-
-def any_pair(folder: str, alike: bool, seed: int) -> Played:
-    """Give a motor of which two parameters step by 1.5 or 2, up or down; `alike`: both in the same direction."""
-    generator = np.random.default_rng([seed, 11])
-    pairs = list(combinations(MOTOR, 2))
-    chosen = pairs[seed % len(pairs)]
-    signs = generator.choice([-1.0, 1.0], 2)
-    if alike:
-        signs[1] = signs[0]
-    factors = generator.choice([1.5, 2.0], 2) ** signs
-    return stepped(folder, list(zip(chosen, (float(f) for f in factors), strict=True)), seed)
-
-
-def any_triple(folder: str, seed: int) -> Played:
-    """Give a motor of which three parameters step by 1.5 or 2, up or down."""
-    generator = np.random.default_rng([seed, 13])
-    triples = list(combinations(MOTOR, 3))
-    factors = generator.choice([1.5, 2.0], 3) ** generator.choice([-1.0, 1.0], 3)
-    return stepped(folder, list(zip(triples[seed % 10], (float(f) for f in factors), strict=True)), seed)
-
-
-def with_missing(make: Callable[[int], Played], part: float, seed: int) -> Played:
-    """Give a run in which a part of all values is missing."""
-    found = make(seed)
-    generator = np.random.default_rng([seed, 17])
-    inputs, outputs = found.inputs.copy(), found.outputs.copy()
-    inputs[generator.random(inputs.shape) < part] = np.nan
-    outputs[generator.random(outputs.shape) < part] = np.nan
-    inputs[0] = found.inputs[0]
-    return replace(found, inputs=inputs, outputs=outputs)
-
-
-def _onset(folder: str, seed: int) -> float:
-    return float(np.random.default_rng([seed, 7]).uniform(*ONSETS[folder]))
-
-
-def _played(folder: str, recording: Simulation, suspects: Sequence[str]) -> Played:
-    names = [item.name for item in graph_of(folder).parameters]
-    return Played(
-        folder=folder,
-        time=recording.time,
-        inputs=recording.inputs,
-        outputs=recording.outputs,
-        suspects=frozenset(suspects),
-        values={name: float(recording.parameters[-1, names.index(name)]) for name in suspects},
-    )
-
-
-_LEAK, _PIPE = ("K6", 8.37), ("K1", 1.85)  # the leak: 8.7e-5 m3/s
+SMALL = ("K2", "K3", "K4", "K7", "K8")
+SMALL_MOVED = ("K2", "K3")
 SMALL_LEAK = 1.0 + 1.0e-5 / 1.04e-5  # 0.010 l/s more
+SMALL_AFTER = 1500.0  # s that a small fault is recorded
+DISTURBED = ("missing", "late", "restored")
+PLAIN = {"K6": "tank.K6", "R": "motor.R.double"}  # the runs that are disturbed
+
+Factors = tuple[tuple[str, float], ...]
+_LEAK, _PIPE = ("K6", 8.37), ("K1", 1.85)  # the leak: 8.7e-5 m3/s
 _TANK_LOOKS, _MOTOR_LOOKS = (120.0, 300.0, 600.0), (2.0, 5.0, 10.0, 20.0)
-_SETS: dict[str, tuple[tuple[str, float], ...]] = {
+_OPENED, _SETTLED = 300.0, 120.0
+_PART = 0.05  # of values that are missing, of rows that are late
+_SETS: dict[str, Factors] = {
     "K1": (_PIPE,),
     "K6": (_LEAK,),
     "K1+K6": (_PIPE, _LEAK),
@@ -187,49 +46,95 @@ _SETS: dict[str, tuple[tuple[str, float], ...]] = {
     "K7": (("K7", 1.2),),
     "K8": (("K8", 0.85),),
 }
-SMALL = ("K2", "K3", "K4", "K7", "K8")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A kind of run: `make` gives the recording of a seed, `looks` are the seconds after the alarm at which one reads.
+
+    The last look waits, if need be, for two more things.
+
+    opened : seconds since the alarm for which `u_in` has been at 60 % or more
+    settled : seconds since `u_out` moved for the first time after the alarm; None: it need not move
+    """
+
+    key: str
+    make: Make
+    looks: tuple[float, ...] = ()
+    opened: float = 0.0
+    settled: float | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether the last look may come later than it says."""
+        return self.opened > 0.0 or self.settled is not None
+
+
+def _all_healthy() -> Iterator[Case]:
+    yield Case(key="tank.healthy", make=partial(healthy, "tank", TANK_SECONDS))
+    yield Case(key="tank.rough", make=roughly_modelled)
+    yield Case(key="motor.healthy", make=partial(healthy, "dc_motor", 300.0))
+    yield Case(key="current.healthy", make=partial(healthy, "dc_motor_current", 300.0))
+
+
+def _tank() -> Iterator[Case]:
+    for key, factors in _SETS.items():
+        make = partial(stepped, "tank", factors)
+        yield Case(key=f"tank.{key}", make=make, looks=_TANK_LOOKS, opened=_OPENED)
+        make = partial(stepped, "tank", factors, moving=True, after=MOVING_AFTER)
+        yield Case(key=f"moved.{key}", make=make, looks=_TANK_LOOKS, opened=_OPENED, settled=_SETTLED)
+
+
+def _small() -> Iterator[Case]:
+    yield Case(key="small.K6", make=partial(stepped, "tank", (("K6", SMALL_LEAK),), after=SMALL_AFTER))
+    for word, factor in (("up", 1.1), ("down", 0.9)):
+        for name in SMALL:
+            make = partial(stepped, "tank", ((name, factor),), after=SMALL_AFTER)
+            yield Case(key=f"small.{name}.{word}", make=make)
+        for name in SMALL_MOVED:
+            make = partial(stepped, "tank", ((name, factor),), after=SMALL_AFTER, moving=True)
+            yield Case(key=f"moved.small.{name}.{word}", make=make)
+
+
+def _motor() -> Iterator[Case]:
+    for name in MOTOR:
+        for word, factor in (("up", 1.5), ("down", 1.0 / 1.5)):
+            make = partial(stepped, "dc_motor", ((name, factor),))
+            yield Case(key=f"motor.{name}.{word}", make=make, looks=_MOTOR_LOOKS)
+    yield Case(key="motor.R.double", make=partial(stepped, "dc_motor", (("R", 2.0),)), looks=_MOTOR_LOOKS)
+    yield Case(key="motor.pairs.alike", make=partial(any_pair, "dc_motor", True), looks=_MOTOR_LOOKS)
+    yield Case(key="motor.pairs.any", make=partial(any_pair, "dc_motor", False), looks=_MOTOR_LOOKS)
+    yield Case(key="current.triples", make=partial(any_triple, "dc_motor_current"), looks=_MOTOR_LOOKS)
+
+
+def _sensors() -> Iterator[Case]:
+    tank, motor = partial(healthy, "tank", TANK_SECONDS), partial(healthy, "dc_motor", MOTOR_SECONDS)
+    current = partial(healthy, "dc_motor_current", MOTOR_SECONDS)
+    for kind in (FaultKind.BIAS, FaultKind.NOISE, FaultKind.GAIN, FaultKind.STUCK):
+        word = kind.value
+        for sensor in ("flow", "pressure"):
+            yield Case(key=f"{word}.{sensor}", make=partial(misread, tank, sensor, kind), looks=_TANK_LOOKS)
+        yield Case(key=f"{word}.omega", make=partial(misread, motor, "omega", kind), looks=_MOTOR_LOOKS)
+    for sensor in ("omega", "i"):
+        make = partial(misread, current, sensor, FaultKind.BIAS)
+        yield Case(key=f"bias.current.{sensor}", make=make, looks=_MOTOR_LOOKS)
+    for sensor in ("flow", "pressure"):
+        make = partial(misread, healthy_moving, sensor, FaultKind.BIAS)
+        yield Case(key=f"moved.bias.{sensor}", make=make, looks=_TANK_LOOKS)
+
+
+def _disturbed() -> Iterator[Case]:
+    leak, winding = partial(stepped, "tank", (_LEAK,)), partial(stepped, "dc_motor", (("R", 2.0),))
+    for name, make, looks in (("K6", leak, _TANK_LOOKS), ("R", winding, _MOTOR_LOOKS)):
+        opened = _OPENED if name == "K6" else 0.0  # as of the plain run
+        yield Case(key=f"missing.{name}", make=partial(with_missing, make, _PART), looks=looks, opened=opened)
+        yield Case(key=f"late.{name}", make=partial(with_late, make, _PART), looks=looks, opened=opened)
+        yield Case(key=f"restored.{name}", make=partial(interrupted, make), looks=looks, opened=opened)
 
 
 def _cases() -> list[Case]:
-    found = [
-        Case(key="tank.healthy", make=partial(healthy, "tank", TANK_SECONDS)),
-        Case(key="tank.rough", make=roughly_modelled),
-        Case(key="motor.healthy", make=partial(healthy, "dc_motor", 300.0)),
-        Case(key="current.healthy", make=partial(healthy, "dc_motor_current", 300.0)),
-    ]
-    found += [
-        Case(key=f"tank.{key}", make=partial(stepped, "tank", factors), looks=_TANK_LOOKS, opened=300.0)
-        for key, factors in _SETS.items()
-    ]
-    found.append(Case(key="small.K6", make=partial(stepped, "tank", [("K6", SMALL_LEAK)])))
-    found += [
-        Case(key=f"small.{name}.{word}", make=partial(stepped, "tank", [(name, factor)]))
-        for name in SMALL
-        for word, factor in (("up", 1.1), ("down", 0.9))
-    ]
-    found += [
-        Case(key=f"motor.{name}.{word}", make=partial(stepped, "dc_motor", [(name, factor)]), looks=_MOTOR_LOOKS)
-        for name in MOTOR
-        for word, factor in (("up", 1.5), ("down", 1.0 / 1.5))
-    ]
-    found += [
-        Case(key="motor.pairs.alike", make=partial(any_pair, "dc_motor", True), looks=_MOTOR_LOOKS),
-        Case(key="motor.pairs.any", make=partial(any_pair, "dc_motor", False), looks=_MOTOR_LOOKS),
-        Case(key="current.triples", make=partial(any_triple, "dc_motor_current"), looks=_MOTOR_LOOKS),
-        Case(key="bias.flow", make=partial(biased, "tank", "flow", 5.0), looks=_TANK_LOOKS),
-        Case(key="bias.pressure", make=partial(biased, "tank", "pressure", 5.0), looks=_TANK_LOOKS),
-        Case(key="bias.omega", make=partial(biased, "dc_motor", "omega", 5.0), looks=_MOTOR_LOOKS),
-        Case(key="bias.current.omega", make=partial(biased, "dc_motor_current", "omega", 5.0), looks=_MOTOR_LOOKS),
-        Case(key="bias.current.i", make=partial(biased, "dc_motor_current", "i", 5.0), looks=_MOTOR_LOOKS),
-        Case(key="drift.K1", make=drifting, looks=(NEVER,)),
-        Case(key="missing.K6", make=partial(with_missing, partial(stepped, "tank", (_LEAK,)), 0.05), looks=_TANK_LOOKS),
-        Case(
-            key="missing.R",
-            make=partial(with_missing, partial(stepped, "dc_motor", [("R", 2.0)]), 0.05),
-            looks=_MOTOR_LOOKS,
-        ),
-    ]
-    return found
+    drift = Case(key="drift.K1", make=drifting, looks=(NEVER,))
+    return [*_all_healthy(), *_tank(), *_small(), *_motor(), *_sensors(), drift, *_disturbed()]
 
 
 CASES = {item.key: item for item in _cases()}

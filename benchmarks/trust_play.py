@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.play import engine_of
-from benchmarks.trust_cases import Case, Played
+from benchmarks.trust_arrival import watched
+from benchmarks.trust_cases import Case
+from benchmarks.trust_plants import Played
 from faultbond.runtime.accepting import candidate_names
 from faultbond.runtime.history import Detection, Diagnosis, Suspect
-from faultbond.runtime.monitor import finish, step
+from faultbond.runtime.monitor import finish
 from faultbond.runtime.state import Sample, init
 from faultbond.spec import EngineSpec
 
@@ -64,24 +66,47 @@ def play(case: Case, seed: int) -> Run:
     spec, engine = engine_of(made.folder)
     if made.rate:
         spec = _with_limit(spec, made.suspects)
-    state, detection = init(spec), None
+    patience, detection, state = _Patience(case), None, init(spec)
     diagnoses: list[Diagnosis] = []
-    cusum, opened, until = 0.0, 0.0, max(case.looks, default=0.0)
-    for time, dt, u, y in zip(
-        made.time, np.diff(made.time, prepend=made.time[0]), made.inputs, made.outputs, strict=True
-    ):
-        if detection is not None:
-            opened += dt * float(u[0] >= OPEN)
-            if time > detection.time + until + _EPSILON and opened >= case.opened:
-                break
-        state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
-        if time < made.onset:
+    cusum = 0.0
+    for sample, now, report in watched(spec, engine, made):
+        state = now
+        if sample.time < made.onset:
             cusum = float(np.fmax(cusum, np.nan_to_num(report.cusum).max()))
         detection = report.detection or detection
         diagnoses += [report.diagnosis] if report.diagnosis is not None else []
+        if detection is not None and patience.ends(sample, detection.time):
+            break
     last = finish(spec, state)
     diagnoses += [last] if last is not None else []
     return _run(case, seed, made, detection, diagnoses, cusum)
+
+
+class _Patience:
+    """How long a run is watched after its alarm.
+
+    Parameters
+    ----------
+    case : whose last look is waited for
+    """
+
+    def __init__(self, case: Case) -> None:
+        self._case = case
+        self._until = max(case.looks, default=0.0)
+        self._opened, self._moved, self._outlet = 0.0, np.inf, np.nan
+
+    def ends(self, sample: Sample, alarm: float) -> bool:
+        """Take a sample after the alarm, and tell whether it is the last one."""
+        case = self._case
+        if not case.waits:
+            return sample.time >= alarm + self._until - _EPSILON
+        inlet, outlet = sample.u
+        self._opened += sample.dt * float(inlet >= OPEN)
+        if abs(outlet - self._outlet) > 0.0:  # not of the first one
+            self._moved = min(self._moved, sample.time)
+        self._outlet = outlet if np.isfinite(outlet) else self._outlet
+        settled = case.settled is None or sample.time >= self._moved + case.settled
+        return settled and self._opened >= case.opened and sample.time >= alarm + self._until - _EPSILON
 
 
 def _run(
@@ -92,7 +117,7 @@ def _run(
     claims = tuple(_claim(made, item, detection.time) for item in diagnoses) if detection is not None and found else ()
     looks = []
     for after in case.looks if claims else ():
-        final = after == max(case.looks) if case.opened else False
+        final = case.waits and after == max(case.looks)
         seen = [item for item in claims if item.after <= after + _EPSILON]
         looks.append(claims[-1] if final or not seen else seen[-1])
     return Run(
