@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from benchmarks.trust_cases import DISTURBED
 from benchmarks.trust_play import Claim, Run
 
 LATE = {"tank": 300.0, "dc_motor": 5.0, "dc_motor_current": 5.0}  # s since the alarm, from which claims have to hold
@@ -28,11 +29,15 @@ def coverage_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
 
 
 def claims_of(runs: Mapping[str, Sequence[Run]], *, late: bool) -> list[Claim]:
-    """Give the claims of all runs from the moment on from which they have to hold, or those before."""
+    """Give the claims of all runs from the moment on from which they have to hold, or those before.
+
+    Runs that are disturbed are left out: they have the faults, plants and noise of other ones.
+    """
     return [
         claim
         for found in runs.values()
         for run in found
+        if run.key.partition(".")[0] not in DISTURBED
         for claim in run.claims
         if (claim.after >= LATE[run.folder]) == late
     ]

@@ -23,7 +23,7 @@ MOVING_AFTER = 3000.0  # s that a tank whose valves move is recorded after the o
 DRIFT_ONSET, DRIFT_SECONDS = (300.0, 900.0), 3600.0
 MOTOR = ("R", "L", "K", "J", "C")
 NEVER = float("inf")
-LOW, HIGH = 4000.0, 10000.0  # Pa: levels between which the valves keep the tank where they move
+BOUNDS, SWING = (4000.0, 10000.0), (5000.0, 9000.0)  # Pa: levels between which valves that move keep the tank
 BIAS, GAIN, NOISE = 5.0, 1.15, 3.0  # of a sensor: declared sd, factor of the reading, factor of the sd
 NONE: Mapping[str, float] = {}
 
@@ -133,28 +133,31 @@ def moving_valves() -> Decide:
 
     def decide(time: float, outputs: FloatArray) -> Sequence[float]:
         nonlocal draining
-        draining = _drains(draining, outputs)
+        draining = _drains(draining, outputs, *BOUNDS)
         return (80.0, 45.0, 70.0, 30.0)[int(time // 300.0) % 4], 65.0 if draining else 35.0
 
     return decide
 
 
 def both_valves() -> Decide:
-    """Begin an operation whose inlet moves every five minutes and whose outlet every four, while the level swings."""
+    """Begin an operation with an inlet that moves every five minutes and an outlet that moves every four.
+
+    The level swings, up and down once in about nine minutes.
+    """
     draining = False
 
     def decide(time: float, outputs: FloatArray) -> Sequence[float]:
         nonlocal draining
-        draining = _drains(draining, outputs)
+        draining = _drains(draining, outputs, *SWING)
         inlet, outlet = ((25.0, 10.0), (90.0, 70.0)) if draining else ((80.0, 65.0), (20.0, 40.0))
         return inlet[int(time // 300.0) % 2], outlet[int(time // 240.0) % 2]
 
     return decide
 
 
-def _drains(draining: bool, outputs: FloatArray) -> bool:
+def _drains(draining: bool, outputs: FloatArray, low: float, high: float) -> bool:
     level = outputs[1]  # Pa; nan at the first row
-    return bool(level > HIGH or (draining and not level < LOW))
+    return bool(level > high or (draining and not level < low))
 
 
 def misread(make: Make, sensor: str, kind: FaultKind, seed: int) -> Played:

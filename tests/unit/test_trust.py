@@ -1,0 +1,227 @@
+"""The table of trust in the benchmarks: its plants, how their rows arrive, how long one looks, its lines."""
+
+import json
+from dataclasses import asdict, replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks import trust, trust_arrival, trust_rows
+from benchmarks.play import engine_of
+from benchmarks.trust_calibration import claims_of
+from benchmarks.trust_cases import CASES, Case
+from benchmarks.trust_plants import SWING, Played, graph_of, healthy, healthy_moving, misread, stepped
+from benchmarks.trust_play import Claim, Run, _Patience, play
+
+from faultbond.runtime.state import Sample
+from faultbond.types import FaultKind
+
+SEED = 31
+WINDING = partial(stepped, "dc_motor", (("R", 2.0),))
+MOTOR = partial(healthy, "dc_motor", 60.0)
+
+
+def claim(rank: int, after: float = 600.0) -> Claim:
+    """Give a claim in which the true set has a rank."""
+    return Claim(after=after, best=0.9, right=rank == 1, rank=rank, group=True, size=1, error=0.01, kind="step")
+
+
+def run(key: str, seed: int, rank: int = 1, delay: float | None = 40.0) -> Run:
+    """Give a run that says the same at each look."""
+    looks = (claim(rank),) * 4 if delay is not None else ()
+    return Run(
+        key=key,
+        folder="tank",
+        seed=seed,
+        delay=delay,
+        early=False,
+        cusum=10.0,
+        unexplained=0,
+        looks=looks,
+        claims=looks[:1],
+    )
+
+
+def line(found: dict[str, list[Run]], words: str) -> trust_rows.Row:
+    """Give the one line of a table whose figure has these words."""
+    (row,) = [row for row in trust_rows.rows(found) if words in row.figure]
+    return row
+
+
+def test_both_valves_move_and_the_level_swings() -> None:
+    """Where both valves move, the outlet steps at least every four minutes and the level passes its bounds often."""
+    found = healthy_moving(SEED)
+    steps = np.flatnonzero(np.diff(found.inputs[:, 1])) + 1
+    assert np.diff([0, *steps, found.time.size]).max() <= 240
+    side = np.where(found.outputs[:, 1] > SWING[1], 1, np.where(found.outputs[:, 1] < SWING[0], -1, 0))
+    turns = np.count_nonzero(np.diff(side[side != 0]))
+    assert turns >= 2 * found.time[-1] / 700.0
+
+
+def test_recording_ends_where_it_is_asked_to() -> None:
+    """A shorter recording of a fault is the beginning of the longer one."""
+    short, long = (stepped("tank", (("K6", 8.37),), SEED, after=after) for after in (100.0, 400.0))
+    assert short.time[-1] == pytest.approx(short.onset + 100.0, abs=1.0)
+    assert long.outputs[: short.time.size] == pytest.approx(short.outputs, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "gain", "offset"), [(FaultKind.GAIN, 1.15, 0.0), (FaultKind.BIAS, 1.0, -5.0 * 0.06)])
+def test_sensor_reads_wrong_from_the_onset_on(kind: FaultKind, gain: float, offset: float) -> None:
+    """A wrong gain scales and a bias moves what the sensor shows, from the onset on and not before."""
+    right, wrong = MOTOR(SEED), misread(MOTOR, "omega", kind, SEED)
+    after = right.time >= wrong.onset
+    assert np.array_equal(wrong.outputs[~after], right.outputs[~after])
+    assert wrong.outputs[after] == pytest.approx(gain * right.outputs[after] + offset)
+    assert wrong.suspects == {"omega"}
+
+
+def test_noise_grows_threefold() -> None:
+    """A noisy sensor scatters by three times what the model declares."""
+    wrong, right = misread(MOTOR, "omega", FaultKind.NOISE, SEED), MOTOR(SEED)
+    added = (wrong.outputs - right.outputs)[right.time >= wrong.onset, 0]
+    declared = graph_of("dc_motor").sensors[0].noise
+    assert np.sqrt(added.var() + declared**2) == pytest.approx(3.0 * declared, rel=0.05)
+
+
+def test_stuck_sensor_keeps_its_last_value() -> None:
+    """A stuck sensor shows what it showed in the last row before the onset."""
+    wrong = misread(MOTOR, "omega", FaultKind.STUCK, SEED)
+    after = wrong.time >= wrong.onset
+    assert set(wrong.outputs[after, 0]) == {wrong.outputs[~after, 0][-1]}
+
+
+def test_late_rows_arrive_once_and_soon() -> None:
+    """Of a hundred rows about five arrive late, none by more than five samples, and each arrives once."""
+    order = np.array(trust_arrival.with_late(WINDING, 0.05, SEED).order)
+    assert np.array_equal(np.sort(order), np.arange(order.size))
+    behind = np.maximum.accumulate(order) - order
+    assert behind.max() == trust_arrival.MOST_LATE
+    assert np.count_nonzero(behind) / order.size == pytest.approx(0.05, abs=0.01)
+
+
+def test_late_rows_are_dropped_live() -> None:
+    """Live, the point of a row that comes late is empty, and all points come in order."""
+    made = trust_arrival.with_late(WINDING, 0.05, SEED)
+    spec, engine = engine_of("dc_motor")
+    samples = [sample for sample, _, _ in trust_arrival.watched(spec, engine, made)]
+    assert [sample.time for sample in samples] == pytest.approx(made.time)
+    order = np.array(made.order)
+    late = {int(k) for k in order[np.maximum.accumulate(order) > order]}
+    assert {k for k, sample in enumerate(samples) if np.isnan(sample.y).all()} == late
+
+
+def test_an_interruption_changes_nothing() -> None:
+    """A run that is kept in a file before the onset and after it says what an uninterrupted one says."""
+    looks = (2.0, 5.0)
+    plain = play(Case(key="plain", make=WINDING, looks=looks), SEED)
+    make = partial(trust_arrival.interrupted, WINDING)
+    stops = make(SEED).stops
+    assert stops[0] < make(SEED).onset < stops[1]
+    assert plain.claims
+    assert replace(play(Case(key="kept", make=make, looks=looks), SEED), key="plain") == plain
+
+
+def test_each_session_begins_after_an_interruption() -> None:
+    """Interruptions cut the rows where they are, and lose none."""
+    made = Played(
+        folder="dc_motor",
+        time=np.arange(9.0),
+        inputs=np.zeros((9, 1)),
+        outputs=np.ones((9, 1)),
+        values={},
+        stops=(2, 5.5),
+    )
+    sessions = [[row.time for row in rows] for rows in trust_arrival._sessions(made)]
+    assert [len(times) for times in sessions] == [2, 4, 3]
+    assert list(chain(*sessions)) == list(made.time)
+
+
+def test_last_look_waits_for_the_valves() -> None:
+    """The last look comes after the inlet was open for long enough and the outlet has settled after a step."""
+    patience = _Patience(Case(key="any", make=MOTOR, looks=(10.0,), opened=30.0, settled=20.0))
+
+    def ends(time: float) -> bool:
+        u = np.array([80.0 if time >= 50.0 else 20.0, 40.0 if time < 70.0 else 60.0])
+        return patience.ends(Sample(time=time, dt=1.0, u=u, y=np.zeros(2)), 5.0)
+
+    assert next(time for time in range(6, 200) if ends(float(time))) == 90
+
+
+def test_look_comes_when_it_is_due() -> None:
+    """Where a case waits for nothing, the last sample is that of the last look."""
+    patience = _Patience(Case(key="any", make=MOTOR, looks=(2.0, 10.0)))
+    ends = [patience.ends(Sample(time=time, dt=1.0, u=np.zeros(2), y=np.zeros(2)), 5.0) for time in (14.0, 15.0)]
+    assert ends == [False, True]
+
+
+def test_runs_outlive_a_program_that_is_stopped(tmp_path: Path) -> None:
+    """Each run is in the file as soon as it ends; a line that is cut off is left out."""
+    path, kept = tmp_path / "runs", []
+    runs = [run("tank.K6", 2), run("tank.K6", 1, delay=None)]
+    for found in trust.keep(iter(runs), path):
+        kept.append(found)
+        assert len(path.read_text(encoding="utf-8").splitlines()) == len(kept)
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps(asdict(runs[0]))[:-5])
+    assert trust.by_case(trust.read([path])) == {"tank.K6": [runs[1], runs[0]]}
+
+
+def test_each_run_is_played_once() -> None:
+    """All runs of a seed are played together, and the first seeds, which have most of them, first."""
+    todo = trust.jobs(["tank.healthy", "tank.K6", "tank.rough"], 4, 10)
+    played = list(chain(*todo))
+    assert len(played) == len(set(played)) == 12 + 4 + 2
+    assert [{seed for _, seed in together} for together in todo[:2]] == [{10}, {11}]
+    assert len(todo) == 12
+
+
+@pytest.mark.parametrize(("wrong", "met"), [(0, True), (1, True), (2, False)])
+def test_disturbed_runs_may_be_worse_by_less_than_two_points(wrong: int, met: bool) -> None:
+    """Of a hundred runs one more may be wrong than without the disturbance."""
+    found = {
+        "tank.K6": [run("tank.K6", seed, rank=2 if seed == 99 else 1) for seed in range(100)],
+        "late.K6": [run("late.K6", seed, rank=2 if seed >= 99 - wrong else 1) for seed in range(100)],
+    }
+    row = line(found, "late: true set first")
+    assert (row.met, row.got) == (met, f"{99 - wrong} of 100 ({99 - wrong} %), {-wrong:+.1f} points")
+
+
+def test_disturbed_runs_are_compared_with_those_of_their_seeds() -> None:
+    """A plain run without a disturbed one of its seed does not count."""
+    found = {
+        "tank.K6": [run("tank.K6", 1), run("tank.K6", 2, delay=90.0)],
+        "missing.K6": [run("missing.K6", 2, delay=95.0), run("missing.K6", 3)],
+    }
+    assert line(found, "missing: detected within 50 s").got == "0 of 1 (0 %), +0.0 points"
+    assert line(found, "missing: detected in 95 %").got == "95 s (median 95 s); undisturbed 90 s (median 90 s)"
+
+
+def test_run_without_an_alarm_is_not_right() -> None:
+    """A fault that is not detected counts among all runs, as not first."""
+    found = {"stuck.flow": [run("stuck.flow", 1), run("stuck.flow", 2, delay=None)]}
+    row = line(found, "stuck")
+    assert row.got == "1 of 2 (50 %); detected in 1 of 2 (50 %), never (median 40 s)"
+    assert (row.asked, row.met) == ("", None)
+
+
+def test_recipe_and_moving_valves_have_lines_of_their_own() -> None:
+    """A fault with the valves moving is no run of the recipe."""
+    found = {"tank.K4": [run("tank.K4", 1, rank=2)], "moved.K4": [run("moved.K4", 1)]}
+    assert line(found, "tank, recipe, nine sets of faults, 10 min after the alarm: true").got == "0 of 1 (0 %)"
+    assert line(found, "tank, valves moving, nine sets of faults, 10 min after the alarm: true").got == "1 of 1 (100 %)"
+
+
+def test_disturbed_runs_are_not_counted_twice() -> None:
+    """The calibration is of the plain runs: the disturbed ones have the same faults, plants and noise."""
+    found = {key: [run(key, 1)] for key in ("tank.K6", "late.K6", "missing.K6", "restored.K6")}
+    assert len(claims_of(found, late=True)) == 1
+
+
+def test_every_case_is_in_the_table() -> None:
+    """No case is played for nothing: without it a line is gone or has other numbers."""
+    found = {key: [run(key, 1)] for key in CASES}
+    whole = trust_rows.rows(found)
+    for key in CASES:
+        assert trust_rows.rows({other: runs for other, runs in found.items() if other != key}) != whole, key
