@@ -72,6 +72,7 @@ class Case:
 
 def _all_healthy() -> Iterator[Case]:
     yield Case(key="tank.healthy", make=partial(healthy, "tank", TANK_SECONDS))
+    yield Case(key="moved.healthy", make=healthy_moving)
     yield Case(key="tank.rough", make=roughly_modelled)
     yield Case(key="motor.healthy", make=partial(healthy, "dc_motor", 300.0))
     yield Case(key="current.healthy", make=partial(healthy, "dc_motor_current", 300.0))

@@ -44,6 +44,7 @@ def rows(runs: Runs) -> list[Row]:
     """Give the lines of the table for the cases that were played."""
     found: list[Row] = []
     found += _alarms(runs, "tank.healthy", "tank healthy, 82 min")
+    found += _alarms(runs, "moved.healthy", "tank healthy, valves moving, 70 to 80 min")
     found += _alarms(runs, "tank.rough", "tank healthy, parameters and curves off by up to 5 %, 82 min")
     found += _alarms(runs, "motor.healthy", "motor healthy, 300 s")
     found += _alarms(runs, "current.healthy", "motor with current healthy, 300 s")

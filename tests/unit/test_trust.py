@@ -138,15 +138,16 @@ def test_each_session_begins_after_an_interruption() -> None:
     assert list(chain(*sessions)) == list(made.time)
 
 
-def test_last_look_waits_for_the_valves() -> None:
+@pytest.mark.parametrize(("moves", "last"), [(70.0, 90), (20.0, 79)])
+def test_last_look_waits_for_the_valves(moves: float, last: int) -> None:
     """The last look comes after the inlet was open for long enough and the outlet has settled after a step."""
     patience = _Patience(Case(key="any", make=MOTOR, looks=(10.0,), opened=30.0, settled=20.0))
 
     def ends(time: float) -> bool:
-        u = np.array([80.0 if time >= 50.0 else 20.0, 40.0 if time < 70.0 else 60.0])
+        u = np.array([80.0 if time >= 50.0 else 20.0, 40.0 if time < moves else 60.0])
         return patience.ends(Sample(time=time, dt=1.0, u=u, y=np.zeros(2)), 5.0)
 
-    assert next(time for time in range(6, 200) if ends(float(time))) == 90
+    assert next(time for time in range(6, 200) if ends(float(time))) == last
 
 
 def test_look_comes_when_it_is_due() -> None:
