@@ -173,7 +173,13 @@ def _certainty(diagnosis: Diagnosis) -> str:
     best, left = diagnosis.candidates[0], diagnosis.untested
     if not best.kinds:  # the method `classic` knows an order only
         return ""
-    return f", {certainty_text(best.probability * (1.0 - (left.probability if left else 0.0)))}"
+    sure = certainty_text(best.probability)
+    if left is None or not left.sets:
+        return f", {sure}"
+    if left.probability >= 1.0:
+        return f", {sure} among the sets tested"
+    least = certainty_text(best.probability * (1.0 - left.probability))
+    return f", {sure}" if least == sure else f", at least {least}"
 
 
 def _owners(graph: BondGraph, candidate: Candidate) -> str:
@@ -286,8 +292,10 @@ def untested_sentence(diagnosis: Diagnosis) -> str:
     left = diagnosis.untested
     if left is None or not left.sets:
         return ""
-    share = probability_text(left.probability)
-    return f"Another {left.sets} sets were too many to be tested; the truth is among them with about {share} %."
+    many = f"Another {left.sets} sets were too many to be tested"
+    if left.probability >= 1.0:
+        return f"{many}; how likely it is that the truth is among them cannot be told."
+    return f"{many}; the truth is among them with at most {math.ceil(1000.0 * left.probability - 1e-9) / 10.0:.1f} %."
 
 
 def _kinds(candidate: Candidate) -> tuple[str, ...]:

@@ -112,7 +112,7 @@ class Advice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Untested:
-    """Sets too many to be tested: how many, and the estimated probability that one of them is the true one."""
+    """Sets too many to be tested: how many, and at most how likely it is that one is the true one; 1: no bound."""
 
     sets: int
     probability: float

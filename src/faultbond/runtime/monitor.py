@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
-from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank, tested_sets
-from faultbond.runtime.growing import extend
-from faultbond.runtime.history import Detection, Diagnosis, Unexplained, Untested
+from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
+from faultbond.runtime.history import Detection, Diagnosis, Unexplained
 from faultbond.runtime.packing import corrected, pack_sample
-from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
+from faultbond.runtime.ranking import leading_lane, rank, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields
 from faultbond.runtime.stepped import Trail
+from faultbond.runtime.untested import untested
 from faultbond.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray
 
@@ -219,23 +219,13 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     if not spec.n_hypotheses:
         return Diagnosis(time=state.time, candidates=())
     bank = _without(spec, state)
+    unexplained = _unexplained(spec, state, leading_lane(spec, _steady(spec, bank)))
+    bounded = unexplained is None and 0 <= state.alarm < state.index - RENEWALS[0]
     return replace(
         rank(spec, state.time, bank),
-        unexplained=_unexplained(spec, state, leading_lane(spec, _steady(spec, bank))),
-        untested=_untested(spec, state.bank),
+        unexplained=unexplained,
+        untested=untested(spec, bank, state.index, state.rejected, bounded=bounded),
     )
-
-
-def _untested(spec: EngineSpec, bank: Bank) -> Untested | None:
-    """Tell how likely the sets are that have no lanes, by the closed form."""
-    if not spec.reserve:
-        return None
-    left = np.setdiff1d(np.arange(len(spec.reserve)), bank.grown.astype(np.intp))
-    score = (extend(spec, tested_sets(spec, bank), bank.healthy[:, 0]).likelihood - spec.reserve_costs)[left]
-    own = scores(spec, bank)
-    top = max(float(own.max()), float(score.max(initial=-np.inf)))
-    rest = float(np.exp(score - top).sum())
-    return Untested(sets=len(left), probability=rest / (rest + float(np.exp(own - top).sum())))
 
 
 def _steady(spec: EngineSpec, bank: Bank) -> Bank:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from io import StringIO
 
+import pytest
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last
 from rich.console import Console
 
@@ -110,13 +111,29 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
     assert "sure" not in verdict
 
 
-def test_sets_too_many_to_be_tested_are_counted() -> None:
-    """What they may hide is told, and the verdict is less sure by as much."""
-    best = kind_of(suspect(GRAPH, "K1", 1.5, 0.1), (FaultKind.STEP, 1.0), probability=0.999)
+MANY = "Another 1330 sets were too many to be tested"
+
+
+@pytest.mark.parametrize(
+    ("part", "sure", "told"),
+    [
+        (None, "+50 %), 99 % sure.", ""),
+        (0.0004, "+50 %), 99 % sure.", f"{MANY}; the truth is among them with at most 0.1 %."),
+        (0.19991, "+50 %), at least 79 % sure.", f"{MANY}; the truth is among them with at most 20.0 %."),
+        (
+            1.0,
+            "+50 %), 99 % sure among the sets tested.",
+            f"{MANY}; how likely it is that the truth is among them cannot be told.",
+        ),
+    ],
+)
+def test_sets_too_many_to_be_tested_are_counted(part: float | None, sure: str, told: str) -> None:
+    """At most what they may hide is told, and the verdict is less sure by as much; where nothing bounds it, that is."""
+    best = kind_of(suspect(GRAPH, "K1", 1.5, 0.1), (FaultKind.STEP, 1.0), probability=0.9985)
     run = with_last(tank_history(GRAPH), (best,))
-    for left, sure in ((None, "99 % sure"), (Untested(sets=1330, probability=0.2), "79 % sure")):
-        text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), Counts(samples=9))
-        words = " ".join(text.split())
-        told = "Another 1330 sets were too many to be tested; the truth is among them with about 20.0 %."
-        assert (told in words) is (left is not None)
-        assert sure in words
+    left = None if part is None else Untested(sets=1330, probability=part)
+    text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), Counts(samples=9))
+    words = " ".join(text.split())
+    assert told in words
+    assert sure in words
+    assert ("too many" in words) is (left is not None)
