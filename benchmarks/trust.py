@@ -85,6 +85,12 @@ def by_case(found: Iterator[Run]) -> Runs:
     return {key: chosen for key, chosen in runs.items() if chosen}
 
 
+def seeds_of(runs: Runs) -> int:
+    """Give how many seeds were asked for."""
+    usual = [len(found) for key, found in runs.items() if key not in PARTS]
+    return max(usual or [round(len(found) / PARTS[key]) for key, found in runs.items()])
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
     chosen = _arguments().parse_args(argv)
@@ -119,8 +125,7 @@ def _tell(runs: Runs, page: Path | None) -> None:
     note = f"Seeds {min(seeds)} to {max(seeds)}, {len(seeds)} runs; {today()}; {machine()}."
     print(f"\n{note}")
     if page is not None:
-        many = max(round(len(found) / PARTS.get(key, 1.0)) for key, found in runs.items())
-        command = f"`python -m benchmarks.trust --seeds {many} --first-seed {min(seeds)}`"
+        command = f"`python -m benchmarks.trust --seeds {seeds_of(runs)} --first-seed {min(seeds)}`"
         parts = (command, note, as_markdown(HEADER, [row.cells for row in table]))
         write_part(page, "trust", "\n\n".join(parts))
         write_part(page, "calibration", as_markdown(("", "claimed", "right", "claims"), calibrated))

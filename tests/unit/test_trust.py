@@ -178,6 +178,14 @@ def test_each_run_is_played_once() -> None:
     assert len(todo) == 12
 
 
+@pytest.mark.parametrize("seeds", [1, 7])
+def test_page_tells_how_many_seeds_were_asked_for(seeds: int) -> None:
+    """The command above the table is told from the runs, whichever cases were played."""
+    for keys in (["tank.healthy", "tank.K6", "tank.rough"], ["tank.healthy"]):
+        found = trust.by_case(run(key, seed) for key, seed in chain(*trust.jobs(keys, seeds, 10)))
+        assert trust.seeds_of(found) == seeds
+
+
 @pytest.mark.parametrize(("wrong", "met"), [(0, True), (1, True), (2, False)])
 def test_disturbed_runs_may_be_worse_by_less_than_two_points(wrong: int, met: bool) -> None:
     """Of a hundred runs one more may be wrong than without the disturbance."""
