@@ -18,6 +18,7 @@ _DOUBLINGS = 12
 _ABSURD = 1e12
 _STEEPEST = 1e100  # slope that can still be squared
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
+_NOTHING = 1e-9  # part of the size of a state below which it is zero but for rounding, which says nothing of its size
 _REACH = 2.0  # a state is at most about this many times what the measured outputs suggest
 
 
@@ -159,7 +160,7 @@ def _sizes(data: _Data, state: FloatArray, centre: FloatArray, free: IntArray) -
         _, slope = _slopes(data, state, free, size)
         effect = np.linalg.norm(slope, axis=0) * size
         size = size * np.clip(total / np.maximum(effect, 1e-300), 1e-3, 1e3)
-    usual = np.abs(centre[free])
+    usual = np.where(np.abs(centre[free]) > _NOTHING * size, np.abs(centre[free]), 0.0)
     hidden = (size / total > usual) & (usual > 0.0)  # even its whole settled value would drown in noise
     unseen = np.where(usual > 0.0, usual, 1.0)
     return np.asarray(np.where(effect <= 0.0, unseen, np.where(hidden, usual, size * _REACH)))
