@@ -121,6 +121,8 @@ class Thresholds:
     cusum_clip: float = 3.0
     fast_drift: float = 1.0
     fast_limit: float = 1000.0
+    scatter_ratio: float = 2.5
+    scatter_limit: float = 50.0
     learning_bound: float = 6.0
     slow_error_limit: float = 1.6
     cost_per_suspect: float = 5.0

@@ -22,6 +22,8 @@ MEANING = {
     "cusum_limit": "CUSUM: limit at which it alarms",
     "fast_drift": "fast CUSUM: part of a standard deviation taken off each sample",
     "fast_limit": "fast CUSUM: limit at which it alarms; so high that it does not, unless a time is promised",
+    "scatter_ratio": "sum of the scatter: noise that it looks for, in that declared",
+    "scatter_limit": "sum of the scatter: limit at which it alarms, nats; real sensors scatter in bursts",
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
     "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
     "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",

@@ -17,7 +17,7 @@ from faultbond.runtime.monitor import conclude
 from faultbond.runtime.ranking import best_lanes, scores
 from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.runtime.slotted import shared
-from faultbond.runtime.state import State, bank_fields
+from faultbond.runtime.state import State, bank_fields, no_scatter
 from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.types import BoolArray, FaultKind, FloatArray
 
@@ -84,6 +84,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         cusum=np.zeros_like(state.cusum),
         fast=np.zeros_like(state.fast),
         cusum_start=np.full_like(state.cusum_start, last),
+        scatter=no_scatter(len(spec.outputs), last),
         rejected=np.zeros_like(state.rejected),
         **bank_fields(no_bank(spec)),
     )

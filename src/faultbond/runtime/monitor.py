@@ -15,7 +15,7 @@ from faultbond.runtime.packing import corrected, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields
+from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields, no_scatter
 from faultbond.runtime.stepped import Trail
 from faultbond.runtime.untested import untested
 from faultbond.spec import Engine, EngineSpec, covariance_place
@@ -58,7 +58,8 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     lane, innovations = engine.advance(state.lane, packed[None, :])
     if not np.all(np.isfinite(lane)):
         zero = np.zeros_like(state.cusum)
-        lost = replace(state, index=state.index + 1, begun=-1, running=0, cusum=zero, fast=zero)
+        sums: Changes = {"cusum": zero, "fast": zero, "scatter": no_scatter(len(spec.outputs))}
+        lost = replace(state, index=state.index + 1, begun=-1, running=0, **sums)
         return lost, _silent(spec, Status.LOST)
     return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
 
@@ -105,7 +106,7 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
         lane, innovations = engine.advance(lane, sample[None, :])
         lanes[slot] = lane[:, 0]
     state = replace(state, lane=lane, trail_lanes=lanes, running=1)
-    report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0])
+    report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0], statistic(spec, state))
     return replace(state, index=state.index + 1), report
 
 
@@ -154,6 +155,7 @@ def _report(
     status: Status,
     packed: FloatArray,
     innovations: FloatArray,
+    peak: FloatArray,
     *,
     detection: Detection | None = None,
     diagnosis: Diagnosis | None = None,
@@ -166,7 +168,7 @@ def _report(
         status=status,
         expected=measured - innovations[:n_y],
         variance=innovations[n_y:] - blank,
-        cusum=statistic(spec, state),
+        cusum=peak,
         slow=slow_ratios(spec, state),
         detection=detection,
         diagnosis=diagnosis,
@@ -180,6 +182,7 @@ def _judge(
     warm = state.index - state.begun >= spec.thresholds.warm_up_samples
     sums = accumulated(spec, state, packed, innovations) if warm else {}
     state = replace(state, **_remembered(state, lane), **sums)
+    peak = statistic(spec, state)
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
         bank = advance_bank(spec, engine, bank, packed, state.index)
@@ -187,7 +190,7 @@ def _judge(
             trail, place = _cut_trail(state, alarm)
             bank = renew_bank(spec, engine, trail, bank, place, state.index, state.rejected)
     elif warm:
-        detection, change = detect(spec, state)
+        detection, change = detect(spec, state, peak)
         if detection is not None:
             alarm = state.index
             bank = begin_bank(spec, engine, *_cut_trail(state, change), state.peak, state.index)
@@ -198,6 +201,7 @@ def _judge(
         Status.DIAGNOSING if alarm >= 0 else (Status.WATCHING if warm else Status.WARMING),
         packed,
         innovations,
+        peak,
         detection=detection,
         diagnosis=conclude(spec, replace(state, **bank_fields(bank))) if due else None,
     )

@@ -13,6 +13,7 @@ from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name
+LAGS = 4  # innovations with which each new one is compared
 SNAPSHOTS, SNAPSHOT_EVERY = 12, 300  # how many healthy lanes are kept for long, and after how many samples each
 _COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent")
 
@@ -77,6 +78,7 @@ class State:
     cusum: FloatArray  # (2, n_outputs): up, down
     cusum_start: FloatArray  # (2, n_outputs): sample at which the run began
     fast: FloatArray  # (2, n_outputs): sums with the larger drift
+    scatter: FloatArray  # (3, LAGS, n_outputs): sums of the scatter, where they began, last innovations in their sd
     trail_samples: FloatArray
     trail_lanes: FloatArray
     trail_times: FloatArray
@@ -140,6 +142,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         cusum=np.zeros((2, n_y)),
         cusum_start=np.zeros((2, n_y)),
         fast=np.zeros((2, n_y)),
+        scatter=no_scatter(n_y),
         trail_samples=np.zeros((depth, spec.n_sample)),
         trail_lanes=np.zeros((depth, spec.n_numbers)),
         trail_times=np.zeros(depth),
@@ -154,6 +157,11 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         wander=np.zeros(len(spec.parameters)),
         **bank_fields(no_bank(spec)),
     )
+
+
+def no_scatter(n_outputs: int, last: int = 0) -> FloatArray:
+    """Give the sums of the scatter as they begin after sample `last`; there are no innovations yet (nan)."""
+    return np.broadcast_to(np.array([0.0, float(last), np.nan])[:, None, None], (3, LAGS, n_outputs)).copy()
 
 
 def bank_fields(bank: Bank) -> Changes:
