@@ -224,7 +224,8 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
         return Diagnosis(time=state.time, candidates=())
     bank = _without(spec, state)
     unexplained = _unexplained(spec, state, leading_lane(spec, _steady(spec, bank)))
-    bounded = unexplained is None and 0 <= state.alarm < state.index - RENEWALS[0]
+    fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
+    bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
     return replace(
         rank(spec, state.time, bank),
         unexplained=unexplained,

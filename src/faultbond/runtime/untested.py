@@ -12,10 +12,10 @@ what more suspects A = S - T can add, which is the larger of two things:
 - what is left to explain in T's lane: a sum s of its innovations over n samples is worth n (k + s/n)^2 / 2 nats, if
   these are a shift (k: drift of the sums). A sum that a healthy plant may well have, s < 1/k, is worth nothing.
 
-The bound holds if a tested set is near enough to the truth to tell what the others would add. So there is none before
-the bank was first renewed, where nothing explains the data, and where no step of a tested set is in the group: a drift,
-or a fault of an instrument, that imitates a large set says nothing about it. A bound of a half and more is none either:
-measured, docs/method.md.
+The bound holds if a tested set is near enough to the truth to tell what the others would add. So there is none soon
+after the bank was begun or renewed, where nothing explains the data, and where no step of a tested set is in the group:
+a drift, or a fault of an instrument, that imitates a large set says nothing about it. A bound of a half and more is
+none either. How often it is wrong is measured in docs/method.md.
 """
 
 from functools import lru_cache
