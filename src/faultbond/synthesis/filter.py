@@ -15,6 +15,7 @@ from faultbond.dynamics.step import StepModel
 from faultbond.spec import EngineSpec
 
 _NO_BOUND = 1e6  # standard deviations
+_SAYS_MUCH = 0.1  # variance of what a sensor is expected to read, in that of its noise, from which a sample says much
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
@@ -165,9 +166,11 @@ def _measurement_update(
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
     """Update with all sensors, one after the other; missing ones have use = 0.
 
-    Where the readings are not linear, lanes of the bank (`again`) update a second time, linearised at the first result.
-    The healthy lane does not: after a fault the first result lies far off, and there the readings depend on parameters
-    along which the covariance is still wide, so that a second update would explain any fault away.
+    Where the readings are not linear, lanes of the bank (`again`) update a second time, linearised at the first result,
+    if the sample says much. If it says little, the first result differs from the mean by little but noise: slopes taken
+    there go with the noise they are to weigh, and thousands of such samples drag the estimates away. The healthy lane
+    never does: after a fault the first result lies far off, and there the readings depend on parameters along which the
+    covariance is still wide, so that a second update would explain any fault away.
     """
     reading, slope, implicit = view.measure(mean, fields["u"], implicit)
     innovations = _marginal_innovations(view, fields, reading, slope, covariance)
@@ -178,7 +181,7 @@ def _measurement_update(
     reading, slope, better = view.measure(guess, fields["u"], implicit)
     expected = reading + slope @ (mean - guess)
     second, spread_2, _ = _sequential(view, fields, mean, covariance, expected, slope)
-    again = fields["again"] > 0
+    again = ca.logic_and(fields["again"] > 0, _foretold(view, fields, innovations) > _SAYS_MUCH)
     return (
         ca.if_else(again, _clip(view.spec, second), guess),
         ca.if_else(again, spread_2, spread),
@@ -197,6 +200,15 @@ def _marginal_innovations(
         row = slope[j, :]
         variances.append(row @ covariance @ row.T + view.noise(j) * fields["scale"][j])
     return ca.vertcat(fields["y"] - expected, *variances)
+
+
+def _foretold(view: View, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX:
+    """Give the variance of what is expected of the sensors that are used, in that of their noise; the largest."""
+    n_y, found = len(view.spec.outputs), ca.SX(0)
+    for j in range(n_y):
+        noise = view.noise(j) * fields["scale"][j]
+        found = ca.fmax(found, fields["use"][j] * (innovations[n_y + j] / noise - 1))
+    return found
 
 
 def _sequential(

@@ -126,6 +126,46 @@ def test_bent_reading_is_read_twice() -> None:
     assert innovations[0, 0, 0] == pytest.approx(9.0 - m[0] ** 2, rel=1e-12)
 
 
+@pytest.mark.parametrize(("part", "twice"), [(0.09, False), (0.11, True)])
+def test_sample_that_says_little_is_read_once(part: float, twice: bool) -> None:
+    """A bent reading is read again only if what is expected of it is uncertain by a tenth of the noise and more."""
+    spec, _, engine = built(RC.replace("reads: C.e", "reads: C.e**2/A") + "constants: {A: 1 V}\n")
+    lane = correlated(spec)
+    slope = np.array([2.0 * lane[0, 0], 0.0, 0.0, 0.0])
+    full = unpack(spec, lane[spec.covariance_slice, 0])
+    full[3, :] = full[:, 3] = 0.0
+    full *= part * spec.outputs[0].noise ** 2 / (slope @ full @ slope)
+    lane[spec.covariance_slice, 0] = pack(full)
+    fields = {"u_before": 5.0, "u": 5.0, "y": 4.3, "use": 1.0}  # no time passes: only input noise is added
+    found, once = (engine.advance(lane, sample_of(spec, **fields, again=again))[0] for again in (1.0, 0.0))
+    assert bool(np.any(found != once)) is twice
+
+
+def test_estimates_are_not_dragged_along() -> None:
+    """Thousands of samples that say little each leave a pipe's resistance where it is, within what is known of it."""
+    graph = load_model(EXAMPLES / "tank" / "model.yaml")
+    spec, engine = build_engine(graph)
+    names = [item.name for item in spec.parameters]
+    pipe, generator = spec.parameter_slice.start + names.index("K1"), np.random.default_rng(5)
+    rows, off = 2500, []
+    time = np.arange(rows, dtype=float)
+    for seed in range(4):
+        valves = ({"low": 30.0, "high": 90.0}, {"low": 35.0, "high": 65.0})
+        u = np.array([random_steps(time, generator, shortest=200, longest=400, **between) for between in valves]).T
+        made = simulate(graph, Inputs(time=time, values=u), [], seed=seed, start={"tank.q": 0.04})
+        samples, place = np.repeat(sample_of(spec, dt=1.0, use=1.0, again=1.0), rows, axis=0), spec.sample_fields
+        samples[0, place["dt"]] = 0.0
+        samples[:, place["u"]], samples[:, place["y"]] = made.inputs, made.outputs
+        samples[:, place["u_before"]] = made.inputs[[0, *range(rows - 1)]]
+        lane = healthy_lane(spec, made.outputs[0, 1:], np.array([[180.0**2]]))
+        full = unpack(spec, lane[spec.covariance_slice, 0])
+        full[pipe, pipe] = 0.6**2
+        lane[spec.covariance_slice, 0] = pack(full)
+        last = engine.advance(lane, samples)[0][:, 0]
+        off.append((last[pipe] - 1.0) / np.sqrt(unpack(spec, last[spec.covariance_slice])[pipe, pipe]))
+    assert abs(np.mean(off)) < 0.5
+
+
 def test_bounded_innovation_counts_so_far() -> None:
     """With a bound, a far-off value moves the mean as far as one at the bound; the likelihood sees all of it."""
     spec, _, engine = built(RC)
