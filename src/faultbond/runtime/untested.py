@@ -10,7 +10,8 @@ what more suspects A = S - T can add, which is the larger of two things:
 
   exactly so where the plant is linear;
 - what is left to explain in T's lane: a sum s of its innovations over n samples is worth n (k + s/n)^2 / 2 nats, if
-  these are a shift (k: drift of the sums). A sum that a healthy plant may well have, s < 1/k, is worth nothing.
+  these are a shift (k: drift of the sums). What the largest of m healthy sums may well be, log (2 m) / 2k, is worth
+  nothing: each passes s with the probability exp (-2 k s), about.
 
 The bound holds if a tested set is near enough to the truth to tell what the others would add. So there is none soon
 after the bank was begun or renewed, where nothing explains the data, and where no step of a tested set is in the group:
@@ -96,8 +97,9 @@ def _left_to_explain(spec: EngineSpec, bank: Bank, lanes: IntArray, index: int) 
     """Give what the sums of lanes leave to be explained, nats, shape (n,)."""
     drift = spec.thresholds.cusum_drift
     sums = bank.misfit.sums[:, :, lanes]
+    usual = np.log(2.0 * sums.shape[0] * sums.shape[1]) / (2.0 * drift)
     length = np.maximum(index - bank.misfit.since[:, :, lanes], 1.0)
-    worth = np.where(sums > 1.0 / drift, 0.5 * length * (drift + sums / length) ** 2, 0.0)
+    worth = np.where(sums > usual, 0.5 * length * (drift + sums / length) ** 2, 0.0)
     return np.asarray(worth.max(axis=0).sum(axis=0))
 
 
