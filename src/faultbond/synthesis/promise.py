@@ -9,7 +9,8 @@ and so is that until a slow error, an Ornstein-Uhlenbeck process x of standard d
 
     T(l) = tau sqrt(pi/2) exp(l^2/2) / l             for large l (Kramers)
 
-All statistics share the promise: the rates of their false alarms add up to one in the promised time.
+All statistics share the promise: the rates of their false alarms add up to one in the promised time. The sum of the
+scatter has a limit of its own, which real sensors ask for; white innovations pass it once in 1e19 samples.
 """
 
 from collections.abc import Callable, Sequence
