@@ -22,6 +22,7 @@ from faultbond.types import FaultKind, FloatArray
 
 RC = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
+SAYS_MUCH = 0.1  # expected variance, in that of the noise, above which a reading is read twice
 R, C, NOISE_V, NOISE_Y = 1e4, 1e-4, 0.1, 0.1
 VOLTAGE, FACTOR_R, FACTOR_C, SIZE, RATE, INPUT = range(6)  # z = [V_C, factors of R and C, size, rate, input noise]
 
@@ -89,7 +90,7 @@ def predicted(
 
 
 def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatArray, FloatArray, float]:
-    """Mean, covariance and log-likelihood: a second update is linearised at the result of the first."""
+    """Mean, covariance and log-likelihood: if the sample says much, it updates again at the result."""
     guess, spread, gained = z, P, []
     for _ in range(2):
         factor = acts.reads + acts.gain * guess[SIZE]
@@ -98,6 +99,8 @@ def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatAr
         S = h @ P @ h + NOISE_Y**2 * acts.scatter
         gained.append(-0.5 * ((y - expected) ** 2 / S + np.log(2.0 * np.pi * S / NOISE_Y**2)))
         guess, spread = z + P @ h / S * (y - expected), P - np.outer(P @ h, P @ h) / S
+        if h @ P @ h <= SAYS_MUCH * NOISE_Y**2 * acts.scatter:
+            break
     return guess, spread, float(gained[0])
 
 
