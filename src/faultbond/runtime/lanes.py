@@ -83,12 +83,13 @@ def _plan(spec: EngineSpec, coarse_from: int) -> LanePlan:
             [(index, start) for start in starts_of(spec.parameters[index], len(chosen), coarse_from)]
             for index in chosen
         ]
-        own = [any(index in chosen for index, _ in state.jumps) for state in spec.states]
+        mine = [frozenset(index for index, _ in state.jumps if index in chosen) for state in spec.states]
+        kinds = sorted({moving for moving in mine if moving}, key=sorted)  # stores of the same suspects go together
         for combination in product(*options):
-            for choice in product(*([False, True] if mine else [False] for mine in own)):
+            for choice in product([False, True], repeat=len(kinds)):
                 hypothesis.append(k)
                 starts.append(tuple(combination))
-                jumps.append(choice)
+                jumps.append(tuple(bool(moving) and choice[kinds.index(moving)] for moving in mine))
     values = np.ones((len(spec.parameters), len(starts)))
     sds = np.zeros_like(values)
     for lane, pairs in enumerate(starts):

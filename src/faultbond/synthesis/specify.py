@@ -106,15 +106,17 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
     graph = plant.graph
     start = {item.name: item.start for item in graph.components}.get(plant.network.states[k].component or "")
     nominal = np.array([item.nominal for item in graph.parameters])
-    content = model.contents(model.reference_state, nominal).full()[:, 0]
-    content[k] = start.mean if start is not None else content[k] or 1.0
-    slopes = model.coordinates.jacobian()(content, nominal, 0)
-    value = float(model.coordinates(content, nominal)[k])
-    by_content, by_theta = float(slopes[0][k, k]), slopes[1].full()[k] if len(nominal) else np.zeros(0)
-    exponents = by_theta * nominal / value if value else np.zeros(len(nominal))
+    usual = model.contents(model.reference_state, nominal).full()[:, 0]
+    content = usual.copy()
+    content[k] = start.mean if start is not None else usual[k]
+    by_content = float(model.coordinates.jacobian()(content, nominal, 0)[0][k, k])
+    moved = content.copy()
+    moved[k] = content[k] or usual[k] or 1.0  # of an empty store nothing jumps
+    at, by_theta = float(model.coordinates(moved, nominal)[k]), model.coordinates.jacobian()(moved, nominal, 0)[1]
+    exponents = by_theta.full()[k] * nominal / at if at and len(nominal) else np.zeros(len(nominal))
     return StateSpec(
         name=model.states[k],
-        start_mean=value if start is not None else 0.0,
+        start_mean=float(model.coordinates(content, nominal)[k]) if start is not None else 0.0,
         start_sd=abs(by_content) * start.sd if start is not None else None,
         noise=_process_noise(model, k),
         drift=drift,

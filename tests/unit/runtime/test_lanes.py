@@ -111,3 +111,14 @@ def test_a_hypothesis_keeps_its_lanes() -> None:
             there = getattr(full, field)[:, full.hypothesis == old]
             assert np.array_equal(getattr(less, field)[:, less.hypothesis == new], there)
         assert np.array_equal(full.jumps[full.hypothesis == old], less.jumps[less.hypothesis == new])
+
+
+def test_stores_of_one_parameter_go_together() -> None:
+    """Stores of one parameter all keep their content or none does: twice its starts, not 2 to the power n lanes."""
+    _, spec, _ = plant("dc_motor")
+    index = spec.states[0].jumps[0][0]
+    many = replace(spec, states=tuple(replace(spec.states[0], name=f"x{k}") for k in range(30)))
+    plan = plan_lanes(many)
+    lanes = np.flatnonzero(plan.hypothesis == many.hypotheses.index((index,)))
+    assert len(lanes) == 2 * len(starts_of(spec.parameters[index], 1))
+    assert plan.jumps[lanes].sum(axis=1).tolist() == [0, 30] * (len(lanes) // 2)

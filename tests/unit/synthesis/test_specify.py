@@ -79,3 +79,13 @@ def test_warm_up_is_not_longer_for_rounding() -> None:
     assert "warm_up" in text
     assert build_spec(build_model(parse_model(text))).thresholds.warm_up_samples == 23
     assert build_spec(build_model(parse_model(MOTOR))).thresholds.warm_up_samples == 20
+
+
+@pytest.mark.parametrize("start", ["", ", start: {q: 0 C, sd: 1 uC}", ", start: {q: 1 mC, sd: 1 uC}"])
+def test_a_store_may_keep_its_content_however_full_it_begins(start: str) -> None:
+    """The voltage of a capacitor whose charge goes on jumps as the inverse of C, also of one that begins empty."""
+    text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")
+    spec = build_spec(build_model(parse_model(text.replace("{C: 100 uF}", f"{{C: 100 uF}}{start}"))))
+    (state,) = spec.states
+    assert [(spec.parameters[index].name, power) for index, power in state.jumps] == [("C", -1.0)]
+    assert state.start_mean == pytest.approx(10.0 if "1 mC" in start else 0.0)
