@@ -11,7 +11,7 @@ from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts, verdict_sentence
-from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, History
+from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, History, Unexplained, Untested
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)
@@ -98,7 +98,9 @@ def test_an_alarm_of_the_run_before() -> None:
 def test_what_is_left_after_a_rejection() -> None:
     """The rejected candidate is named with what it had; the list is short, without it, and counts the rest."""
     rejected = Accepted(time=60.0, candidate=PIPE, by=Decider.PERSON)
-    assert rejected_sentence(GRAPH, rejected) == "Rejected at 60 s: pipe K1, step (99.7 %)."
+    assert rejected_sentence(GRAPH, rejected) == (
+        "Rejected at 60 s: pipe K1, step (99.7 %), and every set that contains it."
+    )
     diagnosis = tank_diagnosis(GRAPH, 60.0, 0.0)
     left = [item for item in diagnosis.candidates if item.parameters != ("K1",)]
     out = next(item for item in diagnosis.candidates if item.parameters == ("K1",))
@@ -108,3 +110,22 @@ def test_what_is_left_after_a_rejection() -> None:
     assert len(lines) == 10
     assert lines[-1].strip() == f"... and {len(left) - 8} more"
     assert not any("K1, step" in line and "with" not in line for line in lines)
+
+
+def test_an_instrument_is_in_no_set_but_its_own() -> None:
+    """Of a rejected sensor nothing is said of other sets."""
+    sensor = Candidate(suspects=(suspect(GRAPH, "K1", 1.0, 0.1),), probability=0.5, group=True)
+    bias = replace(sensor, suspects=(replace(sensor.suspects[0], parameter="flow.bias", component="flow"),))
+    told = rejected_sentence(GRAPH, Accepted(time=60.0, candidate=bias, by=Decider.PERSON))
+    assert told.endswith("(50.0 %).")
+
+
+def test_what_is_left_may_explain_nothing() -> None:
+    """Where the best that is left contradicts the data, or sets are not tested, the list says so after its lines."""
+    wrong = Unexplained(signal="flow", sd=0.5, since=20.0, until=60.0)
+    left = Untested(sets=7, probability=0.02)
+    *_, first, second = ranking_text(
+        GRAPH, replace(tank_diagnosis(GRAPH, 60.0, 0.0), unexplained=wrong, untested=left)
+    ).splitlines()
+    assert first.startswith("None of the modelled faults explains this: the best fit is still 0.5 standard deviations")
+    assert second == "Another 7 sets were too many to be tested; the truth is among them with at most 2.0 %."
