@@ -53,14 +53,13 @@ def parse_fault(text: str) -> FaultRequest:
             f"--fault {text!r}: expected NAME=VALUE@TIME, such as K1=4.45e11@2460, K1=x1.85@2460 or flow.stuck@2460."
         )
     if kind is not None and kind not in OF_INSTRUMENTS:
-        raise FaultbondError(
-            f"--fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {', '.join(OF_INSTRUMENTS)}."
-        )
+        grows = "; a drift is a bias that grows, .bias=VALUE@FROM..TO" if kind == FaultKind.DRIFT.value else ""
+        known = ", ".join(OF_INSTRUMENTS)
+        raise FaultbondError(f"--fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {known}{grows}.")
     amount = None if match["amount"] is None else _finite(match["amount"])
     if amount is None and match["amount"] is not None:
-        raise FaultbondError(
-            f"--fault {text!r}: {match['amount']!r} is not a number. Give the value in the model's unit."
-        )
+        advice = "Give the value in the model's unit, or x2 for a factor."
+        raise FaultbondError(f"--fault {text!r}: {match['amount']!r} is not a number. {advice}")
     start, end = _moment(match["start"], text), _moment(match["end"] or match["start"], text)
     if end < start:
         raise FaultbondError(f"--fault {text!r}: it ends before it starts. Write the earlier time first.")

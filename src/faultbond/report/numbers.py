@@ -94,7 +94,7 @@ def figure(value: float, sd: float | None = None, digits: int = 6) -> Figure:
     place = last_place(sd)
     decimals = max(0, exponent - place)
     shift = 10.0**exponent
-    mantissa, error = (f"{round(number, -place) / shift:.{decimals}f}" for number in (value, sd))
+    mantissa, error = (f"{round(number, -place) / shift + 0.0:.{decimals}f}" for number in (value, sd))  # no -0
     return Figure(mantissa, error, exponent)
 
 

@@ -26,6 +26,7 @@ from faultbond.report.numbers import (
         (1.1e-5, 2.1e-5, "1.1e-5 ± 2.1e-5"),
         (0.0, 0.5, "0.0 ± 0.5"),
         (-3.14159, 0.26, "-3.14 ± 0.26"),
+        (-4e-8, 8.1e-7, "0e-7 ± 8e-7"),
     ],
 )
 def test_digits_follow_the_standard_deviation(value: float, sd: float, text: str) -> None:
