@@ -11,7 +11,7 @@ from faultbond.model.expression import Binary, Call, Expression, Name, Negative,
 from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.parser import arithmetic, parse_expression, parse_relation, to_text
 from faultbond.model.quantities import quantity, spread
-from faultbond.model.source import Entry, Items, Source, closest, shown
+from faultbond.model.source import Entry, Items, Source, Table, closest, shown
 from faultbond.model.units import Measure
 from faultbond.model.values import Values, same_unit
 from faultbond.model.wiring import Part, Wiring
@@ -169,6 +169,8 @@ def stated_laws(source: Source, part: Part) -> list[tuple[str, int]]:
 
 def read_start(source: Source, entry: Entry, what: str, key: str) -> tuple[Start, Measure | None]:
     """Give the start of a store, `{key: .., sd: ..}`, and the measure in which it was stated."""
+    if not isinstance(entry.value, Table):
+        raise source.error(entry, f"{what} is a table; write `start: {{{key}: .., sd: ..}}`")
     fields = source.fields(entry.value, what, (key, "sd"))
     for needed in (key, "sd"):
         if needed not in fields:

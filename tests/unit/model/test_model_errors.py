@@ -152,6 +152,7 @@ IN_MOTOR = [
     ("K -> shaft ->", "K, shaft -> K, shaft ->", 10, "GY element K has 2 bonds in and 0 out and needs one of each"),
     ("R: {type: R,", "R: {type: R, start: {q: 1, sd: 1},", 8, "start of R: only C and I elements have a start"),
     ("L: {type: I,", "L: {type: I, start: {q: 1, sd: 1},", 9, "start of L: unknown key `q`; known: p, sd"),
+    ("L: {type: I,", "L: {type: I, start: 0,", 9, "start of L is a table; write `start: {p: .., sd: ..}`"),
     ("L: {type: I,", "L: {type: I, start: {p: 1},", 9, "start of L: `sd` is missing; write `start: {p: .., sd: ..}`"),
     ("L: {type: I,", "L: {type: I, start: {p: 1 V, sd: 1},", 9, "start of L: `L.p` is in V\\*s, but the start in V"),
     ("L: {type: I,", "L: {type: I, start: {p: 1 V*s, sd: 1 V},", 9, "start of L: sd is in V, but V\\*s is expected"),
