@@ -4,8 +4,9 @@ Derived from the detector itself. The healthy filter is linear about a run of th
 innovations are those of noise plus those of the fault: the first come from many realisations of sensor noise, input
 noise and healthy parameters off by their accuracy, put through the filter's own recursion; the second from the
 nonlinear plant with the parameter changed, put through the same recursion (`faulty`). Both together pass the CUSUM
-and the limit of slow errors. For each realisation the size is found at which the alarm just comes in time; the answer is the size
-that is enough for the part of them that is asked for. Slow errors are zero in the plant: their size is a bound.
+and the limit of slow errors. For each realisation the size is found at which the alarm just comes in time; the answer
+is the size that is enough for the part of them that is asked for. Slow errors are zero in the plant: their size is a
+bound.
 
 The range of a fault ends where its declared range ends, and where the plant has no finite solution any more: what a
 real plant would do there the model does not tell.

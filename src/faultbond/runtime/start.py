@@ -76,21 +76,27 @@ def solve_start(
     """
     given = np.array([state.start_sd is not None and not again for state in spec.states], dtype=bool)
     mean = np.array([state.start_mean for state in spec.states])
-    sd = np.array([state.start_sd or 0.0 for state in spec.states])
-    free = np.flatnonzero(~given)
-    if not len(free):
+    sd = _stated_sds(spec)
+    unknown = np.flatnonzero(~given)
+    if not len(unknown):
         return mean, np.diag(sd**2)
     data = _Data(spec=spec, engine=engine, samples=samples, known=known)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are possible, and lose
-        centre = _settled(data, mean)
-        size = _sizes(data, mean, centre, free)
-        best = min(
-            (_fit(data, guess, centre, free, size) for guess in _guesses(mean, centre, free, size)),
-            key=lambda found: found[2],
-        )
-    covariance = np.diag(sd**2)
+        centre, size = np.where(given, mean, _settled(data, mean)), np.where(given, sd, 1.0)
+        size[unknown] = _sizes(data, mean, centre, unknown)
+        free = np.flatnonzero(size > 0.0)  # what is stated may be off too, and would put the others off
+        guesses = _guesses(mean, centre, free, size[free])
+        best = min((_fit(data, guess, centre, free, size[free]) for guess in guesses), key=lambda found: found[2])
+    covariance = np.zeros((len(mean), len(mean)))
     covariance[np.ix_(free, free)] = _WIDER**2 * best[1]
     return best[0], covariance
+
+
+def _stated_sds(spec: EngineSpec) -> FloatArray:
+    """Give the sd of the stated starts, (n_states,); contents are stated, so the parameters of the stores count too."""
+    accuracy = [item.accuracy for item in spec.parameters]
+    full = [sum((item.start_mean * power * accuracy[j]) ** 2 for j, power in item.jumps) for item in spec.states]
+    return np.sqrt(np.array([(item.start_sd or 0.0) ** 2 for item in spec.states]) + np.array(full))
 
 
 def _guesses(mean: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray) -> list[FloatArray]:

@@ -72,18 +72,36 @@ def test_missing_values_do_not_count() -> None:
     assert one[0][0] == pytest.approx(1.3e5 * TANK_START, abs=3.0 * np.sqrt(one[1][0, 0]))
 
 
-def test_known_start_is_taken_as_it_is() -> None:
-    """A declared start is taken with its declared sd, whatever the samples say; only unknown ones are solved."""
+def test_stated_starts_of_all_stores_are_taken_as_they_are() -> None:
+    """Where every start is stated, the samples are not asked; a full store's own parameter makes it less sure."""
     spec, engine, samples = started("dc_motor_current", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
-    known = replace(spec.states[0], start_mean=1.4, start_sd=0.3)
-    mean, covariance = solve_start(replace(spec, states=(known, spec.states[1])), engine, packed(spec, samples))
-    assert mean[0] == 1.4
-    assert covariance[0] == pytest.approx([0.09, 0.0])
-    assert mean[1] == pytest.approx(-2.0, abs=3.0 * np.sqrt(covariance[1, 1]) + 0.1)
-    both = replace(spec, states=(known, replace(spec.states[1], start_mean=7.0, start_sd=0.1)))
-    mean, covariance = solve_start(both, engine, packed(spec, samples))
+    stated = [
+        replace(spec.states[0], start_mean=1.4, start_sd=0.3),
+        replace(spec.states[1], start_mean=7.0, start_sd=0.1),
+    ]
+    mean, covariance = solve_start(replace(spec, states=tuple(stated)), engine, packed(spec, samples))
     assert mean.tolist() == [1.4, 7.0]
-    assert covariance == pytest.approx(np.diag([0.09, 0.01]))
+    assert covariance == pytest.approx(np.diag([0.09 + (0.03 * 1.4) ** 2, 0.01 + (0.03 * 7.0) ** 2]))
+
+
+@pytest.mark.parametrize("off", [-2.0, 0.0, 2.0])
+def test_stated_start_may_be_off(off: float) -> None:
+    """A start that is stated beside others that are not is known to its sd, and does not put these off."""
+    spec, engine, samples = started("dc_motor", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
+    stated = replace(spec.states[0], start_mean=1.5 + 0.3 * off, start_sd=0.3, jumps=())
+    mean, covariance = solve_start(replace(spec, states=(stated, spec.states[1])), engine, packed(spec, samples))
+    error = mean - np.array([1.5, -2.0])
+    assert error @ np.linalg.solve(covariance, error) < 4.0
+
+
+def test_exact_start_stays() -> None:
+    """A start that is stated with no uncertainty is exact; the others are solved."""
+    spec, engine, samples = started("dc_motor_current", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
+    exact = replace(spec.states[0], start_mean=1.4, start_sd=0.0, jumps=())
+    mean, covariance = solve_start(replace(spec, states=(exact, spec.states[1])), engine, packed(spec, samples))
+    assert mean[0] == 1.4
+    assert covariance[0].tolist() == [0.0, 0.0]
+    assert covariance[1, 1] > 0.0
 
 
 def test_healthy_lane_is_laid_out_as_the_engine_wants_it() -> None:
