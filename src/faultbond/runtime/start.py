@@ -96,7 +96,7 @@ def _stated_sds(spec: EngineSpec) -> FloatArray:
     """Give the sd of the stated starts, (n_states,); contents are stated, so the parameters of the stores count too."""
     accuracy = [item.accuracy for item in spec.parameters]
     full = [sum((item.start_mean * power * accuracy[j]) ** 2 for j, power in item.jumps) for item in spec.states]
-    return np.sqrt(np.array([(item.start_sd or 0.0) ** 2 for item in spec.states]) + np.array(full))
+    return np.asarray(np.sqrt(np.array([(item.start_sd or 0.0) ** 2 for item in spec.states]) + np.array(full)))
 
 
 def _guesses(mean: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray) -> list[FloatArray]:
