@@ -129,6 +129,7 @@ def test_arguments_of_analyse(arguments: list[str], seen: dict[str, object]) -> 
     [
         (["accept", "m.yaml", "x.state"], "accept", ()),
         (["accept", "m.yaml", "x.state", "K1", "K6"], "accept", ("K1", "K6")),
+        (["accept", "m.yaml", "x.state", "K1,K6"], "accept", ("K1", "K6")),
         (["reject", "m.yaml", "x.state", "flow"], "reject", ("flow",)),
     ],
 )

@@ -1,6 +1,7 @@
 """The arguments of `accept` and `reject`."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from faultbond.cli.verbs import DONE, Subparsers, Verbs, add_model, add_verb
@@ -11,7 +12,7 @@ def add_accept(verbs: Subparsers) -> None:
     """Add `accept`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.accept(arguments.model, arguments.state, tuple(arguments.names), out=out)
+        verbs.accept(arguments.model, arguments.state, _names(arguments.names), out=out)
         return DONE
 
     summary = "take a diagnosis of a kept run as the new normal"
@@ -23,7 +24,7 @@ def add_reject(verbs: Subparsers) -> None:
     """Add `reject`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.reject(arguments.model, arguments.state, tuple(arguments.names), out=out)
+        verbs.reject(arguments.model, arguments.state, _names(arguments.names), out=out)
         return DONE
 
     summary = "rule a diagnosis of a kept run out; the others share its probability"
@@ -35,3 +36,8 @@ def _add_names(parser: argparse.ArgumentParser, number: str, meaning: str) -> No
     add_model(parser)
     parser.add_argument("state", metavar="STATE", type=Path, help="file that `run --state` wrote")
     parser.add_argument("names", metavar="NAME", nargs=number, help=meaning)
+
+
+def _names(words: Sequence[str]) -> tuple[str, ...]:
+    """Give the names; as elsewhere they may have commas between."""
+    return tuple(name for word in words for name in word.split(",") if name)
