@@ -1,6 +1,7 @@
 """How good is it: the table of trust, measured on simulated plants with faults of every kind.
 
-    python -m benchmarks.trust [--seeds 100] [--first-seed 5000] [--only CASE,...] [--json FILE] [--markdown FILE]
+    python -m benchmarks.trust [--seeds 100] [--first-seed 5000] [--only CASE,...] [--method METHOD] [--json FILE]
+        [--markdown FILE]
 
 CASE is a key of `benchmarks.trust_cases` or the first words of several, `tank` or `bias`. `--json` keeps each run as it
 ends, seed by seed, so that a part of them is there if the program is stopped; `--from FILE ...` makes the table of such
@@ -10,7 +11,7 @@ files anew.
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from itertools import groupby
@@ -20,22 +21,29 @@ from pathlib import Path
 
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.trust_calibration import calibration_rows, coverage_rows
-from benchmarks.trust_cases import CASES
+from benchmarks.trust_cases import CASES, CLASSIC
 from benchmarks.trust_play import Claim, Run, play
 from benchmarks.trust_plot import write_plot
-from benchmarks.trust_rows import HEADER, rows
+from benchmarks.trust_rows import HEADER, cells
+from faultbond.types import Method
 
 PROCESSES = 2
 PARTS = {"tank.healthy": 3.0, "tank.rough": 0.5}  # runs of a case, in runs of the other cases
 Runs = dict[str, list[Run]]
-Job = tuple[str, int]  # case and seed
+Job = tuple[str, int, Method]  # case and seed, and by which method
 
 
-def jobs(keys: Sequence[str], seeds: int, first: int) -> list[tuple[Job, ...]]:
+def jobs(keys: Sequence[str], seeds: int, first: int, methods: Sequence[Method]) -> list[tuple[Job, ...]]:
     """Give what is to be played, all of one seed together; those of the first seed first."""
-    found = sorted((seed, key) for key in keys for seed in range(first, first + _count(key, seeds)))
-    many = [tuple((key, seed) for seed, key in chosen) for _, chosen in groupby(found, lambda job: job[0])]
-    return sorted(many, key=len, reverse=True)
+    found = [
+        (key, seed, method)
+        for method in methods
+        for key in keys
+        if method is Method.BANK or key in CLASSIC
+        for seed in range(first, first + _count(key, seeds))
+    ]
+    by_seed = groupby(sorted(found, key=lambda job: job[1]), lambda job: job[1])
+    return sorted((tuple(chosen) for _, chosen in by_seed), key=len, reverse=True)
 
 
 def _count(key: str, seeds: int) -> int:
@@ -51,7 +59,7 @@ def play_all(todo: Sequence[tuple[Job, ...]]) -> Iterator[Run]:
 
 
 def _play(todo: tuple[Job, ...]) -> list[Run]:
-    return [play(CASES[key], seed) for key, seed in todo]
+    return [play(CASES[key], seed, method) for key, seed, method in todo]
 
 
 def keep(found: Iterator[Run], path: Path | None) -> Iterator[Run]:
@@ -76,8 +84,8 @@ def read(paths: Sequence[Path]) -> Iterator[Run]:
             yield Run(**item, looks=looks, claims=claims)
 
 
-def by_case(found: Iterator[Run]) -> Runs:
-    """Give runs by case, in the order of cases and seeds."""
+def by_case(found: Iterable[Run]) -> Runs:
+    """Give runs of one method by case, in the order of cases and seeds."""
     unique = {(run.key, run.seed): run for run in found}
     runs: Runs = {key: [] for key in CASES}
     for key, seed in sorted(unique):
@@ -96,11 +104,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     chosen = _arguments().parse_args(argv)
     names = [name for name in chosen.only.split(",") if name]
     keys = [key for key in CASES if not names or any(f"{key}.".startswith(f"{name}.") for name in names)]
+    methods = [Method(chosen.method)] if chosen.method else list(Method)
     if chosen.source:
-        runs = by_case(read(chosen.source))
+        found = list(read(chosen.source))
     else:
-        runs = by_case(keep(play_all(jobs(keys, chosen.seeds, chosen.first_seed)), chosen.json))
-    _tell(runs, chosen.markdown)
+        found = list(keep(play_all(jobs(keys, chosen.seeds, chosen.first_seed, methods)), chosen.json))
+    bank, classic = (by_case(run for run in found if run.method == method.value) for method in Method)
+    _tell(bank, classic, chosen.markdown)
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -108,6 +118,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=100, help="runs of each case (default %(default)s)")
     parser.add_argument("--first-seed", type=int, default=5000, help="the first seed (default %(default)s)")
     parser.add_argument("--only", metavar="CASE,...", default="", help="cases, or the first words of their names")
+    parser.add_argument("--method", choices=[item.value for item in Method], help="only this method (default both)")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write every run to FILE as it ends")
     parser.add_argument(
         "--from", metavar="FILE", dest="source", type=Path, nargs="+", help="take the runs of FILEs, play none"
@@ -116,17 +127,17 @@ def _arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def _tell(runs: Runs, page: Path | None) -> None:
-    """Print the tables, and put them into a page."""
-    table, calibrated = rows(runs), [*calibration_rows(runs), *coverage_rows(runs)]
-    print(as_text(HEADER, [row.cells for row in table]))
+def _tell(runs: Runs, classic: Runs, page: Path | None) -> None:
+    """Print the tables, and put them into a page; `runs` are those of `bank`."""
+    table, calibrated = cells(runs, classic), [*calibration_rows(runs), *coverage_rows(runs)]
+    print(as_text(HEADER, table))
     print("\n" + as_text(("calibration", "claimed", "right", "runs"), calibrated))
     seeds = [run.seed for found in runs.values() for run in found]
     note = f"Seeds {min(seeds)} to {max(seeds)}, {len(seeds)} runs; {today()}; {machine()}."
     print(f"\n{note}")
     if page is not None:
         command = f"`python -m benchmarks.trust --seeds {seeds_of(runs)} --first-seed {min(seeds)}`"
-        parts = (command, note, as_markdown(HEADER, [row.cells for row in table]))
+        parts = (command, note, as_markdown(HEADER, table))
         write_part(page, "trust", "\n\n".join(parts))
         write_part(page, "calibration", as_markdown(("", "claimed", "right", "claims"), calibrated))
         write_plot(runs, page.parent / "images" / "trust" / "calibration.svg")

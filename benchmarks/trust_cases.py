@@ -139,3 +139,6 @@ def _cases() -> list[Case]:
 
 
 CASES = {item.key: item for item in _cases()}
+CLASSIC = tuple(  # those that are played by the thesis' method too: parameters that step, and healthy plants
+    key for key in CASES if key == "small.K6" or key.partition(".")[0] in ("tank", "motor", "current")
+)

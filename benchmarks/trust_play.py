@@ -1,23 +1,30 @@
 """One run of the table of trust: the recording passes the monitor, and what it says is kept in few numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
 from benchmarks.play import engine_of
 from benchmarks.trust_arrival import watched
 from benchmarks.trust_cases import Case
-from benchmarks.trust_plants import Played
+from benchmarks.trust_plants import Played, graph_of
+from faultbond.app.methods import Classic
 from faultbond.runtime.accepting import candidate_names
+from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.history import Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.state import Report, Sample
 from faultbond.spec import EngineSpec
+from faultbond.synthesis.classic.build import build_classic
+from faultbond.types import Method
 
 OPEN = 60.0  # percent
 LIMIT = 2.5  # in nominals: when a drifting parameter reaches it is forecast
 _EPSILON = 1e-9
+
+Seen = tuple[Sample, Report, Callable[[], Diagnosis | None]]  # what is said to a sample, and what would be said last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,28 +65,48 @@ class Run:
     unexplained: int
     looks: tuple[Claim, ...]
     claims: tuple[Claim, ...]
+    method: str = Method.BANK.value
 
 
-def play(case: Case, seed: int) -> Run:
+def play(case: Case, seed: int, method: Method = Method.BANK) -> Run:
     """Simulate and watch."""
     made = case.make(seed)
-    spec, engine = engine_of(made.folder)
-    if made.rate:
-        spec = _with_limit(spec, made.suspects)
-    patience, detection, state = _Patience(case), None, init(spec)
+    patience, detection, last = _Patience(case), None, None
     diagnoses: list[Diagnosis] = []
     cusum = 0.0
-    for sample, now, report in watched(spec, engine, made):
-        state = now
+    for sample, report, finished in (_by_classic if method is Method.CLASSIC else _by_bank)(made):
         if sample.time < made.onset:
             cusum = float(np.fmax(cusum, np.nan_to_num(report.cusum).max()))
         detection = report.detection or detection
         diagnoses += [report.diagnosis] if report.diagnosis is not None else []
-        if detection is not None and patience.ends(sample, detection.time):
-            break
-    last = finish(spec, state)
-    diagnoses += [last] if last is not None else []
-    return _run(case, seed, made, detection, diagnoses, cusum)
+        if detection is not None:
+            last = finished
+            if patience.ends(sample, detection.time):
+                break
+    final = last() if last is not None else None
+    diagnoses += [final] if final is not None else []
+    return replace(_run(case, seed, made, detection, diagnoses, cusum), method=method.value)
+
+
+def _by_bank(made: Played) -> Iterator[Seen]:
+    spec, engine = engine_of(made.folder)
+    if made.rate:
+        spec = _with_limit(spec, made.suspects)
+    for sample, state, report in watched(spec, engine, made):
+        yield sample, report, partial(finish, spec, state)
+
+
+def _by_classic(made: Played) -> Iterator[Seen]:
+    """Watch by the thesis' method; rows come as they were measured."""
+    watcher, steps = Classic(*_classic_of(made.folder)), np.diff(made.time, prepend=made.time[0])
+    for time, dt, u, y in zip(made.time, steps, made.inputs, made.outputs, strict=True):
+        sample = Sample(time=float(time), dt=float(dt), u=u, y=y)
+        yield sample, watcher.step(sample), watcher.finish
+
+
+@cache
+def _classic_of(folder: str) -> tuple[EngineSpec, ClassicPlan]:
+    return build_classic(graph_of(folder))
 
 
 class _Patience:

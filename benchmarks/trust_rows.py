@@ -9,7 +9,7 @@ from benchmarks.trust_cases import DISTURBED, PLAIN, SMALL, SMALL_MOVED
 from benchmarks.trust_plants import MOTOR
 from benchmarks.trust_play import Run
 
-HEADER = ("figure", "asked", "got", "verdict")
+HEADER = ("figure", "asked", "`bank`", "verdict", "`classic`")
 POINTS = 2.0  # by which a disturbed run may be worse than the plain one
 LEAK_SECONDS, SMALL_SECONDS = 50.0, 600.0
 FIVE_MINUTES, TEN_MINUTES = 1, 2  # looks at the tank
@@ -38,6 +38,12 @@ class Row:
     def cells(self) -> tuple[str, str, str, str]:
         """What is printed."""
         return self.figure, self.asked, self.got, "" if self.met is None else "met" if self.met else "falls short"
+
+
+def cells(bank: Runs, classic: Runs) -> list[tuple[str, str, str, str, str]]:
+    """Give what is printed of both methods side by side; nothing is asked of `classic`."""
+    beside = {row.figure: row.got for row in rows(classic)}
+    return [(*row.cells, beside.get(row.figure, "")) for row in rows(bank)]
 
 
 def rows(runs: Runs) -> list[Row]:

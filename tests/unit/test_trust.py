@@ -16,7 +16,7 @@ from benchmarks.trust_plants import SWING, Played, graph_of, healthy, healthy_mo
 from benchmarks.trust_play import Claim, Run, _Patience, play
 
 from faultbond.runtime.state import Sample
-from faultbond.types import FaultKind
+from faultbond.types import FaultKind, Method
 
 SEED = 31
 WINDING = partial(stepped, "dc_motor", (("R", 2.0),))
@@ -171,18 +171,41 @@ def test_runs_outlive_a_program_that_is_stopped(tmp_path: Path) -> None:
 
 def test_each_run_is_played_once() -> None:
     """All runs of a seed are played together, and the first seeds, which have most of them, first."""
-    todo = trust.jobs(["tank.healthy", "tank.K6", "tank.rough"], 4, 10)
+    todo = trust.jobs(["tank.healthy", "tank.K6", "tank.rough"], 4, 10, [Method.BANK])
     played = list(chain(*todo))
     assert len(played) == len(set(played)) == 12 + 4 + 2
-    assert [{seed for _, seed in together} for together in todo[:2]] == [{10}, {11}]
+    assert [{seed for _, seed, _ in together} for together in todo[:2]] == [{10}, {11}]
     assert len(todo) == 12
+
+
+def test_methods_stand_side_by_side() -> None:
+    """`classic` plays what it can find, the steps of parameters, and stands beside `bank` in the same line."""
+    todo = list(chain(*trust.jobs(["tank.K6", "bias.flow"], 2, 10, list(Method))))
+    assert sorted(key for key, _, method in todo if method is Method.CLASSIC) == ["tank.K6", "tank.K6"]
+    bank, classic = {"tank.K6": [run("tank.K6", 1)]}, {"tank.K6": [run("tank.K6", 1, rank=3)]}
+    words = "of these K6"
+    (cells,) = [cells for cells in trust_rows.cells(bank, classic) if words in cells[0]]
+    assert cells[2:] == ("1 of 1 (100 %)", "", "0 of 1 (0 %)")
+    assert all(not cells[-1] for cells in trust_rows.cells(bank, {}))
+
+
+def test_classic_watches_the_same_recording() -> None:
+    """A run by the thesis' method has its own delay and estimates, of the same fault."""
+    case = Case(key="plain", make=WINDING, looks=(5.0,))
+    found, other = play(case, SEED, Method.CLASSIC), play(case, SEED)
+    assert (found.method, other.method) == ("classic", "bank")
+    assert found.delay is not None
+    assert other.delay is not None
+    assert found.delay > other.delay
+    assert found.looks[0].error != other.looks[0].error
 
 
 @pytest.mark.parametrize("seeds", [1, 7])
 def test_page_tells_how_many_seeds_were_asked_for(seeds: int) -> None:
     """The command above the table is told from the runs, whichever cases were played."""
     for keys in (["tank.healthy", "tank.K6", "tank.rough"], ["tank.healthy"]):
-        found = trust.by_case(run(key, seed) for key, seed in chain(*trust.jobs(keys, seeds, 10)))
+        todo = chain(*trust.jobs(keys, seeds, 10, [Method.BANK]))
+        found = trust.by_case(run(key, seed) for key, seed, _ in todo)
         assert trust.seeds_of(found) == seeds
 
 
