@@ -69,7 +69,8 @@ def _sets(runs: Runs, first: str, plant: str) -> list[Row]:
     found = _ranks(runs, keys, figure, TEN_MINUTES, 0.97, 1)
     found += _ranks(runs, keys, f"{figure}: in the first three", TEN_MINUTES, 1.0, 3)
     for key in keys:
-        found += _ranks(runs, [key], f"  of these {key.removeprefix(f'{first}.')}", TEN_MINUTES, None, 1)
+        name = f"{key.removeprefix(f'{first}.')}, {plant.removeprefix('tank, ')}"
+        found += _ranks(runs, [key], f"  of these {name}", TEN_MINUTES, None, 1)
     found += _errors(runs, f"{first}.K1", f"{plant}, K1: error", TEN_MINUTES, 0.07)
     return found + _errors(runs, f"{first}.K6", f"{plant}, K6: error", TEN_MINUTES, 0.03)
 

@@ -255,5 +255,6 @@ def test_every_case_is_in_the_table() -> None:
     """No case is played for nothing: without it a line is gone or has other numbers."""
     found = {key: [run(key, 1)] for key in CASES}
     whole = trust_rows.rows(found)
+    assert len({row.figure for row in whole}) == len(whole)
     for key in CASES:
         assert trust_rows.rows({other: runs for other, runs in found.items() if other != key}) != whole, key
