@@ -141,6 +141,18 @@ def test_sample_that_says_little_is_read_once(part: float, twice: bool) -> None:
     assert bool(np.any(found != once)) is twice
 
 
+@pytest.mark.parametrize("use", [0.0, 1.0])
+def test_missing_sensor_says_nothing(use: float) -> None:
+    """A precise sensor, of which much would be expected, makes a sample say much only if it has a value."""
+    two = "sensors: {rough: {reads: C.e**2/A, unit: V, noise: 1 V}, fine: {reads: C.e**2/A, unit: V, noise: 1 mV}}\n"
+    spec, _, engine = built(RC[: RC.index("sensors:")] + two + "constants: {A: 1 V}\n")
+    lane = correlated(spec)
+    lane[spec.covariance_slice] *= 1e-2 / unpack(spec, lane[spec.covariance_slice, 0])[0, 0] / 16.0
+    fields: dict[str, float | list[float]] = {"u_before": 5.0, "u": 5.0, "y": [4.3, 4.0], "use": [1.0, use]}
+    found, once = (engine.advance(lane, sample_of(spec, **fields, again=again))[0] for again in (1.0, 0.0))
+    assert bool(np.any(found != once)) is (use > 0.0)
+
+
 def test_estimates_are_not_dragged_along() -> None:
     """Thousands of samples that say little each leave a pipe's resistance where it is, within what is known of it."""
     graph = load_model(EXAMPLES / "tank" / "model.yaml")
