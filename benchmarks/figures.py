@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.clock import BUILT, bank_throughout, build, demo
-from benchmarks.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.page import Row, as_markdown, as_text, machine, today, write_part
 from benchmarks.play import Outcome, play
 from benchmarks.scenarios import END, HEALTHY, SCENARIOS, Scenario
 
@@ -27,20 +27,10 @@ HEADER = ("figure", "asked", "got", "verdict")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """One line of the table; `met` is None where nothing is asked."""
+class Figure(Row):
+    """One line of the table and the scenario that it is of."""
 
     key: str
-    figure: str
-    asked: str
-    got: str
-    met: bool | None
-
-    @property
-    def cells(self) -> tuple[str, str, str, str]:
-        """What is printed."""
-        verdict = "" if self.met is None else "met" if self.met else "falls short"
-        return self.figure, self.asked, self.got, verdict
 
 
 def play_all(keys: Sequence[str], seeds: Sequence[int]) -> dict[str, list[Outcome]]:
@@ -60,7 +50,7 @@ def _play(job: tuple[str, int]) -> Outcome:
     return play(SCENARIOS[key], seed)
 
 
-def rows_of(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[Row]:
+def rows_of(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[Figure]:
     """Give the lines of one scenario."""
     if not scenario.faults:
         return [_false_alarms(scenario.key, f"{scenario.title}: runs with a false alarm", outcomes)]
@@ -75,20 +65,22 @@ def rows_of(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[Row]:
     return rows
 
 
-def _false_alarms(key: str, figure: str, outcomes: Sequence[Outcome]) -> Row:
+def _false_alarms(key: str, figure: str, outcomes: Sequence[Outcome]) -> Figure:
     alarms = sum(outcome.early for outcome in outcomes)
     largest = f"largest CUSUM {max(outcome.cusum for outcome in outcomes):.1f}"
     slow = max(outcome.slow for outcome in outcomes)
     more = f", slow error {slow:.2f} sd" if slow else ""
-    return Row(key=key, figure=figure, asked="0", got=f"{alarms} of {len(outcomes)}; {largest}{more}", met=alarms == 0)
+    return Figure(
+        key=key, figure=figure, asked="0", got=f"{alarms} of {len(outcomes)}; {largest}{more}", met=alarms == 0
+    )
 
 
-def _delay(scenario: Scenario, outcomes: Sequence[Outcome]) -> Row:
+def _delay(scenario: Scenario, outcomes: Sequence[Outcome]) -> Figure:
     limit = scenario.delay or 0.0
     delays = [math.inf if outcome.delay is None else outcome.delay for outcome in outcomes]
     worst = _quantile(delays, 0.95)
     since = ", from u_in at 60 % or more" if scenario.from_opening else ""
-    return Row(
+    return Figure(
         key=scenario.key,
         figure=f"{scenario.title}: detected in 95 %{since}",
         asked=f"{limit:g} s",
@@ -106,9 +98,9 @@ def _seconds(value: float) -> str:
     return "never" if math.isinf(value) else f"{value:.3g} s" if value < 100 else f"{value:.0f} s"
 
 
-def _rank(scenario: Scenario, what: str, part: float, best: int, outcomes: Sequence[Outcome]) -> Row:
+def _rank(scenario: Scenario, what: str, part: float, best: int, outcomes: Sequence[Outcome]) -> Figure:
     count = sum(_rank_in(outcome) <= best for outcome in outcomes)
-    return Row(
+    return Figure(
         key=scenario.key,
         figure=f"{scenario.title}: true set {what} {_when(scenario, 0)}",
         asked=f"{100 * part:g} %",
@@ -121,11 +113,11 @@ def _rank_in(outcome: Outcome, look: int = 0) -> float:
     return outcome.readings[look].rank if outcome.readings else math.inf
 
 
-def _error(scenario: Scenario, look: int, outcomes: Sequence[Outcome]) -> Row:
+def _error(scenario: Scenario, look: int, outcomes: Sequence[Outcome]) -> Figure:
     limit = scenario.error or 0.0
     errors = [outcome.readings[look].error if outcome.readings else math.inf for outcome in outcomes]
     worst = _quantile(errors, 0.9)
-    return Row(
+    return Figure(
         key=scenario.key,
         figure=f"{scenario.title}: error, 90 % quantile, {_when(scenario, look)}",
         asked=f"{100 * limit:g} %",
@@ -154,27 +146,29 @@ def _quantile(values: Sequence[float], part: float) -> float:
     return ordered[max(math.ceil(part * len(ordered) - 1e-9) - 1, 0)]
 
 
-def time_rows(wanted: Callable[[str], bool], seed: int) -> list[Row]:
+def time_rows(wanted: Callable[[str], bool], seed: int) -> list[Figure]:
     """Give the lines about time; they are measured one after the other."""
     rows = []
     if wanted("time.bank"):
         taken, hypotheses = bank_throughout(seed)
         figure = f"tank, {hypotheses} hypotheses: processor time of 82 min at 1 Hz, bank throughout"
-        rows.append(Row(key="time.bank", figure=figure, asked="1 s", got=f"{taken:.2f} s", met=taken < 1.0))
+        rows.append(Figure(key="time.bank", figure=figure, asked="1 s", got=f"{taken:.2f} s", met=taken < 1.0))
     if wanted("time.demo"):
         for compiled, limit in ((True, 30.0), (False, 120.0)):
             seen = demo(compiled=compiled)
             engine = "compiler, engine not built yet" if compiled else "no compiler"
             got, first = f"{seen.whole:.1f} s", f"{seen.first_line:.2f} s"
             figure = f"demo, {engine}"
-            rows.append(Row(key="time.demo", figure=figure, asked=f"{limit:g} s", got=got, met=seen.whole <= limit))
-            rows.append(Row(key="time.demo", figure=f"{figure}: first line of output", asked="", got=first, met=None))
+            rows.append(Figure(key="time.demo", figure=figure, asked=f"{limit:g} s", got=got, met=seen.whole <= limit))
+            rows.append(
+                Figure(key="time.demo", figure=f"{figure}: first line of output", asked="", got=first, met=None)
+            )
     if wanted("time.build"):
         times = {example: build(example) for example in BUILT}
         slowest = max(times, key=lambda example: times[example])
         got = f"{times[slowest]:.2f} s ({slowest})"
         figure = f"engine built from the model file, slowest of {len(times)} examples"
-        rows.append(Row(key="time.build", figure=figure, asked="5 s", got=got, met=times[slowest] <= 5.0))
+        rows.append(Figure(key="time.build", figure=figure, asked="5 s", got=got, met=times[slowest] <= 5.0))
     return rows
 
 

@@ -4,12 +4,28 @@ import os
 import platform
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from faultbond.synthesis.compile import find_compiler
 
 Table = Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One line of a table of figures; `met` is None where nothing is asked."""
+
+    figure: str
+    asked: str
+    got: str
+    met: bool | None
+
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """What is printed."""
+        return self.figure, self.asked, self.got, "" if self.met is None else "met" if self.met else "falls short"
 
 
 def as_text(header: Sequence[str], rows: Table) -> str:

@@ -15,7 +15,7 @@ from benchmarks.thesis_chapter5 import (
     when,
 )
 from benchmarks.thesis_chart import Curve, Panel
-from benchmarks.thesis_figure import DIFFERS, Figure, row
+from benchmarks.thesis_figure import DIFFERS, Figure, Row, row
 from benchmarks.thesis_watch import bank
 from faultbond.runtime.classic.settings import Erratum
 from faultbond.runtime.history import Detection
@@ -163,6 +163,17 @@ def _alarms(capacitance: float) -> dict[str, Detection | None]:
     }
 
 
+def _right_model(alarms: dict[str, Detection | None]) -> Row:
+    """Give the line of the alarms where the model is right."""
+    return row(
+        "alarm, model right, n = 0.98",
+        "-",
+        when(alarms["exact"]),
+        bank=when(alarms["bank, L = 5 H"]),
+        remark="`bank` with 3 %",
+    )
+
+
 def figure_5_13() -> Figure:
     """Give the small fault."""
     found, healthy = run(ROUGH, 0.93, Erratum.LIMIT, capacitance=0.067), run(ROUGH, 0.93)
@@ -195,13 +206,7 @@ def figure_5_13() -> Figure:
                 else f"{DIFFERS}n = 0.93 corrects most of this fault, and L C of the wrong model, "
                 "0.30, is almost that of the faulty plant, 0.335",
             ),
-            row(
-                "alarm, model right, n = 0.98",
-                "-",
-                when(alarms["exact"]),
-                bank=when(alarms["bank, L = 5 H"]),
-                remark="`bank` with 3 %",
-            ),
+            _right_model(alarms),
         ),
     )
 
@@ -229,13 +234,7 @@ def figure_5_14() -> Figure:
                 "alarm", "5.5 s", when(alarm), bank=when(alarms["bank"]), same=same, remark="" if same else INPUT_ERRORS
             ),
             row("alarm, with the limit that allows for model errors", "-", when(alarms["working"])),
-            row(
-                "alarm, model right, n = 0.98",
-                "-",
-                when(alarms["exact"]),
-                bank=when(alarms["bank, L = 5 H"]),
-                remark="`bank` with 3 %",
-            ),
+            _right_model(alarms),
         ),
     )
 

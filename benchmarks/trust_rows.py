@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
+from benchmarks.page import Row
 from benchmarks.trust_cases import DISTURBED, PLAIN, SMALL, SMALL_MOVED
 from benchmarks.trust_plants import MOTOR
 from benchmarks.trust_play import Run
@@ -23,21 +23,6 @@ _DISTURBANCE = {
     "restored": "watching interrupted twice, state kept in a file",
 }
 _WRONG = {"noise": "noise x3", "gain": "reading 15 % too high", "stuck": "stuck"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """One line of the table."""
-
-    figure: str
-    asked: str
-    got: str
-    met: bool | None
-
-    @property
-    def cells(self) -> tuple[str, str, str, str]:
-        """What is printed."""
-        return self.figure, self.asked, self.got, "" if self.met is None else "met" if self.met else "falls short"
 
 
 def cells(bank: Runs, classic: Runs) -> list[tuple[str, str, str, str, str]]:

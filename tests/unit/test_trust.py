@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks import trust, trust_arrival, trust_rows
+from benchmarks.page import Row
 from benchmarks.play import engine_of
 from benchmarks.trust_calibration import claims_of
 from benchmarks.trust_cases import CASES, Case
@@ -44,7 +45,7 @@ def run(key: str, seed: int, rank: int = 1, delay: float | None = 40.0) -> Run:
     )
 
 
-def line(found: dict[str, list[Run]], words: str) -> trust_rows.Row:
+def line(found: dict[str, list[Run]], words: str) -> Row:
     """Give the one line of a table whose figure has these words."""
     (row,) = [row for row in trust_rows.rows(found) if words in row.figure]
     return row
