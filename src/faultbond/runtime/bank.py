@@ -103,9 +103,16 @@ def tested_sets(spec: EngineSpec, bank: Bank) -> Tested:
 
 
 def renew_bank(
-    spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int, rejected: FloatArray
+    spec: EngineSpec,
+    engine: Engine,
+    trail: Trail,
+    bank: Bank,
+    alarm: int,
+    index: int,
+    rejected: FloatArray,
+    peak: FloatArray,
 ) -> Bank:
-    """Begin lanes of steps and drifts again from what the bank has found, and those of the likeliest sets in reserve.
+    """Begin lanes again from what the bank has found, and those of the likeliest sets in reserve.
 
     Parameters
     ----------
@@ -116,6 +123,8 @@ def renew_bank(
     index : number of the sample of now
     rejected : float array, shape (n_hypotheses,)
         1 for each that a person has ruled out; of the reserve these are not begun.
+    peak : float array, shape (n_inputs,)
+        Largest size of each input so far, SI.
     """
     own, grown = plan_lanes(spec).n_lanes, bank.grown
     steps = bank.steps.copy()
@@ -126,6 +135,6 @@ def renew_bank(
         extended = replace(extended, likelihood=np.where(out, -np.inf, extended.likelihood))
         kept = np.where(out[bank.grown.astype(np.intp)], -1.0, bank.grown)
         steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], kept)
-    slots = renew_slots(spec, engine, trail, bank.slots, alarm)
+    slots = renew_slots(spec, engine, trail, bank.slots, alarm, peak)
     renewed = np.concatenate([np.any(steps != bank.steps, axis=0), np.any(slots != bank.slots, axis=0)])
     return replace(bank, steps=steps, slots=slots, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

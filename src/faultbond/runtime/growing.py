@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.runtime.lanes import START_SPREAD, LanePlan
-from faultbond.runtime.stepped import Trail, begin_steps
+from faultbond.runtime.stepped import Trail, begin_near
 from faultbond.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray, IntArray
 
@@ -125,7 +125,7 @@ def grow(
         values[k] = before[spec.parameter_slice, PER_SET * row + int(np.argmax(found[row]))]
     chosen = np.argsort(spec.reserve_costs - likelihood, kind="stable")[: n_grown(spec)]
     plan = _plan(spec, [spec.reserve[k] for k in chosen], values[chosen], trail.lanes[0][spec.parameter_slice])
-    lanes = begin_steps(spec, engine, trail, alarm, plan)
+    lanes = begin_near(spec, engine, trail, alarm, plan)
     for row, k in enumerate(chosen):
         if int(k) in place:
             new, old = (slice(PER_SET * at, PER_SET * (at + 1)) for at in (row, place[int(k)]))
@@ -156,4 +156,5 @@ def _plan(spec: EngineSpec, sets: list[tuple[int, ...]], values: FloatArray, hea
         jumps=jumps,
         first=np.arange(0, shape[1], PER_SET, dtype=np.intp),
         sizes=np.array([len(chosen) for chosen in sets], dtype=np.float64),
+        tied=True,
     )

@@ -42,6 +42,7 @@ class LanePlan:
     jumps: BoolArray  # (n_lanes, n_states): the stored content goes on at the change, else the effort (C) or flow (I)
     first: IntArray  # first lane of each hypothesis
     sizes: FloatArray  # suspects in each hypothesis
+    tied: bool = False  # whether a jump is bound to the factor of its suspect, as it may where that is nearly known
 
     @property
     def n_lanes(self) -> int:
@@ -135,5 +136,6 @@ def found_lanes(spec: EngineSpec, plan: LanePlan, bank: FloatArray, best: IntArr
         sds=np.where(suspected, sds, 0.0),
         jumps=plan.jumps[best],
         first=np.arange(len(best), dtype=np.intp),
-        sizes=plan.sizes,
+        sizes=plan.sizes[plan.hypothesis[best]],
+        tied=True,
     )

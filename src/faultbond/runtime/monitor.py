@@ -188,7 +188,7 @@ def _judge(
         bank = advance_bank(spec, engine, bank, packed, state.index)
         if state.index - alarm in RENEWALS:
             trail, place = _cut_trail(state, alarm)
-            bank = renew_bank(spec, engine, trail, bank, place, state.index, state.rejected)
+            bank = renew_bank(spec, engine, trail, bank, place, state.index, state.rejected, state.peak)
     elif warm:
         detection, change = detect(spec, state, peak)
         if detection is not None:

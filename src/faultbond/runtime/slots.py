@@ -24,6 +24,7 @@ STUCK_NOISES = (0.1, 1.0)  # noise variance of a sensor that is stuck, in that d
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
+COMMANDED = log(0.3)  # prior weight of an input's bias, beside the step of a component
 SENSOR_KINDS = {  # prior probabilities of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
@@ -162,7 +163,11 @@ def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of an input."""
     for sd in INPUT_BIASES:
         yield SlotLane(
-            hypothesis=hypothesis, kind=FaultKind.BIAS, input=index, size_sd=sd, weight=-log(len(INPUT_BIASES))
+            hypothesis=hypothesis,
+            kind=FaultKind.BIAS,
+            input=index,
+            size_sd=sd,
+            weight=COMMANDED - log(len(INPUT_BIASES)),
         )
 
 

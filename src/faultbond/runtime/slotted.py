@@ -72,25 +72,28 @@ def _of_pairs(innovations: FloatArray, likelihoods: FloatArray) -> FloatArray:
     return np.repeat(mixture, 2, axis=1)
 
 
-def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, alarm: int) -> FloatArray:
-    """Begin one lane of each drift of a parameter again, from the size and rate that the best of its lanes has found.
+def renew_slots(
+    spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, alarm: int, peak: FloatArray
+) -> FloatArray:
+    """Begin one lane of each drift of a parameter and bias of an input again, from what the best of them has found.
 
-    Only where it begins, and so where it linearises, is what was found; the spread is that of the start of the lane
-    whose place it takes, the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
-    the alarm in the trail.
+    Only where it begins, and so where it linearises, is what was found; the spread is that of one of its starts. It
+    takes the place of the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
+    the alarm in the trail, `peak` (n_inputs,) the largest size of each input so far.
     """
     plan = plan_slots(spec)
-    pairs = [(group[np.argmax(slots[-1, group])], group[np.argmin(slots[-1, group])]) for group in drift_groups(plan)]
-    if not pairs:
+    groups = renewed_groups(plan)
+    if not groups:
         return slots
-    best, worst = (np.array(column, dtype=np.intp) for column in zip(*pairs, strict=True))
+    best, worst = (np.array([group[end(slots[-1, group])] for group in groups]) for end in (np.argmax, np.argmin))
+    spread = [_spread(plan, group, int(place)) for group, place in zip(groups, worst, strict=True)]
     size, rate = slots[spec.slotted.slot_slice][:, best]
     samples, place = relinearised(spec, trail.samples), spec.slotted.slot_slice.start
     elapsed = np.cumsum(samples[::-1, 0])[::-1]  # from before each sample to now
     mixture: Mixture | None = None
     for onset, width in onsets(spec, len(samples) - 1, alarm):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
-        lanes = slot_lanes(spec, plan, worst.tolist(), healthy, samples[:onset], np.ones(len(spec.inputs)), trail.old)
+        lanes = slot_lanes(spec, plan, spread, healthy, samples[:onset], peak, trail.old)
         then = size - rate * elapsed[onset]
         lanes[place], lanes[place + 1] = then, rate
         lanes[-1] = trail.lanes[onset - 1, -1]
@@ -101,13 +104,19 @@ def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArra
     return renewed
 
 
-def drift_groups(plan: SlotPlan) -> list[IntArray]:
-    """Give the lanes of each parameter's drift."""
+def renewed_groups(plan: SlotPlan) -> list[IntArray]:
+    """Give the lanes of each drift of a parameter, and of each bias of an input."""
     groups: dict[int, list[int]] = {}
     for k, lane in enumerate(plan.lanes):
-        if lane.kind is FaultKind.DRIFT and lane.parameter >= 0:
-            groups.setdefault(lane.parameter, []).append(k)
+        if lane.input >= 0 or (lane.kind is FaultKind.DRIFT and lane.parameter >= 0):
+            groups.setdefault(lane.hypothesis, []).append(k)
     return [np.array(group, dtype=np.intp) for group in groups.values()]
+
+
+def _spread(plan: SlotPlan, group: IntArray, worst: int) -> int:
+    """Give the lane whose spread a renewed lane has: of a bias the widest, else what was found would count twice."""
+    biased = plan.lanes[worst].input >= 0
+    return max(group.tolist(), key=lambda lane: plan.lanes[lane].size_sd) if biased else worst
 
 
 def _from_onsets(

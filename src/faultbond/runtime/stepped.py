@@ -6,6 +6,7 @@ same samples, and the likelihood of a lane is the mean over its onsets (a change
 best onset of each lane goes on. Reasons and figures: docs/decisions/006-onset-mixture.md.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,13 +14,14 @@ import numpy as np
 
 from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
 from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
-from faultbond.types import FloatArray
+from faultbond.types import FloatArray, IntArray
 
 ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
 LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
 SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
 _LOWEST = -1e300  # likelihood of a lane that is no number
+_Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,11 +106,25 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
     plan = plan_lanes(spec)
     best, worst = extremes(plan, bank[-1])
     starts = found_lanes(spec, plan, bank, best, trail.lanes[0][spec.parameter_slice])
-    again = begin_steps(spec, engine, trail, alarm, starts)
+    again = begin_near(spec, engine, trail, alarm, starts)
     better = _likelihoods(again) > _likelihoods(bank[:, worst])
     renewed = bank.copy()
     renewed[:, worst[better]] = again[:, better]
     return renewed
+
+
+def begin_near(spec: EngineSpec, engine: Engine, trail: Trail, alarm: int, starts: LanePlan) -> FloatArray:
+    """Give the lanes (n_numbers, n_lanes) of starts that were found, as `begin_steps` does.
+
+    A jump that is tied to its factor says much and is linearised: where a store jumps, the lane begins a second time,
+    from what it then knows.
+    """
+    lanes = begin_steps(spec, engine, trail, alarm, starts)
+    jumping = np.flatnonzero(starts.jumps.any(axis=1))
+    if len(jumping):
+        closer = found_lanes(spec, starts, lanes, jumping, trail.lanes[0][spec.parameter_slice])
+        lanes[:, jumping] = begin_steps(spec, engine, trail, alarm, closer)
+    return lanes
 
 
 def _begin_lanes(
@@ -204,6 +220,11 @@ def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Floa
     n, n_lanes = spec.n_joint, plan.n_lanes
     means = np.repeat(healthy[:n, None], n_lanes, axis=1)
     full = np.repeat(unpack(spec, healthy[spec.covariance_slice])[:, :, None], n_lanes, axis=2)
+    for state, index, exponent, lanes in _jumps(spec, plan, healthy):
+        k = spec.parameter_slice.start + index
+        slope = exponent * healthy[state] / healthy[k]  # of the state by its factor: the rest is what the content says
+        full[state, :, lanes] -= slope * full[k, :, lanes]
+        full[:, state, lanes] -= slope * full[:, k, lanes]
     for index, parameter in enumerate(spec.parameters):
         lanes = np.flatnonzero(plan.suspected[index])
         k = spec.parameter_slice.start + index
@@ -214,27 +235,39 @@ def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Floa
         full[k, k, lanes] = (sd * size) ** 2
         start = healthy[k] + value if parameter.healthy == 0.0 else healthy[k] * value
         means[k, lanes] = np.clip(start, parameter.lower, parameter.upper)
-    for state in range(len(spec.states)):
-        _jump(spec, plan, state, means, full)
+    for jump in _jumps(spec, plan, healthy):
+        _jump(spec, plan, jump, means, full)
     rows, columns = np.triu_indices(n)
     rest = np.repeat(healthy[n + spec.n_packed :, None], n_lanes, axis=1)
     return np.concatenate([means, full[rows, columns], rest])
 
 
-def _jump(spec: EngineSpec, plan: LanePlan, state: int, means: FloatArray, full: FloatArray) -> None:
-    """Let the effort or flow of a store jump with its suspects where its content goes on; changes `means`, `full`.
+def _jumps(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Iterator[_Jump]:
+    """Give the stores whose content goes on while their own parameter changes, and in which lanes."""
+    factors = healthy[spec.parameter_slice]
+    for state, item in enumerate(spec.states):
+        for index, exponent in item.jumps:
+            lanes = np.flatnonzero(plan.jumps[:, state] & plan.suspected[index])
+            if spec.parameters[index].healthy and factors[index] and len(lanes):
+                yield state, index, exponent, lanes
 
-    The state x becomes x * factor**exponent, and as uncertain as the factor makes it. It is left uncorrelated with the
-    factor: linear correlation over so wide a start would fix the factor, wrongly, at the first measurement of x.
+
+def _jump(spec: EngineSpec, plan: LanePlan, jump: _Jump, means: FloatArray, full: FloatArray) -> None:
+    """Let the effort or flow of a store jump with its suspect where its content goes on; changes `means`, `full`.
+
+    The state x becomes x * factor**exponent, and as uncertain as the factor makes it. From a wide start it is left
+    uncorrelated with the factor: linear correlation over so wide a start would fix the factor, wrongly, at the first
+    measurement of x. From what was found (`plan.tied`) it goes with the factor, else the two could part for good.
     """
-    for index, exponent in spec.states[state].jumps:
-        lanes = np.flatnonzero(plan.jumps[:, state] & plan.suspected[index])
-        if spec.parameters[index].healthy == 0.0 or not len(lanes):
-            continue
-        k = spec.parameter_slice.start + index
-        scale = plan.values[index, lanes] ** exponent
-        full[state, :, lanes] *= scale[:, None]
-        full[:, state, lanes] *= scale
-        means[state, lanes] *= scale
-        slope = exponent * means[state, lanes] / means[k, lanes]
+    state, index, exponent, lanes = jump
+    k = spec.parameter_slice.start + index
+    scale = plan.values[index, lanes] ** exponent
+    full[state, :, lanes] *= scale[:, None]
+    full[:, state, lanes] *= scale
+    means[state, lanes] *= scale
+    slope = exponent * means[state, lanes] / means[k, lanes]
+    if plan.tied:
+        full[state, :, lanes] += slope[:, None] * full[k, :, lanes]
+        full[:, state, lanes] += slope * full[:, k, lanes]
+    else:
         full[state, state, lanes] += slope**2 * full[k, k, lanes]

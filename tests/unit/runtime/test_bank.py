@@ -8,7 +8,7 @@ from made import plant, recorded, run
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
 from faultbond.runtime.misfit import add_misfit
 from faultbond.runtime.slots import plan_slots
-from faultbond.runtime.slotted import advance_slots, drift_groups
+from faultbond.runtime.slotted import advance_slots, renewed_groups
 from faultbond.runtime.state import State
 from faultbond.runtime.stepped import Trail, advance_steps
 from faultbond.simulate import Fault
@@ -88,10 +88,10 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     """Renewed lanes have empty sums from that sample on; all others but those of drifts keep lane and sums."""
     state = alarmed(200)
     bank = state.bank
-    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888, state.rejected)
+    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888, state.rejected, state.peak)
     changed = differing_lanes(renewed, bank)
     assert 0 < changed.sum() < bank.steps.shape[1]
-    drifts = np.concatenate(drift_groups(plan_slots(SPEC))) + bank.steps.shape[1]
+    drifts = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]
     assert set(np.flatnonzero(changed[bank.steps.shape[1] :]) + bank.steps.shape[1]) <= set(drifts)
     assert not np.any(renewed.misfit.sums[:, :, changed])
     assert np.all(renewed.misfit.since[:, :, changed] == 888.0)

@@ -79,9 +79,16 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     renewed = []
 
     def renew(
-        spec: EngineSpec, engine: Engine, trail: Trail, bank: Bank, alarm: int, index: int, rejected: FloatArray
+        spec: EngineSpec,
+        engine: Engine,
+        trail: Trail,
+        bank: Bank,
+        alarm: int,
+        index: int,
+        rejected: FloatArray,
+        peak: FloatArray,
     ) -> Bank:
-        del spec, engine, trail, alarm, rejected
+        del spec, engine, trail, alarm, rejected, peak
         renewed.append(index)
         return bank
 

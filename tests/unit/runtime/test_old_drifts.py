@@ -9,8 +9,8 @@ from made import TANK_START, plant, run, samples_of
 
 from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
-from faultbond.runtime.slots import plan_slots
-from faultbond.runtime.slotted import drift_groups, renew_slots, slot_lanes, unlearned
+from faultbond.runtime.slots import INPUT_BIASES, plan_slots
+from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, unlearned
 from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
 from faultbond.runtime.stepped import Trail
 from faultbond.simulate import Fault, Inputs, simulate
@@ -97,14 +97,14 @@ def test_drifts_begin_again_from_what_was_found() -> None:
     spec, engine, state = drifting()
     plan, bank = plan_slots(spec), state.bank
     assert isinstance(bank, Bank)
-    renewed = renew_slots(spec, engine, trail_of(state)[0], bank.slots, trail_of(state)[1])
+    renewed = renew_slots(spec, engine, trail_of(state)[0], bank.slots, trail_of(state)[1], state.peak)
     changed = np.flatnonzero(np.any(renewed != bank.slots, axis=0))
-    worst = {int(group[np.argmin(bank.slots[-1, group])]) for group in drift_groups(plan)}
+    worst = {int(group[np.argmin(bank.slots[-1, group])]) for group in renewed_groups(plan)}
     assert len(changed) > 0
     assert set(changed.tolist()) <= worst
     assert np.all(renewed[-1, changed] > bank.slots[-1, changed])
     names = [item.name for item in spec.parameters]
-    (pipe,) = [group for group in drift_groups(plan) if plan.lanes[group[0]].parameter == names.index("K1")]
+    (pipe,) = [group for group in renewed_groups(plan) if plan.lanes[group[0]].parameter == names.index("K1")]
     best = renewed[:, pipe[np.argmax(renewed[-1, pipe])]]
     wide, place = spec.slotted, spec.slotted.slot_slice.start
     sds = [np.sqrt(best[covariance_place(wide, k, k)]) for k in (place, place + 1)]
@@ -161,14 +161,22 @@ class Recorder:
         return self.inner.slot.advance(lanes, samples)
 
 
-def test_a_renewed_drift_leads_to_what_was_found() -> None:
-    """Wherever a renewed drift begins, its size and rate there lead to the size that the best lane has now."""
+def test_a_renewed_lane_leads_to_what_was_found() -> None:
+    """Wherever a renewed lane begins, its size and rate there lead to the size that the best lane has now.
+
+    That holds for drifts and for biases of inputs, which begin as wide as the largest value of the input says.
+    """
     spec, engine, state = drifting()
     recorder, (trail, place) = Recorder(engine), trail_of(state)
-    renew_slots(spec, recorder, trail, state.slots, place)
+    renew_slots(spec, recorder, trail, state.slots, place, state.peak)
     size = spec.slotted.slot_slice.start
-    best = [group[np.argmax(state.slots[-1, group])] for group in drift_groups(plan_slots(spec))]
+    plan = plan_slots(spec)
+    best = [group[np.argmax(state.slots[-1, group])] for group in renewed_groups(plan)]
+    inputs = [k for k, lane in enumerate(best) if plan.lanes[lane].input >= 0]
     assert len(recorder.calls) > 10
+    assert [plan.lanes[best[k]].input for k in inputs] == list(range(len(spec.inputs)))
     for lanes, seconds in recorder.calls:
         assert lanes[size + 1] == pytest.approx(state.slots[size + 1, best])
         assert lanes[size] + lanes[size + 1] * seconds == pytest.approx(state.slots[size, best])
+        widths = np.sqrt(lanes[covariance_place(spec.slotted, size, size), inputs]) / state.peak
+        assert widths == pytest.approx(max(INPUT_BIASES))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made import plant, recorded, run
 
-from faultbond.runtime.lanes import extremes, plan_lanes
+from faultbond.runtime.lanes import extremes, found_lanes, plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
@@ -109,6 +109,13 @@ def test_suspects_begin_at_their_starts(name: str) -> None:
     assert np.array_equal(lanes[rest:], np.repeat(healthy[rest:, None], plan.n_lanes, axis=1))
 
 
+def content_variance(spec: EngineSpec, lane: FloatArray, exponents: dict[int, float]) -> float:
+    """The relative variance, to first order, of the product of elements of z, each to its exponent."""
+    full, places = unpack(spec, lane[spec.covariance_slice]), list(exponents)
+    slopes = np.array([exponents[k] / lane[k] for k in places])
+    return float(slopes @ full[np.ix_(places, places)] @ slopes)
+
+
 def test_content_goes_on_where_it_is_kept() -> None:
     """Where a store keeps its content, its effort or flow moves against its own parameter, and nothing else moves."""
     _, spec, _ = plant("rlc")
@@ -125,12 +132,45 @@ def test_content_goes_on_where_it_is_kept() -> None:
             factor = plan.values[index, lane]
             assert lanes[state, lane] == pytest.approx(healthy[state] / factor, rel=1e-9)
             assert lanes[1 - state, lane] == healthy[1 - state]
-            # e = content/factor: as uncertain as before, and as the factor (relative sd) makes it
-            before = unpack(spec, healthy[spec.covariance_slice])[state, state] / factor**2
+            # e = content/factor: as uncertain as the content before, and as the factor (relative sd) makes it
             place = spec.parameter_slice.start + index
+            before = content_variance(spec, healthy, {state: 1.0, place: 1.0}) * (healthy[state] / factor) ** 2
             relative = plan.sds[index, lane] * healthy[place] / lanes[place, lane]
             found = unpack(spec, lanes[spec.covariance_slice, lane])[state, state]
             assert found == pytest.approx(before + (lanes[state, lane] * relative) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["tank", "dc_motor_current", "rlc"])
+def test_a_tied_jump_keeps_the_content(name: str) -> None:
+    """Begun from what was found, a store's content is as uncertain as before, and not correlated with the factor."""
+    _, spec, _ = plant(name)
+    plan, healthy = replace(plan_lanes(spec), tied=True), wide_lane(spec)
+    lanes, checked = suspect_lanes(spec, plan, healthy), 0
+    for state, item in enumerate(spec.states):
+        for lane in np.flatnonzero(plan.jumps[:, state]):
+            full = unpack(spec, lanes[spec.covariance_slice, lane])
+            own = {spec.parameter_slice.start + k: -exponent for k, exponent in item.jumps if plan.suspected[k, lane]}
+            exponents = {state: 1.0} | own
+            slopes = np.zeros(spec.n_joint)
+            slopes[list(exponents)] = [exponent / lanes[k, lane] for k, exponent in exponents.items()]
+            assert full[list(own)] @ slopes == pytest.approx(0.0, abs=1e-12)
+            known = content_variance(spec, healthy, exponents)
+            assert content_variance(spec, lanes[:, lane], exponents) == pytest.approx(known, rel=1e-9)
+            sd = np.sqrt(np.diag(full))
+            assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0
+            checked += 1
+    assert checked > 5
+
+
+def test_renewed_filters_are_tied() -> None:
+    """Wide starts are not bound to their jumps, those from what was found are."""
+    _, spec, engine = plant("tank")
+    state, _ = run(spec, engine, recorded("tank", 330, TANK_FAULT))
+    plan = plan_lanes(spec)
+    found = found_lanes(
+        spec, plan, state.steps, extremes(plan, state.steps[-1])[0], state.lane[spec.parameter_slice, 0]
+    )
+    assert (plan.tied, found.tied) == (False, True)
 
 
 @dataclass(frozen=True)
