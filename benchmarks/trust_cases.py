@@ -14,6 +14,7 @@ from benchmarks.trust_plants import (
     Make,
     any_pair,
     any_triple,
+    disobeyed,
     drifting,
     healthy,
     healthy_moving,
@@ -124,6 +125,15 @@ def _sensors() -> Iterator[Case]:
         yield Case(key=f"moved.bias.{sensor}", make=make, looks=_TANK_LOOKS)
 
 
+def _actuators() -> Iterator[Case]:
+    for folder, name, seconds, looks in (
+        ("tank", "u_in", TANK_SECONDS, _TANK_LOOKS),
+        ("tank", "u_out", TANK_SECONDS, _TANK_LOOKS),
+        ("dc_motor", "V", MOTOR_SECONDS, _MOTOR_LOOKS),
+    ):
+        yield Case(key=f"bias.{name}", make=partial(disobeyed, partial(healthy, folder, seconds), name), looks=looks)
+
+
 def _disturbed() -> Iterator[Case]:
     leak, winding = partial(stepped, "tank", (_LEAK,)), partial(stepped, "dc_motor", (("R", 2.0),))
     for name, make, looks in (("K6", leak, _TANK_LOOKS), ("R", winding, _MOTOR_LOOKS)):
@@ -135,7 +145,7 @@ def _disturbed() -> Iterator[Case]:
 
 def _cases() -> list[Case]:
     drift = Case(key="drift.K1", make=drifting, looks=(NEVER,))
-    return [*_all_healthy(), *_tank(), *_small(), *_motor(), *_sensors(), drift, *_disturbed()]
+    return [*_all_healthy(), *_tank(), *_small(), *_motor(), *_sensors(), *_actuators(), drift, *_disturbed()]
 
 
 CASES = {item.key: item for item in _cases()}

@@ -25,6 +25,7 @@ MOTOR = ("R", "L", "K", "J", "C")
 NEVER = float("inf")
 BOUNDS, SWING = (4000.0, 10000.0), (5000.0, 9000.0)  # Pa: levels between which valves that move keep the tank
 BIAS, GAIN, NOISE = 5.0, 1.15, 3.0  # of a sensor: declared sd, factor of the reading, factor of the sd
+INPUT_BIAS = 0.15  # of an input, in its largest value
 NONE: Mapping[str, float] = {}
 
 
@@ -184,6 +185,17 @@ def misread(make: Make, sensor: str, kind: FaultKind, seed: int) -> Played:
         FaultKind.STUCK: np.full_like(right, outputs[~wrong, index][-1]),
     }[kind]
     return replace(found, outputs=outputs, suspects=frozenset({sensor}), onset=onset)
+
+
+def disobeyed(make: Make, name: str, seed: int) -> Played:
+    """Give a healthy run in which the plant gets, from the onset on, less of an input than is recorded, or more."""
+    found = make(seed)
+    onset = _onset(found.folder, seed)
+    index = [item.name for item in graph_of(found.folder).inputs].index(name)
+    inputs = found.inputs.copy()
+    bias = (1.0 if seed % 4 < 2 else -1.0) * INPUT_BIAS * float(np.max(np.abs(inputs[:, index])))
+    inputs[found.time >= onset, index] += bias
+    return replace(found, inputs=inputs, suspects=frozenset({name}), onset=onset)
 
 
 def any_pair(folder: str, alike: bool, seed: int) -> Played:

@@ -44,7 +44,7 @@ def rows(runs: Runs) -> list[Row]:
     found += _sets(runs, "tank", "tank, recipe") + _sets(runs, "moved", "tank, valves moving")
     found += [row for name in SMALL for row in _small(runs, "small", "tank, recipe", name)]
     found += [row for name in SMALL_MOVED for row in _small(runs, "moved.small", "tank, valves moving", name)]
-    return found + _motors(runs) + _biases(runs) + _drift(runs) + _disturbed(runs) + _sensors(runs)
+    return found + _motors(runs) + _biases(runs) + _drift(runs) + _disturbed(runs) + _instruments(runs)
 
 
 def _sets(runs: Runs, first: str, plant: str) -> list[Row]:
@@ -88,21 +88,34 @@ def _biases(runs: Runs) -> list[Row]:
     return found
 
 
-def _sensors(runs: Runs) -> list[Row]:
-    """Give the lines of what else may be wrong with sensors, of which nothing is asked."""
-    found: list[Row] = []
-    for kind, wrong in _WRONG.items():
+def _instruments(runs: Runs) -> list[Row]:
+    """Give the lines of what else may be wrong with sensors and inputs, of which nothing is asked."""
+    sensors = [
+        (f"{kind}.{sensor}", f"{plant}, {sensor}: {wrong}", look, after)
+        for kind, wrong in _WRONG.items()
         for sensor, plant, look, after in (
             ("flow", "tank, recipe", FIVE_MINUTES, "5 min"),
             ("pressure", "tank, recipe", FIVE_MINUTES, "5 min"),
             ("omega", "motor", TEN_SECONDS, "10 s"),
-        ):
-            chosen = runs.get(f"{kind}.{sensor}", [])
-            if chosen:
-                first, total = _first(chosen, look), len(chosen)
-                figure = f"{plant}, {sensor}: {wrong}, {after} after the alarm: true set first"
-                got = f"{_part(first, total)}; detected in {_part(sum(run.delay is not None for run in chosen), total)}"
-                found.append(Row(figure=figure, asked="", got=f"{got}, {_quantiles(chosen)}", met=None))
+        )
+    ]
+    inputs = [
+        (f"bias.{name}", f"{plant}, {name}: the plant gets 15 % of its largest value more or less", look, after)
+        for name, plant, look, after in (
+            ("u_in", "tank, recipe", FIVE_MINUTES, "5 min"),
+            ("u_out", "tank, recipe", FIVE_MINUTES, "5 min"),
+            ("V", "motor", TEN_SECONDS, "10 s"),
+        )
+    ]
+    found: list[Row] = []
+    for key, wrong, look, after in sensors + inputs:
+        chosen = runs.get(key, [])
+        if chosen:
+            total = len(chosen)
+            first, grouped = _first(chosen, look), _in_group(chosen, look)
+            got = f"{_part(first, total)}, in the group {_part(grouped, total)}"
+            got += f"; detected in {_part(sum(run.delay is not None for run in chosen), total)}, {_quantiles(chosen)}"
+            found.append(Row(figure=f"{wrong}, {after} after the alarm: true set first", asked="", got=got, met=None))
     return found
 
 
@@ -146,6 +159,11 @@ def _delays_compared(figure: str, both: Both) -> Row:
 def _first(chosen: Sequence[Run], look: int, best: int = 1) -> int:
     """Count the runs in which the true set is among the first ones."""
     return sum(bool(run.looks) and run.looks[look].rank <= best for run in chosen)
+
+
+def _in_group(chosen: Sequence[Run], look: int) -> int:
+    """Count the runs in which the true set is in the group."""
+    return sum(bool(run.looks) and run.looks[look].group for run in chosen)
 
 
 def _soon(chosen: Sequence[Run]) -> int:
@@ -203,8 +221,7 @@ def _ranks(runs: Runs, keys: Sequence[str], figure: str, look: int, part: float 
 
 def _groups(runs: Runs, keys: Sequence[str], figure: str, look: int, part: float) -> list[Row]:
     chosen = _chosen(runs, keys)
-    count = sum(bool(run.looks) and run.looks[look].group for run in chosen)
-    return [_share(figure, count, len(chosen), part)] if chosen else []
+    return [_share(figure, _in_group(chosen, look), len(chosen), part)] if chosen else []
 
 
 def _share(figure: str, count: int, total: int, part: float | None) -> Row:
