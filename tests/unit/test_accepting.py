@@ -137,6 +137,10 @@ def test_a_person_rejects(folder: Path, capsys: pytest.CaptureFixture[str]) -> N
     found = read_saved(Path(state)).found
     assert found.open is not None
     assert len(found.rejected) == 1
+    assert main(["reject", str(MODEL), state, "C"]) == 2
+    assert "C: rejected already" in capsys.readouterr().err
+    run(folder, 300, 320, "--state", state)
+    assert "Rejected at 5.98 s: C, step" in capsys.readouterr().out
     assert main(["reject", str(MODEL), state, "nobody"]) == 2
     assert "no hypothesis has just these components" in capsys.readouterr().err
 
@@ -259,8 +263,9 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
     decided = running.found.with_accepted(kept().found.accepted[0])
     running.heed(decided)  # the watcher refuses
     assert running.found.open == first
-    running.found = running.found.with_rejected(2).with_detection(second)  # what was rejected then may be it now
-    for late in (decided, Found().with_detection(first).with_rejected(3)):
+    other = kept().found.rejected[0]
+    running.found = running.found.with_rejected(other).with_detection(second)  # what was rejected then may be it now
+    for late in (decided, Found().with_detection(first).with_rejected(other)):
         running.heed(late)
         assert running.found == Found(detections=2, open=second)
 
@@ -378,7 +383,7 @@ def kept() -> Saved:
         waiting=1,
         open=Detection(time=4.0, sample=4, change_time=3.0, signals=("V_C",)),
         accepted=(Accepted(time=2.0, candidate=candidate, by=Decider.PERSON),),
-        rejected=(0, 3),
+        rejected=(Accepted(time=4.0, candidate=replace(candidate, hypothesis=3), by=Decider.PERSON),),
         sure=Sure(hypothesis=1, since=5),
     )
     row = Row(time=0.1 + 0.2, u=np.array([1 / 3, np.nan]), y=np.zeros(0))

@@ -53,7 +53,8 @@ class Course:
         self._told, self._lost = -1, 0
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
-            self._trace.before(() if self.found.open is None else (self.found.open,), self.found.accepted[-TOLD:])
+            detections = () if self.found.open is None else (self.found.open,)
+            self._trace.before(detections, self.found.accepted[-TOLD:], self.found.rejected)
 
     def take(self, point: GridPoint) -> None:
         """Pass one point on, and write what the method says to it."""
@@ -78,9 +79,10 @@ class Course:
             if len(other.accepted) > len(self.found.accepted):
                 self._accept(other.accepted[-1].candidate.hypothesis, self._time, Decider.PERSON)
                 return
-            for hypothesis in other.rejected:
-                if hypothesis not in self.found.rejected:
-                    self._reject(hypothesis)
+            known = {item.candidate.hypothesis for item in self.found.rejected}
+            for item in other.rejected:
+                if item.candidate.hypothesis not in known:
+                    self._reject(item.candidate.hypothesis)
 
     def finish(self) -> None:
         """Write the last diagnosis and the end."""
@@ -178,5 +180,7 @@ class Course:
 
     def _reject(self, hypothesis: int) -> None:
         rejected = Accepted(time=self._time, candidate=self._watcher.reject(hypothesis), by=Decider.PERSON)
-        self.found = self.found.with_rejected(hypothesis)
+        self.found = self.found.with_rejected(rejected)
         self._out.record(decision_record(rejected, rejected=True))
+        if self._trace is not None:
+            self._trace.reject(rejected)

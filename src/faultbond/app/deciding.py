@@ -51,7 +51,7 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     opened = _opened(model, state)
     chosen = find_hypothesis(opened.watcher.spec, names)
     rejected = Accepted(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
-    opened.write(state, opened.saved.found.with_rejected(chosen))
+    opened.write(state, opened.saved.found.with_rejected(rejected))
     left = opened.watcher.finish() or opened.diagnosis
     out.record(decision_record(rejected, rejected=True))
     out.record(diagnosis_record(left))

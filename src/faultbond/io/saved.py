@@ -29,7 +29,7 @@ class Found:
     """What a run has found so far.
 
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
-    input had a value. open: the detection that nothing was accepted for yet. rejected: hypotheses that were ruled out
+    input had a value. open: the detection that nothing was accepted for yet. rejected: candidates that were ruled out
     since then. sure: what the rule has in mind.
     """
 
@@ -38,7 +38,7 @@ class Found:
     waiting: int = 0
     open: Detection | None = None
     accepted: tuple[Accepted, ...] = ()
-    rejected: tuple[int, ...] = ()
+    rejected: tuple[Accepted, ...] = ()
     sure: Sure = field(default_factory=Sure)
 
     def with_detection(self, detection: Detection) -> "Found":
@@ -49,9 +49,9 @@ class Found:
         """Give this after a candidate was accepted."""
         return replace(self, open=None, accepted=(*self.accepted, accepted), rejected=(), sure=Sure())
 
-    def with_rejected(self, hypothesis: int) -> "Found":
-        """Give this after a hypothesis was ruled out."""
-        return replace(self, rejected=(*self.rejected, hypothesis), sure=Sure())
+    def with_rejected(self, rejected: Accepted) -> "Found":
+        """Give this after a candidate was ruled out."""
+        return replace(self, rejected=(*self.rejected, rejected), sure=Sure())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,7 +150,7 @@ def _found(found: dict[str, Any]) -> Found:
         waiting=found["waiting"],
         open=None if found["open"] is None else _detection(found["open"]),
         accepted=tuple(_accepted(item) for item in found["accepted"]),
-        rejected=tuple(found["rejected"]),
+        rejected=tuple(_accepted(item) for item in found["rejected"]),
         sure=Sure(**found["sure"]),
     )
 

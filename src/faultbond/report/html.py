@@ -15,8 +15,8 @@ from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text,
 from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import (
     Counts,
-    accepted_text,
     component_probabilities,
+    decided_text,
     instrument_probabilities,
     open_diagnosis,
     remainder_text,
@@ -160,7 +160,9 @@ def _facts(graph: BondGraph, history: History, engine_title: str, version: str) 
         ("Made by", f"faultbond {version}"),
     ]
     if history.accepted:
-        facts.append(("Accepted", accepted_text(graph, history)))
+        facts.append(("Accepted", decided_text(graph, history.accepted)))
+    if history.rejected:
+        facts.append(("Rejected", decided_text(graph, history.rejected)))
     if len(history.time):
         first, last = (clock_text(float(history.time[end])) for end in (0, -1))
         facts.insert(2, ("Recording", f"{first} to {last}"))

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import check_rows
+from faultbond.report.decided import rejected_sentence
 from faultbond.report.numbers import Notation, clock_text, duration_text
 from faultbond.report.verdict import (
     Counts,
@@ -82,10 +83,11 @@ def _watched(graph: BondGraph, history: History, engine_title: str, counts: Coun
 
 
 def _events(graph: BondGraph, history: History) -> list[Text]:
-    """Give a line for each detection and each candidate that was accepted, in the order of time."""
+    """Give a line for each detection and each candidate that was accepted or rejected, in the order of time."""
     found = [(item.time, Text(detection_sentence(item), style="bold red")) for item in history.detections]
     accepted = [(item.time, Text(accepted_sentence(graph, item))) for item in history.accepted]
-    return [text for _, text in sorted([*found, *accepted], key=lambda event: event[0])]
+    rejected = [(item.time, Text(rejected_sentence(graph, item))) for item in history.rejected]
+    return [text for _, text in sorted([*found, *accepted, *rejected], key=lambda event: event[0])]
 
 
 def _heading(diagnosis: Diagnosis) -> Text:

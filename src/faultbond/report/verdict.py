@@ -115,7 +115,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notatio
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
     if history.open is None and history.detections:
-        return f"Accepted as the new normal: {accepted_text(graph, history)}. No other fault was found."
+        return f"Accepted as the new normal: {decided_text(graph, history.accepted)}. No other fault was found."
     if history.open is None:
         span = duration_text(span_of(history))
         return f"No fault found in {counts.samples} samples ({span})."
@@ -128,9 +128,9 @@ def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notatio
     return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, diagnosis, notation)
 
 
-def accepted_text(graph: BondGraph, history: History) -> str:
-    """Name what was accepted, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty where nothing was."""
-    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in history.accepted])
+def decided_text(graph: BondGraph, decided: Sequence[Accepted]) -> str:
+    """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
+    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
 
 
 def accepted_sentence(graph: BondGraph, accepted: Accepted) -> str:

@@ -143,10 +143,12 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
     if state.alarm < 0:
         raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
     names = hypothesis_names(spec, hypothesis)
+    if state.rejected[hypothesis] > 0:
+        raise FaultbondError(f"{', '.join(sorted(names))}: rejected already, alone or with a set that it contains.")
     found = (item for item in conclude(spec, state).candidates if names == candidate_names(item))
     candidate = next(found, None)
     if candidate is None:
-        raise FaultbondError(f"{', '.join(sorted(names))}: rejected, or not among the candidates that are listed.")
+        raise FaultbondError(f"{', '.join(sorted(names))}: not among the candidates that are listed.")
     return candidate
 
 

@@ -135,7 +135,11 @@ class Diagnosis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """A candidate, as it stood, that became the healthy model at `time`; alarms since then are of other faults."""
+    """A candidate, as it stood when it was decided on at `time`.
+
+    Accepted, it became the healthy model, and alarms since then are of other faults; rejected, it is out until the next
+    alarm.
+    """
 
     time: float
     candidate: Candidate
@@ -150,8 +154,8 @@ class History:
     cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`.
     slow (T, n_slow): those slow errors that can alarm, in units of their declared sd, limit `slow_limit`.
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
-    detections, diagnoses, accepted: all records in order. Of a run that went on from another one there are also the
-    last few that were accepted before, and the last detection if it was still open.
+    detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
+    also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
     """
 
     time: FloatArray
@@ -167,6 +171,7 @@ class History:
     detections: tuple[Detection, ...]
     diagnoses: tuple[Diagnosis, ...]
     accepted: tuple[Accepted, ...] = ()
+    rejected: tuple[Accepted, ...] = ()
 
     @property
     def open(self) -> Detection | None:

@@ -38,6 +38,7 @@ class Trace:
         self._passed = 0  # diagnoses seen
         self._last: Diagnosis | None = None
         self._accepted: list[Accepted] = []
+        self._rejected: list[Accepted] = []
 
     def add(self, sample: Sample, report: Report) -> None:
         """Take one sample and what the monitor said of it."""
@@ -68,14 +69,21 @@ class Trace:
             del self._diagnoses[1::2]
             self._stride *= 2
 
-    def before(self, detections: Sequence[Detection], accepted: Sequence[Accepted]) -> None:
+    def before(
+        self, detections: Sequence[Detection], accepted: Sequence[Accepted], rejected: Sequence[Accepted]
+    ) -> None:
         """Take what is known from a run that this one goes on from."""
         self._detections += detections
         self._accepted += accepted
+        self._rejected += rejected
 
     def accept(self, accepted: Accepted) -> None:
         """Take what became the healthy model."""
         self._accepted.append(accepted)
+
+    def reject(self, rejected: Accepted) -> None:
+        """Take what a person ruled out."""
+        self._rejected.append(rejected)
 
     def history(self) -> History:
         """Give all that was kept."""
@@ -97,6 +105,7 @@ class Trace:
             detections=tuple(self._detections),
             diagnoses=self._kept(),
             accepted=tuple(self._accepted),
+            rejected=tuple(self._rejected),
         )
 
     def _kept(self) -> tuple[Diagnosis, ...]:
