@@ -131,7 +131,7 @@ def _actuators() -> Iterator[Case]:
         ("tank", "u_out", TANK_SECONDS, _TANK_LOOKS),
         ("dc_motor", "V", MOTOR_SECONDS, _MOTOR_LOOKS),
     ):
-        yield Case(key=f"bias.{name}", make=partial(disobeyed, partial(healthy, folder, seconds), name), looks=looks)
+        yield Case(key=f"bias.{name}", make=partial(disobeyed, folder, name, seconds), looks=looks)
 
 
 def _disturbed() -> Iterator[Case]:

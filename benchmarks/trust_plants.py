@@ -33,7 +33,7 @@ NONE: Mapping[str, float] = {}
 class Played:
     """One recording and what is true of it.
 
-    suspects : parameters at fault, or the sensor at fault; empty of a healthy plant
+    suspects : parameters at fault, or the sensor or input at fault; empty of a healthy plant
     onset : moment of the fault, s
     values : true values at the end of the recording, by parameter, SI
     rate : of a drift, SI per second
@@ -187,15 +187,14 @@ def misread(make: Make, sensor: str, kind: FaultKind, seed: int) -> Played:
     return replace(found, outputs=outputs, suspects=frozenset({sensor}), onset=onset)
 
 
-def disobeyed(make: Make, name: str, seed: int) -> Played:
-    """Give a healthy run in which the plant gets, from the onset on, less of an input than is recorded, or more."""
-    found = make(seed)
-    onset = _onset(found.folder, seed)
-    index = [item.name for item in graph_of(found.folder).inputs].index(name)
-    inputs = found.inputs.copy()
-    bias = (1.0 if seed % 4 < 2 else -1.0) * INPUT_BIAS * float(np.max(np.abs(inputs[:, index])))
-    inputs[found.time >= onset, index] += bias
-    return replace(found, inputs=inputs, suspects=frozenset({name}), onset=onset)
+def disobeyed(folder: str, name: str, seconds: float, seed: int) -> Played:
+    """Give a run in which, from the onset on, more or less of an input acts than is recorded."""
+    plain, onset = healthy(folder, seconds, seed), _onset(folder, seed)
+    index = [item.name for item in graph_of(folder).inputs].index(name)
+    bias = (1.0 if seed % 4 < 2 else -1.0) * INPUT_BIAS * float(np.max(np.abs(plain.inputs[:, index])))
+    fault = Fault(parameter=f"{name}.bias", value=bias, start=onset)
+    recording = case(folder, seed, [fault], seconds=seconds).recording
+    return replace(_played(folder, recording, ()), suspects=frozenset({name}), onset=onset)
 
 
 def any_pair(folder: str, alike: bool, seed: int) -> Played:

@@ -100,7 +100,7 @@ def _instruments(runs: Runs) -> list[Row]:
         )
     ]
     inputs = [
-        (f"bias.{name}", f"{plant}, {name}: the plant gets 15 % of its largest value more or less", look, after)
+        (f"bias.{name}", f"{plant}, {name}: 15 % of its largest value more or less acts than is recorded", look, after)
         for name, plant, look, after in (
             ("u_in", "tank, recipe", FIVE_MINUTES, "5 min"),
             ("u_out", "tank, recipe", FIVE_MINUTES, "5 min"),

@@ -16,17 +16,17 @@ from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import dump_model, load_model, parse_model
 from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
-from faultbond.runtime.history import Accepted, Advice, Candidate, Detection, Diagnosis, Suspect
+from faultbond.runtime.history import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, Status, init
 from faultbond.spec import Engine, EngineSpec
 
 __all__ = [
-    "Accepted",
     "Advice",
     "BondGraph",
     "Candidate",
     "CausalityError",
+    "Decision",
     "Detection",
     "Diagnosis",
     "Engine",

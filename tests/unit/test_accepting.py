@@ -18,7 +18,7 @@ from faultbond.io.grid import Clock, Counts, Grid, Row
 from faultbond.io.out import Out
 from faultbond.io.saved import Found, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
-from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.runtime.rule import Sure, watch
 from faultbond.runtime.trace import Trace
 from faultbond.spec import EngineSpec, Thresholds
@@ -382,8 +382,8 @@ def kept() -> Saved:
         watched=7,
         waiting=1,
         open=Detection(time=4.0, sample=4, change_time=3.0, signals=("V_C",)),
-        accepted=(Accepted(time=2.0, candidate=candidate, by=Decider.PERSON),),
-        rejected=(Accepted(time=4.0, candidate=replace(candidate, hypothesis=3), by=Decider.PERSON),),
+        accepted=(Decision(time=2.0, candidate=candidate, by=Decider.PERSON),),
+        rejected=(Decision(time=4.0, candidate=replace(candidate, hypothesis=3), by=Decider.PERSON),),
         sure=Sure(hypothesis=1, since=5),
     )
     row = Row(time=0.1 + 0.2, u=np.array([1 / 3, np.nan]), y=np.zeros(0))

@@ -12,7 +12,7 @@ from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, GridPoint
 from faultbond.io.out import Out
 from faultbond.io.saved import Found, Saved
-from faultbond.runtime.history import Accepted, Decider, Detection, Diagnosis
+from faultbond.runtime.history import Decider, Decision, Detection, Diagnosis
 from faultbond.runtime.records import decision_record, detection_record, diagnosis_record, end_record
 from faultbond.runtime.rule import watch
 from faultbond.runtime.state import Sample, Status
@@ -75,13 +75,15 @@ class Course:
         """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
         if self.found.open is None or other.detections != self.found.detections:
             return  # what was decided of is past
-        with suppress(FaultbondError):  # a candidate that is not among the listed ones any more
-            if len(other.accepted) > len(self.found.accepted):
+        gone = suppress(FaultbondError)  # a candidate that is not among the listed ones any more
+        if len(other.accepted) > len(self.found.accepted):
+            with gone:
                 self._accept(other.accepted[-1].candidate.hypothesis, self._time, Decider.PERSON)
-                return
-            known = {item.candidate.hypothesis for item in self.found.rejected}
-            for item in other.rejected:
-                if item.candidate.hypothesis not in known:
+            return
+        known = {item.candidate.hypothesis for item in self.found.rejected}
+        for item in other.rejected:
+            if item.candidate.hypothesis not in known:
+                with gone:
                     self._reject(item.candidate.hypothesis)
 
     def finish(self) -> None:
@@ -172,14 +174,14 @@ class Course:
             self._accept(sure.hypothesis, diagnosis.time, Decider.RULE)
 
     def _accept(self, hypothesis: int, time: float, by: Decider) -> None:
-        accepted = Accepted(time=time, candidate=self._watcher.accept(hypothesis), by=by)
+        accepted = Decision(time=time, candidate=self._watcher.accept(hypothesis), by=by)
         self.found = self.found.with_accepted(accepted)
         self._out.record(decision_record(accepted))
         if self._trace is not None:
             self._trace.accept(accepted)
 
     def _reject(self, hypothesis: int) -> None:
-        rejected = Accepted(time=self._time, candidate=self._watcher.reject(hypothesis), by=Decider.PERSON)
+        rejected = Decision(time=self._time, candidate=self._watcher.reject(hypothesis), by=Decider.PERSON)
         self.found = self.found.with_rejected(rejected)
         self._out.record(decision_record(rejected, rejected=True))
         if self._trace is not None:

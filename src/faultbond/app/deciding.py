@@ -11,7 +11,7 @@ from faultbond.io.saved import Found, Saved, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.accepting import find_hypothesis
-from faultbond.runtime.history import Accepted, Decider, Diagnosis
+from faultbond.runtime.history import Decider, Decision, Diagnosis
 from faultbond.runtime.records import decision_record, diagnosis_record
 from faultbond.types import EngineChoice, TimeGrid
 
@@ -37,7 +37,7 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     opened = _opened(model, state)
     best = opened.diagnosis.candidates[0].hypothesis
     candidate = opened.watcher.accept(find_hypothesis(opened.watcher.spec, names) if names else best)
-    accepted = Accepted(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
+    accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
     opened.write(state, opened.saved.found.with_accepted(accepted))
     out.record(decision_record(accepted))
     if out.text is not None:
@@ -50,7 +50,7 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     """Rule a candidate of a kept run out, and with it all sets that contain it."""
     opened = _opened(model, state)
     chosen = find_hypothesis(opened.watcher.spec, names)
-    rejected = Accepted(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
+    rejected = Decision(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
     opened.write(state, opened.saved.found.with_rejected(rejected))
     left = opened.watcher.finish() or opened.diagnosis
     out.record(decision_record(rejected, rejected=True))

@@ -16,7 +16,7 @@ import numpy as np
 
 from faultbond.errors import RecordingError
 from faultbond.io.grid import Clock, Counts, Row
-from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Forecast, Suspect
+from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Forecast, Suspect
 from faultbond.runtime.rule import Sure
 from faultbond.types import FaultKind, FloatArray, Method
 
@@ -37,19 +37,19 @@ class Found:
     watched: int = 0
     waiting: int = 0
     open: Detection | None = None
-    accepted: tuple[Accepted, ...] = ()
-    rejected: tuple[Accepted, ...] = ()
+    accepted: tuple[Decision, ...] = ()
+    rejected: tuple[Decision, ...] = ()
     sure: Sure = field(default_factory=Sure)
 
     def with_detection(self, detection: Detection) -> "Found":
         """Give this after one more alarm."""
         return replace(self, detections=self.detections + 1, open=detection, rejected=(), sure=Sure())
 
-    def with_accepted(self, accepted: Accepted) -> "Found":
+    def with_accepted(self, accepted: Decision) -> "Found":
         """Give this after a candidate was accepted."""
         return replace(self, open=None, accepted=(*self.accepted, accepted), rejected=(), sure=Sure())
 
-    def with_rejected(self, rejected: Accepted) -> "Found":
+    def with_rejected(self, rejected: Decision) -> "Found":
         """Give this after a candidate was ruled out."""
         return replace(self, rejected=(*self.rejected, rejected), sure=Sure())
 
@@ -149,8 +149,8 @@ def _found(found: dict[str, Any]) -> Found:
         watched=found["watched"],
         waiting=found["waiting"],
         open=None if found["open"] is None else _detection(found["open"]),
-        accepted=tuple(_accepted(item) for item in found["accepted"]),
-        rejected=tuple(_accepted(item) for item in found["rejected"]),
+        accepted=tuple(_decision(item) for item in found["accepted"]),
+        rejected=tuple(_decision(item) for item in found["rejected"]),
         sure=Sure(**found["sure"]),
     )
 
@@ -159,8 +159,8 @@ def _detection(item: dict[str, Any]) -> Detection:
     return Detection(**(item | {"signals": tuple(item["signals"])}))
 
 
-def _accepted(item: dict[str, Any]) -> Accepted:
-    return Accepted(time=item["time"], candidate=_candidate(item["candidate"]), by=Decider(item["by"]))
+def _decision(item: dict[str, Any]) -> Decision:
+    return Decision(time=item["time"], candidate=_candidate(item["candidate"]), by=Decider(item["by"]))
 
 
 def _candidate(item: dict[str, Any]) -> Candidate:

@@ -4,12 +4,12 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import clock_text, probability_text
 from faultbond.report.suspects import instrument_of
 from faultbond.report.verdict import LISTED_SETS, set_name, unexplained_sentence, untested_sentence
-from faultbond.runtime.history import Accepted, Candidate, Diagnosis
+from faultbond.runtime.history import Candidate, Decision, Diagnosis
 
 LISTED = 2 * LISTED_SETS  # candidates of a ranking
 
 
-def rejected_sentence(graph: BondGraph, rejected: Accepted) -> str:
+def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
     """Say what was ruled out."""
     share = probability_text(rejected.candidate.probability)
     alone = any(instrument_of(suspect.parameter)[0] for suspect in rejected.candidate.suspects)

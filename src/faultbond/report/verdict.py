@@ -17,7 +17,7 @@ from faultbond.report.suspects import (
     rows_of,
     with_article,
 )
-from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, Diagnosis, History, Unexplained
+from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis, History, Unexplained
 from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind
 
@@ -128,12 +128,12 @@ def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notatio
     return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, diagnosis, notation)
 
 
-def decided_text(graph: BondGraph, decided: Sequence[Accepted]) -> str:
+def decided_text(graph: BondGraph, decided: Sequence[Decision]) -> str:
     """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
     return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
 
 
-def accepted_sentence(graph: BondGraph, accepted: Accepted) -> str:
+def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     """Say what was accepted, when, and by whom."""
     told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
     by = " by rule" if accepted.by is Decider.RULE else ""

@@ -61,7 +61,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
     Raises
     ------
     FaultbondError
-        Where there is no alarm to explain.
+        Where there is no alarm to explain, or it is not among the candidates.
     """
     candidate = candidate_of(spec, state, hypothesis)
     lane = int(best_lanes(spec, state.bank)[hypothesis])
@@ -97,9 +97,13 @@ def reject(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
     Raises
     ------
     FaultbondError
-        Where there is no alarm to explain, or nothing would be left.
+        Where there is no alarm to explain, it is not among the candidates, it is rejected already, or nothing would be
+        left.
     """
     candidate = candidate_of(spec, state, hypothesis)
+    if state.rejected[hypothesis] > 0:
+        names = ", ".join(sorted(hypothesis_names(spec, hypothesis)))
+        raise FaultbondError(f"{names}: rejected already, alone or with a set that it contains.")
     rejected = without(spec, state.rejected, hypothesis, scores(spec, state.bank) > -np.inf)
     return replace(state, rejected=rejected), candidate
 
@@ -138,13 +142,11 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
     Raises
     ------
     FaultbondError
-        Where there is no alarm to explain.
+        Where there is no alarm to explain, or it is not among the candidates.
     """
     if state.alarm < 0:
         raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
     names = hypothesis_names(spec, hypothesis)
-    if state.rejected[hypothesis] > 0:
-        raise FaultbondError(f"{', '.join(sorted(names))}: rejected already, alone or with a set that it contains.")
     found = (item for item in conclude(spec, state).candidates if names == candidate_names(item))
     candidate = next(found, None)
     if candidate is None:

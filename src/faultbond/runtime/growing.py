@@ -156,5 +156,4 @@ def _plan(spec: EngineSpec, sets: list[tuple[int, ...]], values: FloatArray, hea
         jumps=jumps,
         first=np.arange(0, shape[1], PER_SET, dtype=np.intp),
         sizes=np.array([len(chosen) for chosen in sets], dtype=np.float64),
-        tied=True,
     )

@@ -134,8 +134,8 @@ class Diagnosis:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Accepted:
-    """A candidate, as it stood when it was decided on at `time`.
+class Decision:
+    """A candidate, as it stood when it was accepted or rejected at `time`.
 
     Accepted, it became the healthy model, and alarms since then are of other faults; rejected, it is out until the next
     alarm.
@@ -170,8 +170,8 @@ class History:
     slow_names: tuple[str, ...]
     detections: tuple[Detection, ...]
     diagnoses: tuple[Diagnosis, ...]
-    accepted: tuple[Accepted, ...] = ()
-    rejected: tuple[Accepted, ...] = ()
+    accepted: tuple[Decision, ...] = ()
+    rejected: tuple[Decision, ...] = ()
 
     @property
     def open(self) -> Detection | None:

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from faultbond.runtime.history import (
-    Accepted,
     Advice,
     Candidate,
+    Decision,
     Detection,
     Diagnosis,
     Forecast,
@@ -84,7 +84,7 @@ def _advice(advice: Advice) -> Record:
     }
 
 
-def decision_record(accepted: Accepted, *, rejected: bool = False) -> Record:
+def decision_record(accepted: Decision, *, rejected: bool = False) -> Record:
     """Give the record of a candidate that was accepted, or rejected, and by whom."""
     told = _candidate(accepted.candidate)
     return {

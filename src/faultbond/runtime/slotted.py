@@ -85,7 +85,8 @@ def renew_slots(
     groups = renewed_groups(plan)
     if not groups:
         return slots
-    best, worst = (np.array([group[end(slots[-1, group])] for group in groups]) for end in (np.argmax, np.argmin))
+    found = np.nan_to_num(slots[-1], nan=-np.inf)
+    best, worst = (np.array([group[end(found[group])] for group in groups]) for end in (np.argmax, np.argmin))
     spread = [_spread(plan, group, int(place)) for group, place in zip(groups, worst, strict=True)]
     size, rate = slots[spec.slotted.slot_slice][:, best]
     samples, place = relinearised(spec, trail.samples), spec.slotted.slot_slice.start
@@ -99,7 +100,7 @@ def renew_slots(
         lanes[-1] = trail.lanes[onset - 1, -1]
         mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
     again, renewed = mixed(spec, mixture), slots.copy()
-    better = np.nan_to_num(again[-1], nan=-np.inf) > np.nan_to_num(slots[-1, worst], nan=-np.inf)
+    better = np.nan_to_num(again[-1], nan=-np.inf) > found[worst]
     renewed[:, worst[better]] = again[:, better]
     return renewed
 

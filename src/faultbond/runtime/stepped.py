@@ -20,6 +20,7 @@ ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
 ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
 LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
 SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
+ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
 _LOWEST = -1e300  # likelihood of a lane that is no number
 _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
 
@@ -117,13 +118,15 @@ def begin_near(spec: EngineSpec, engine: Engine, trail: Trail, alarm: int, start
     """Give the lanes (n_numbers, n_lanes) of starts that were found, as `begin_steps` does.
 
     A jump that is tied to its factor says much and is linearised: where a store jumps, the lane begins a second time,
-    from what it then knows.
+    from what it then knows, and stays so unless that led astray.
     """
     lanes = begin_steps(spec, engine, trail, alarm, starts)
     jumping = np.flatnonzero(starts.jumps.any(axis=1))
     if len(jumping):
         closer = found_lanes(spec, starts, lanes, jumping, trail.lanes[0][spec.parameter_slice])
-        lanes[:, jumping] = begin_steps(spec, engine, trail, alarm, closer)
+        again = begin_steps(spec, engine, trail, alarm, closer)
+        kept = _likelihoods(again) > _likelihoods(lanes[:, jumping]) - ASTRAY
+        lanes[:, jumping[kept]] = again[:, kept]
     return lanes
 
 
@@ -236,7 +239,7 @@ def suspect_lanes(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Floa
         start = healthy[k] + value if parameter.healthy == 0.0 else healthy[k] * value
         means[k, lanes] = np.clip(start, parameter.lower, parameter.upper)
     for jump in _jumps(spec, plan, healthy):
-        _jump(spec, plan, jump, means, full)
+        _jump(spec, plan, jump, healthy, means, full)
     rows, columns = np.triu_indices(n)
     rest = np.repeat(healthy[n + spec.n_packed :, None], n_lanes, axis=1)
     return np.concatenate([means, full[rows, columns], rest])
@@ -252,7 +255,9 @@ def _jumps(spec: EngineSpec, plan: LanePlan, healthy: FloatArray) -> Iterator[_J
                 yield state, index, exponent, lanes
 
 
-def _jump(spec: EngineSpec, plan: LanePlan, jump: _Jump, means: FloatArray, full: FloatArray) -> None:
+def _jump(
+    spec: EngineSpec, plan: LanePlan, jump: _Jump, healthy: FloatArray, means: FloatArray, full: FloatArray
+) -> None:
     """Let the effort or flow of a store jump with its suspect where its content goes on; changes `means`, `full`.
 
     The state x becomes x * factor**exponent, and as uncertain as the factor makes it. From a wide start it is left
@@ -261,7 +266,7 @@ def _jump(spec: EngineSpec, plan: LanePlan, jump: _Jump, means: FloatArray, full
     """
     state, index, exponent, lanes = jump
     k = spec.parameter_slice.start + index
-    scale = plan.values[index, lanes] ** exponent
+    scale = (means[k, lanes] / healthy[k]) ** exponent
     full[state, :, lanes] *= scale[:, None]
     full[:, state, lanes] *= scale
     means[state, lanes] *= scale

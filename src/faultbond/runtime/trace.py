@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from faultbond.runtime.history import Accepted, Detection, Diagnosis, History
+from faultbond.runtime.history import Decision, Detection, Diagnosis, History
 from faultbond.runtime.state import Report, Sample
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
@@ -37,8 +37,8 @@ class Trace:
         self._stride = 1
         self._passed = 0  # diagnoses seen
         self._last: Diagnosis | None = None
-        self._accepted: list[Accepted] = []
-        self._rejected: list[Accepted] = []
+        self._accepted: list[Decision] = []
+        self._rejected: list[Decision] = []
 
     def add(self, sample: Sample, report: Report) -> None:
         """Take one sample and what the monitor said of it."""
@@ -70,18 +70,18 @@ class Trace:
             self._stride *= 2
 
     def before(
-        self, detections: Sequence[Detection], accepted: Sequence[Accepted], rejected: Sequence[Accepted]
+        self, detections: Sequence[Detection], accepted: Sequence[Decision], rejected: Sequence[Decision]
     ) -> None:
         """Take what is known from a run that this one goes on from."""
         self._detections += detections
         self._accepted += accepted
         self._rejected += rejected
 
-    def accept(self, accepted: Accepted) -> None:
+    def accept(self, accepted: Decision) -> None:
         """Take what became the healthy model."""
         self._accepted.append(accepted)
 
-    def reject(self, rejected: Accepted) -> None:
+    def reject(self, rejected: Decision) -> None:
         """Take what a person ruled out."""
         self._rejected.append(rejected)
 

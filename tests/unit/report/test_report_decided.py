@@ -11,7 +11,7 @@ from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts, verdict_sentence
-from faultbond.runtime.history import Accepted, Candidate, Decider, Detection, History, Unexplained, Untested
+from faultbond.runtime.history import Candidate, Decider, Decision, Detection, History, Unexplained, Untested
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)
@@ -22,7 +22,7 @@ def decided(*, after: float, again: bool = False, by: Decider = Decider.RULE) ->
     history = tank_history(GRAPH)
     alarm = history.detections[0]
     later = Detection(time=4900.0, sample=4900, change_time=4880.0, signals=("pressure",))
-    accepted = Accepted(time=alarm.time + after, candidate=PIPE, by=by)
+    accepted = Decision(time=alarm.time + after, candidate=PIPE, by=by)
     diagnoses = tuple(item for item in history.diagnoses if item.time <= accepted.time)
     return replace(
         history,
@@ -78,7 +78,7 @@ def test_an_alarm_without_a_diagnosis_is_not_explained_by_the_one_before() -> No
 def test_a_run_after_an_accepted_fault() -> None:
     """A run that goes on from one with an accepted fault, and finds none, says both."""
     history = replace(
-        tank_history(GRAPH, fault=False), accepted=(Accepted(time=-9.0, candidate=PIPE, by=Decider.RULE),)
+        tank_history(GRAPH, fault=False), accepted=(Decision(time=-9.0, candidate=PIPE, by=Decider.RULE),)
     )
     text = printed(history)
     assert "Accepted by rule at -9 s: pipe K1" in text
@@ -97,7 +97,7 @@ def test_an_alarm_of_the_run_before() -> None:
 
 def test_what_is_left_after_a_rejection() -> None:
     """The rejected candidate is named with what it had; the list is short, without it, and counts the rest."""
-    rejected = Accepted(time=60.0, candidate=PIPE, by=Decider.PERSON)
+    rejected = Decision(time=60.0, candidate=PIPE, by=Decider.PERSON)
     assert rejected_sentence(GRAPH, rejected) == (
         "Rejected at 60 s: pipe K1, step (99.7 %), and every set that contains it."
     )
@@ -116,7 +116,7 @@ def test_an_instrument_is_in_no_set_but_its_own() -> None:
     """Of a rejected sensor nothing is said of other sets."""
     sensor = Candidate(suspects=(suspect(GRAPH, "K1", 1.0, 0.1),), probability=0.5, group=True)
     bias = replace(sensor, suspects=(replace(sensor.suspects[0], parameter="flow.bias", component="flow"),))
-    told = rejected_sentence(GRAPH, Accepted(time=60.0, candidate=bias, by=Decider.PERSON))
+    told = rejected_sentence(GRAPH, Decision(time=60.0, candidate=bias, by=Decider.PERSON))
     assert told.endswith("(50.0 %).")
 
 

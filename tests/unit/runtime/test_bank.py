@@ -85,14 +85,14 @@ def differing_lanes(one: Bank, two: Bank) -> BoolArray:
 
 
 def test_only_lanes_that_begin_again_lose_their_sums() -> None:
-    """Renewed lanes have empty sums from that sample on; all others but those of drifts keep lane and sums."""
+    """Renewed lanes have empty sums from that sample on; of the lanes with a slot only drifts and input biases are."""
     state = alarmed(200)
     bank = state.bank
     renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888, state.rejected, state.peak)
     changed = differing_lanes(renewed, bank)
     assert 0 < changed.sum() < bank.steps.shape[1]
-    drifts = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]
-    assert set(np.flatnonzero(changed[bank.steps.shape[1] :]) + bank.steps.shape[1]) <= set(drifts)
+    renewable = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]
+    assert set(np.flatnonzero(changed[bank.steps.shape[1] :]) + bank.steps.shape[1]) <= set(renewable)
     assert not np.any(renewed.misfit.sums[:, :, changed])
     assert np.all(renewed.misfit.since[:, :, changed] == 888.0)
     assert np.array_equal(renewed.misfit.sums[:, :, ~changed], bank.misfit.sums[:, :, ~changed])

@@ -1,6 +1,6 @@
 """The bank: hypotheses do not see each other, onsets are mixed as they should be, and the true fault is found."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from faultbond.runtime.lanes import extremes, found_lanes, plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import Trail, begin_steps, renew_steps, suspect_lanes
+from faultbond.runtime.stepped import Trail, begin_near, begin_steps, renew_steps, suspect_lanes
 from faultbond.simulate import Fault
-from faultbond.spec import EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
+from faultbond.spec import Engine, EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
 from faultbond.types import FloatArray
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)
@@ -140,10 +140,17 @@ def test_content_goes_on_where_it_is_kept() -> None:
             assert found == pytest.approx(before + (lanes[state, lane] * relative) ** 2, rel=1e-9)
 
 
+@pytest.mark.parametrize("clipped", [False, True])
 @pytest.mark.parametrize("name", ["tank", "dc_motor_current", "rlc"])
-def test_a_tied_jump_keeps_the_content(name: str) -> None:
-    """Begun from what was found, a store's content is as uncertain as before, and not correlated with the factor."""
+def test_a_tied_jump_keeps_the_content(name: str, clipped: bool) -> None:
+    """Begun from what was found, a store holds what it held, as uncertain as before and not bound to the factor.
+
+    Also where a parameter cannot go as far as its start says.
+    """
     _, spec, _ = plant(name)
+    if clipped:
+        narrow = tuple(replace(item, lower=0.8 * item.healthy, upper=1.2 * item.healthy) for item in spec.parameters)
+        spec = replace(spec, parameters=narrow)
     plan, healthy = replace(plan_lanes(spec), tied=True), wide_lane(spec)
     lanes, checked = suspect_lanes(spec, plan, healthy), 0
     for state, item in enumerate(spec.states):
@@ -153,6 +160,8 @@ def test_a_tied_jump_keeps_the_content(name: str) -> None:
             exponents = {state: 1.0} | own
             slopes = np.zeros(spec.n_joint)
             slopes[list(exponents)] = [exponent / lanes[k, lane] for k, exponent in exponents.items()]
+            content, held = (np.prod([z[k] ** e for k, e in exponents.items()]) for z in (lanes[:, lane], healthy))
+            assert content == pytest.approx(held, rel=1e-9)
             assert full[list(own)] @ slopes == pytest.approx(0.0, abs=1e-12)
             known = content_variance(spec, healthy, exponents)
             assert content_variance(spec, lanes[:, lane], exponents) == pytest.approx(known, rel=1e-9)
@@ -160,6 +169,52 @@ def test_a_tied_jump_keeps_the_content(name: str) -> None:
             assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0
             checked += 1
     assert checked > 5
+
+
+@dataclass(frozen=True)
+class Counter:
+    """An engine that counts the lanes it gets, and makes the fewer ones of a second beginning as likely as told."""
+
+    inner: Engine
+    likelihood: float = 0.0
+    lanes: list[int] = field(default_factory=list)
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "counter"
+
+    @property
+    def slot(self) -> "Counter":
+        """Itself."""
+        return self
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Count and pass on."""
+        following, innovations = self.inner.advance(lanes, samples)
+        self.lanes.append(lanes.shape[1])
+        if lanes.shape[1] < self.lanes[0]:
+            following[-1] += self.likelihood
+        return following, innovations
+
+
+@pytest.mark.parametrize("likelihood", [0.0, -1e4])
+def test_lanes_that_jump_begin_twice(likelihood: float) -> None:
+    """The second time only they begin; they stay so, unless that made them far less likely."""
+    _, spec, engine = plant("tank")
+    state, _ = run(spec, engine, recorded("tank", 330, TANK_FAULT))
+    plan, trail = plan_lanes(spec), Trail(samples=state.trail_samples[:40], lanes=state.trail_lanes[:40])
+    starts = found_lanes(
+        spec, plan, state.steps, extremes(plan, state.steps[-1])[0], state.lane[spec.parameter_slice, 0]
+    )
+    starts = replace(starts, jumps=starts.jumps | starts.suspected[[j for x in spec.states for j, _ in x.jumps]].T)
+    jumping = np.any(starts.jumps, axis=1)
+    counter = Counter(engine, likelihood)
+    once, twice = begin_steps(spec, engine, trail, 20, starts), begin_near(spec, counter, trail, 20, starts)
+    assert set(counter.lanes) == {1, starts.n_lanes, int(np.sum(jumping))}
+    assert len(set(counter.lanes)) == 3
+    assert np.array_equal(once[:, ~jumping], twice[:, ~jumping])
+    assert np.array_equal(once[:, jumping], twice[:, jumping]) == (likelihood < 0.0)
 
 
 def test_renewed_filters_are_tied() -> None:
