@@ -18,6 +18,7 @@ from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
+WALK = 12  # steps in which the bias of an input comes up that takes a while to settle
 _LOWEST = -1e300  # likelihood of a lane that is no number
 
 
@@ -130,13 +131,44 @@ def _from_onsets(
     peak: FloatArray,
 ) -> FloatArray:
     chosen = range(plan.switched)
+    settling = _settling(spec, plan)
     mixture: Mixture | None = None
     for onset, width in onsets(spec, len(samples) - 1, change):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
         lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak, trail.old)
         lanes[-1] = trail.lanes[onset - 1, -1]
-        mixture = mix(mixture, engine.slot.advance(lanes, samples[onset:])[0], width)
+        following = engine.slot.advance(lanes, samples[onset:])[0]
+        for lag, own in settling.items():
+            following[:, own] = _settled(spec, engine, lanes[:, own], samples[onset:], lag)
+        mixture = mix(mixture, following, width)
     return mixed(spec, mixture)
+
+
+def _settling(spec: EngineSpec, plan: SlotPlan) -> dict[float, list[int]]:
+    """Give the lanes of inputs that settle in sight of a sensor that they reach directly, by the time that it takes."""
+    seen = {index for output in spec.outputs for index in output.direct_inputs}
+    found: dict[float, list[int]] = {}
+    for k, lane in enumerate(plan.lanes):
+        if lane.input in seen and spec.inputs[lane.input].settling > 0.0:
+            found.setdefault(spec.inputs[lane.input].settling, []).append(k)
+    return found
+
+
+def _settled(spec: EngineSpec, engine: Engine, lanes: FloatArray, samples: FloatArray, lag: float) -> FloatArray:
+    """Advance lanes of biases that come up within `lag` seconds, in which the size walks at random from where it is.
+
+    All steps of the walk together are as wide as the start of a lane says.
+    """
+    size = spec.slotted.slot_slice.start
+    place = covariance_place(spec.slotted, size, size)
+    meanwhile = int(np.sum(np.cumsum(samples[:, spec.sample_fields["dt"]]) <= lag))
+    steps = np.array_split(np.arange(meanwhile), max(min(meanwhile, WALK), 1))
+    now, variance = lanes.copy(), lanes[place] / len(steps)
+    now[place] = 0.0
+    for rows in steps:
+        now[place] += variance
+        now = engine.slot.advance(now, samples[rows])[0] if len(rows) else now
+    return engine.slot.advance(now, samples[meanwhile:])[0] if meanwhile < len(samples) else now
 
 
 def _switched(

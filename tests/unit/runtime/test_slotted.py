@@ -5,8 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from made import plant, recorded, run
+from made import TANK_START, plant, recorded, run, samples_of
 
+from faultbond.runtime import slotted
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import WANDER, SlotLane, plan_slots
@@ -21,7 +22,7 @@ from faultbond.runtime.slotted import (
 )
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import Trail, relinearised
-from faultbond.simulate import Fault
+from faultbond.simulate import Effects, Fault, Inputs, simulate
 from faultbond.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind, FloatArray
@@ -299,3 +300,47 @@ def test_both_lanes_of_a_pair_have_the_innovations_of_their_mixture() -> None:
         for lane in (first + k, first + k + 1):
             assert found[:n_y, lane] == pytest.approx(mean, rel=1e-9, abs=1e-12)
             assert found[n_y:, lane] == pytest.approx(spread, rel=1e-6)
+
+
+def test_which_biases_come_up_slowly() -> None:
+    """Those of inputs that settle in sight of a sensor: the inlet of the tank, not its outlet; none of the motor."""
+    spec = plant("tank")[1]
+    lanes = plan_slots(spec).lanes
+    (own,) = slotted._settling(spec, plan_slots(spec)).values()
+    assert list(slotted._settling(spec, plan_slots(spec))) == [12.0]
+    assert [lanes[k].input for k in own] == [0, 0]
+    assert sum(lane.input == 0 for lane in lanes) == 2
+    assert slotted._settling(SPEC, plan_slots(SPEC)) == {}
+
+
+@pytest.mark.parametrize("rows", [1, 2, 5, 12, 13, 40])
+def test_a_bias_that_comes_up_ends_as_wide_as_its_start(rows: int) -> None:
+    """Without measurements the size is as uncertain at the end as its start says, however many samples there are."""
+    _, spec, engine = plant("tank")
+    wide, plan = spec.slotted, plan_slots(spec)
+    samples = seen_samples(spec, [[np.nan] * 2] * rows, dt=1.0)
+    samples[:, spec.sample_fields["u"]] = samples[:, spec.sample_fields["u_before"]] = (50.0, 40.0)
+    (own,) = slotted._settling(spec, plan).values()
+    lanes = slot_lanes(spec, plan, own, correlated(spec), samples, np.full(2, 60.0))
+    size = wide.slot_slice.start
+    place = covariance_place(wide, size, size)
+    found = slotted._settled(spec, engine, lanes, relinearised(spec, samples), 12.0)
+    assert found[place] == pytest.approx(lanes[place], rel=1e-9)
+    assert found[size] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_valve_that_opens_less_than_told_is_found_though_it_lags() -> None:
+    """A bias of an input that comes up through a lag is first, with its size within four standard deviations."""
+    graph, spec, engine = plant("tank")
+    time = np.arange(700.0)
+    u = np.stack([np.where(time < 480.0, 60.0, 75.0), np.full(time.size, 40.0)], axis=1)
+    fault = Fault(parameter="u_in.bias", value=-10.0, start=300.0)
+    start, effects = {"tank.q": TANK_START}, Effects(lag=3.0)
+    made = simulate(graph, Inputs(time=time, values=u), [fault], seed=3, effects=effects, start=start)
+    state, _ = run(spec, engine, samples_of(made.time, made.inputs, made.outputs))
+    diagnosis = finish(spec, state)
+    assert diagnosis is not None
+    best = diagnosis.candidates[0]
+    assert (best.parameters, best.kind) == (("u_in.bias",), FaultKind.BIAS)
+    assert best.suspects[0].estimate == pytest.approx(-10.0, abs=4.0 * best.suspects[0].sd)
+    assert best.suspects[0].sd < 1.0
