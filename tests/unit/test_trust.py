@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks import trust, trust_arrival, trust_rows
+from benchmarks.evidence import evidence
 from benchmarks.page import Row
 from benchmarks.play import engine_of
 from benchmarks.trust_calibration import claims_of
 from benchmarks.trust_cases import CASES, Case
-from benchmarks.trust_plants import SWING, Played, graph_of, healthy, healthy_moving, misread, stepped
+from benchmarks.trust_plants import SWING, Played, disobeyed, graph_of, healthy, healthy_moving, misread, stepped
 from benchmarks.trust_play import Claim, Run, _Patience, play
 
 from faultbond.runtime.state import Sample
@@ -235,8 +236,26 @@ def test_run_without_an_alarm_is_not_right() -> None:
     """A fault that is not detected counts among all runs, as not first."""
     found = {"stuck.flow": [run("stuck.flow", 1), run("stuck.flow", 2, delay=None)]}
     row = line(found, "stuck")
-    assert row.got == "1 of 2 (50 %); detected in 1 of 2 (50 %), never (median 40 s)"
+    assert row.got == "1 of 2 (50 %), in the group 1 of 2 (50 %); detected in 1 of 2 (50 %), never (median 40 s)"
     assert (row.asked, row.met) == ("", None)
+
+
+def test_an_input_that_is_not_obeyed_is_recorded_as_told() -> None:
+    """The recording shows the command; the plant follows another one, from the onset on. (Later the recipe reacts.)"""
+    found, plain = disobeyed("tank", "u_in", 1900.0, 3), healthy("tank", 1900.0, 3)
+    before, soon = found.time < found.onset, np.abs(found.time - found.onset - 20.0) < 10.0
+    assert np.array_equal(found.outputs[before], plain.outputs[before])
+    assert np.array_equal(found.inputs[before | soon], plain.inputs[before | soon])
+    assert np.abs(found.outputs[soon, 0] - plain.outputs[soon, 0]).mean() > 1e-5
+    assert found.suspects == frozenset({"u_in"})
+
+
+def test_what_the_data_say_of_a_step() -> None:
+    """A filter that is told the fault is far likelier; told one that is not there, less likely, and never by much."""
+    made = CASES["small.K7.up"].make(1)
+    plain = replace(healthy("tank", 4920.0, 1), onset=made.onset, suspects=made.suspects, values=made.values)
+    assert evidence(made, kept=False) > 30.0
+    assert evidence(plain, kept=False) < 3.0
 
 
 def test_recipe_and_moving_valves_have_lines_of_their_own() -> None:
