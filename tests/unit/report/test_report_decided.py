@@ -95,6 +95,17 @@ def test_an_alarm_of_the_run_before() -> None:
     assert "after the start" not in found
 
 
+def test_what_was_rejected_is_told() -> None:
+    """Text and page name what a person ruled out, in the order of time; the diagnosis goes on."""
+    rejected = Decision(time=3000.0, candidate=PIPE, by=Decider.PERSON)
+    history = replace(tank_history(GRAPH), rejected=(rejected,))
+    text = printed(history)
+    places = [text.index(part) for part in ("Fault detected at 2736 s", "Rejected at 3000 s: pipe K1", "Diagnosis at")]
+    assert places == sorted(places)
+    assert "<dt>Rejected</dt><dd>pipe K1 at 3000 s</dd>" in page(history)
+    assert "<dt>Rejected</dt>" not in page(tank_history(GRAPH))
+
+
 def test_what_is_left_after_a_rejection() -> None:
     """The rejected candidate is named with what it had; the list is short, without it, and counts the rest."""
     rejected = Decision(time=60.0, candidate=PIPE, by=Decider.PERSON)
