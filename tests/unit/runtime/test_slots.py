@@ -57,7 +57,7 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
-    """A sensor is biased, drifts, has a wrong gain, is stuck or scatters, in all as likely as an input's bias."""
+    """A sensor is biased, drifts, has a wrong gain, is stuck or scatters; an input is biased, and less often."""
     spec = plant(name)[1]
     plan = plan_slots(spec)
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
@@ -66,7 +66,7 @@ def test_kinds_of_an_instrument(name: str) -> None:
             index = (lane.output, lane.input) if instrument.is_output else (lane.input, lane.output)
             assert index == (instrument.index, -1)
             shares[lane.kind] = shares.get(lane.kind, 0.0) + float(np.exp(lane.weight))
-        assert shares == pytest.approx(SENSOR_KINDS if instrument.is_output else {FaultKind.BIAS: 1.0})
+        assert shares == pytest.approx(SENSOR_KINDS if instrument.is_output else {FaultKind.BIAS: 0.3})
         for kind in shares:
             assert len({lane.weight for lane in own if lane.kind is kind}) == 1
     assert sum(SENSOR_KINDS.values()) == pytest.approx(1.0)
