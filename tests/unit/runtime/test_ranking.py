@@ -171,7 +171,7 @@ def test_smaller_sets_win_a_tie() -> None:
 
 
 def test_an_instrument_that_explains_as_well_weighs_by_its_cost() -> None:
-    """Where all lanes say the same, an input is 0.3 times as probable as a step of one parameter, a sensor by its cost."""
+    """Where all lanes say the same, a sensor is as probable as its cost says, an input 0.3 times as a parameter."""
     likelihoods = np.zeros(STEPS + SLOTS)
     rare = [lane.hypothesis < len(SPEC.hypotheses) for lane in plan_slots(SPEC).lanes]
     likelihoods[STEPS:][rare] = -np.inf
