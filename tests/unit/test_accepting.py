@@ -270,6 +270,31 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
         assert running.found == Found(detections=2, open=second)
 
 
+class Choosy(Refuser):
+    """A watcher that rejects one hypothesis only."""
+
+    def reject(self, hypothesis: int) -> Candidate:
+        """Reject the third, refuse any other."""
+        if hypothesis != 3:
+            raise FaultbondError(str(hypothesis))
+        return replace(kept().found.accepted[0].candidate, hypothesis=3)
+
+
+def test_a_rejection_that_is_refused_does_not_take_the_next_one_along() -> None:
+    """Of what a person ruled out meanwhile, all that is still listed is ruled out, recorded and told."""
+    alarm, trace = Detection(time=4.0, sample=4, change_time=4.0, signals=()), Trace(Refuser.spec)
+    following = course.Following(out=Out(text=None, json=None), trace=trace)
+    running = course.Course(cast("Any", Choosy()), Grid(1.0), following)
+    running.found = Found().with_detection(alarm)
+    gone, there = (
+        replace(item, candidate=replace(item.candidate, hypothesis=k))
+        for item, k in zip(kept().found.rejected * 2, (2, 3), strict=True)
+    )
+    running.heed(running.found.with_rejected(gone).with_rejected(there))
+    assert [item.candidate.hypothesis for item in running.found.rejected] == [3]
+    assert [item.candidate.hypothesis for item in trace.history().rejected] == [3]
+
+
 def test_of_many_faults_before_the_last_ones_are_told() -> None:
     """However many candidates were accepted in the runs before, a run tells of the last five again, and keeps all."""
     many = Found()

@@ -117,13 +117,13 @@ def unit_text(unit: str, notation: Notation) -> str:
 
 
 def probability_text(probability: float) -> str:
-    """Give a probability in per cent; never 0 or 100."""
+    """Give a probability in per cent; never 0 or 100, and near 100 rounded down, as a verdict is."""
     percent = 100.0 * probability
     if percent < 0.1:
         return "<0.1"
     if percent > 99.9:
         return ">99.9"
-    return f"{percent:.1f}"
+    return f"{_floored(percent):.1f}" if percent >= 99.0 else f"{percent:.1f}"
 
 
 def certainty_text(probability: float) -> str:
@@ -132,7 +132,13 @@ def certainty_text(probability: float) -> str:
         return "more than 99.9 % sure"
     if probability < 0.01:
         return "less than 1 % sure"
-    return f"{math.floor(100.0 * probability)} % sure"
+    percent = 100.0 * probability
+    return f"{_floored(percent):.1f} % sure" if percent >= 99.0 else f"{math.floor(percent)} % sure"
+
+
+def _floored(percent: float) -> float:
+    """Round down to a tenth; what is a tenth but for the arithmetic stays."""
+    return math.floor(10.0 * percent + 1e-9) / 10.0
 
 
 def change_text(nominal: float, estimate: float, sd: float) -> str:

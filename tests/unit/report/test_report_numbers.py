@@ -50,8 +50,17 @@ def test_print_notation_raises_powers() -> None:
 def test_probability_is_never_certain() -> None:
     """A probability is neither 0 nor 100 %, and certainty is rounded down."""
     assert [probability_text(p) for p in (0.0, 0.1234, 1.0)] == ["<0.1", "12.3", ">99.9"]
-    assert certainty_text(0.996) == "99 % sure"
+    assert certainty_text(0.987) == "98 % sure"
     assert certainty_text(1.0) == "more than 99.9 % sure"
+
+
+@pytest.mark.parametrize(
+    ("probability", "text"), [(0.99, "99.0"), (0.9969, "99.6"), (0.99871, "99.8"), (0.999, "99.9")]
+)
+def test_table_and_sentence_agree_near_certainty(probability: float, text: str) -> None:
+    """From 99 % on both show the same tenth, rounded down."""
+    assert probability_text(probability) == text
+    assert certainty_text(probability) == f"{text} % sure"
 
 
 def test_change_is_signed_and_empty_without_nominal() -> None:

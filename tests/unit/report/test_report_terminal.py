@@ -117,12 +117,12 @@ MANY = "Another 1330 sets were too many to be tested"
 @pytest.mark.parametrize(
     ("part", "sure", "told"),
     [
-        (None, "+50 %), 99 % sure.", ""),
-        (0.0004, "+50 %), 99 % sure.", f"{MANY}; the truth is among them with at most 0.1 %."),
+        (None, "+50 %), 99.8 % sure.", ""),
+        (0.0004, "+50 %), 99.8 % sure.", f"{MANY}; the truth is among them with at most 0.1 %."),
         (0.19991, "+50 %), at least 79 % sure.", f"{MANY}; the truth is among them with at most 20.0 %."),
         (
             1.0,
-            "+50 %), 99 % sure among the sets tested.",
+            "+50 %), 99.8 % sure among the sets tested.",
             f"{MANY}; how likely it is that the truth is among them cannot be told.",
         ),
     ],

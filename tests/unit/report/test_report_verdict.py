@@ -38,7 +38,7 @@ def test_verdict_names_component_and_values(history: History) -> None:
     """A clear winner is named with its component, both values, the change and how sure it is."""
     best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
     told = "Most likely the pipe changed: K1 rose from 2.41e11 to 4.43e11 Pa*s^2/m^6 (+84 %)"
-    assert sentence(history, best) == f"{told}, 99 % sure."
+    assert sentence(history, best) == f"{told}, 99.3 % sure."
     assert sentence(history, replace(best, kinds=())) == f"{told}."  # a method that has no chances
 
 

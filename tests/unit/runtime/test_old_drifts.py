@@ -115,6 +115,16 @@ def test_drifts_begin_again_from_what_was_found() -> None:
     assert sds[1] < 0.003
 
 
+def test_a_lane_that_is_no_number_is_the_first_to_begin_again() -> None:
+    """It is neither the best, from which others begin, nor does it keep its place."""
+    spec, engine, state = drifting()
+    (trail, place), slots = trail_of(state), state.slots.copy()
+    lost = np.array([int(group[0]) for group in renewed_groups(plan_slots(spec))])
+    slots[:, lost] = np.nan
+    renewed = renew_slots(spec, engine, trail, slots, place, state.peak)
+    assert np.all(np.isfinite(renewed[:, lost]))
+
+
 def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
     """Old lanes are saved and restored with the state."""
     spec, engine, state = drifting()
