@@ -18,9 +18,11 @@ from faultbond.io.frozen import Frozen
 from faultbond.types import FloatArray
 
 LOOK_BACK = 60  # a row of a file may be this many samples late and still be used
+PATIENCE = 5  # rows of a live stream that wait, in order, for one that is absent before them
 MAX_WAITING = 100_000  # rows held back for sorting, however short their steps are
 MAX_GAP = 600  # grid points without a row that are given; after more of them the grid begins anew
 MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
+GAP = 1.5  # usual intervals between two rows beyond which one between them is absent
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
 
 
@@ -102,13 +104,14 @@ class Grid:
     """Takes rows in the order of arrival and gives grid points in the order of time.
 
     From a file, rows are sorted first and the row nearest to a grid point serves it. Live, a row serves its grid point
-    at once: a later row for the same point is not used, and a late one is dropped. Where the clock was set back, or
-    rows are absent for long, the grid begins anew at the next row.
+    at once, and a later row for the same point is not used; only where rows that came without gaps lack one, it waits
+    until that has come or is too late. Where the clock was set back, or rows are absent for long, the grid begins anew
+    at the next row.
 
     Parameters
     ----------
     sample_time : seconds between grid points; None steps from row to row
-    live : whether a point has to be given as soon as its first row is there
+    live : whether a point has to be given as soon as its first row is there and no row before it is absent
     steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
     noise : standard deviations of the sensors in SI, to count those that are frozen
     clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
@@ -196,7 +199,7 @@ class Grid:
     def finish(self) -> Iterable[GridPoint]:
         """Give the points that were held back; to be called once, after the last row."""
         self._give_up_behind()
-        return chain(self._release(0), self._serve_best())
+        return chain(self._release(0, final=True), self._serve_best())
 
     def _take(self, row: Row) -> Iterable[GridPoint]:
         """Let a row wait for those that may precede it."""
@@ -227,7 +230,7 @@ class Grid:
     def _set_back(self) -> Iterable[GridPoint]:
         """Begin anew with the rows that were too old: the clock was set back."""
         rows, self._behind = self._behind, []
-        points = [self._release(0), self._serve_best()]
+        points = [self._release(0, final=True), self._serve_best()]
         self._begin_anew()
         self._newest = -math.inf
         points += [self._take(row) for row in rows]
@@ -240,11 +243,13 @@ class Grid:
         self._times.clear()
         self._origin = None
 
-    def _release(self, keep: int) -> Iterable[GridPoint]:
-        """Place the oldest waiting rows, but keep those that a row yet to come may precede."""
+    def _release(self, keep: int, *, final: bool = False) -> Iterable[GridPoint]:
+        """Place the oldest waiting rows, but keep those that a row yet to come may precede; all if it is `final`."""
         settled = self._newest - keep * (self._step or 0.0)
         points: list[Iterable[GridPoint]] = []
         while len(self._waiting) > keep and (self._waiting[0][0] <= settled or len(self._waiting) > MAX_WAITING):
+            if not final and self._awaits(self._waiting[0][0]):
+                break
             _, _, late, row = heapq.heappop(self._waiting)
             if row.time in self._times:
                 self._tally["duplicate"] += 1
@@ -253,6 +258,14 @@ class Grid:
             if not self._times or row.time > self._times[-1]:
                 points.append(self._place(row))
         return chain.from_iterable(points) if points else ()
+
+    def _awaits(self, time: float) -> bool:
+        """Whether a live row waits for one that is absent before it, as none has been of late."""
+        usual = self._interval() if self._live else 0.0
+        if not usual or self._step is None or self._origin is None or len(self._waiting) > PATIENCE:
+            return False
+        gap = time - self._times[-1] > GAP * usual  # a rate below that of the grid leaves points empty, too
+        return gap and self._position(time, self._origin, self._step) >= self._last_index + 1.5
 
     def _place(self, row: Row) -> Iterable[GridPoint]:
         """Assign a row to its grid point; rows come here in the order of time, each time once."""
@@ -266,7 +279,7 @@ class Grid:
             self._origin = (self._last_index + 1, row.time)
         if self._step is None:
             return chain(before, self._serve(self._last_index + 1, row))
-        position = self._origin[0] + (row.time - self._origin[1]) / self._step
+        position = self._position(row.time, self._origin, self._step)
         index = math.floor(position + 0.5)
         if index <= self._last_index:
             self._tally["unused"] += 1
@@ -274,6 +287,11 @@ class Grid:
         if not self._live:
             return chain(before, self._prefer(index, abs(position - index), row))
         return chain(before, self._serve(index, row))
+
+    @staticmethod
+    def _position(time: float, origin: tuple[int, float], step: float) -> float:
+        """Give where a time lies on the grid, in points."""
+        return origin[0] + (time - origin[1]) / step
 
     def _jumps(self, row: Row) -> bool:
         """Whether too much is absent before a row for the gap to be filled."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import RecordingError
-from faultbond.io.grid import LOOK_BACK, Counts, Grid, GridPoint, Row, on_grid
+from faultbond.io.grid import LOOK_BACK, PATIENCE, Counts, Grid, GridPoint, Row, on_grid
 
 
 def rows(*times: float) -> list[Row]:
@@ -47,12 +47,43 @@ def test_the_nearest_of_several_rows_wins_in_a_file() -> None:
 
 
 def test_a_late_row_is_sorted_in_or_dropped() -> None:
-    """A file puts a late row in its place, a live stream leaves it out; both count it."""
+    """A file puts a late row in its place, a live stream that has just begun leaves it out; both count it."""
     times = [0.0, 2.0, 1.0, 3.0]
     assert run(times) == ([0.0, 2.0, 1.0, 3.0], Counts(samples=4, late=1))
     values, counts = run(times, live=True)
     assert values == pytest.approx([0.0, math.nan, 1.0, 3.0], nan_ok=True)
     assert counts == Counts(samples=4, missing=1, late=1)
+
+
+@pytest.mark.parametrize("late", [1, PATIENCE])
+def test_a_live_stream_waits_for_a_row_that_is_absent(late: int) -> None:
+    """Rows after a gap are held until the absent one comes, and then all are given in order."""
+    times = [float(time) for time in range(30)]
+    times.insert(20 + late, times.pop(20))
+    grid = Grid(1.0, live=True)
+    given = [[point.time for point in grid.push(row)] for row in rows(*times)]
+    assert [len(points) for points in given] == [*[1] * 20, *[0] * late, late + 1, *[1] * (9 - late)]
+    assert [time for points in given for time in points] == sorted(times)
+    assert grid.counts == Counts(samples=30, late=1)
+
+
+def test_a_live_stream_gives_up_a_row_that_is_lost() -> None:
+    """After five more rows the point is empty, and the row, if it still comes, is late; the end waits for nothing."""
+    times = [float(time) for time in range(30) if time != 20]
+    times.insert(20 + PATIENCE + 1, 20.0)
+    grid = Grid(1.0, live=True)
+    given = [len(list(grid.push(row))) for row in rows(*times)]
+    assert given == [*[1] * 20, *[0] * PATIENCE, PATIENCE + 2, 0, *[1] * (29 - 20 - PATIENCE - 1)]
+    assert list(grid.finish()) == []
+    assert grid.counts == Counts(samples=30, missing=1, late=1)
+    short = Grid(1.0, live=True)
+    assert [point.time for point in on_grid(rows(*times[:23]), short)] == [float(time) for time in range(24)]
+
+
+def test_a_live_stream_that_is_slower_than_the_grid_is_not_held_up() -> None:
+    """Where every second point has no row, none of them is awaited."""
+    grid = Grid(1.0, live=True)
+    assert [len(list(grid.push(row))) for row in rows(*(2.0 * number for number in range(40)))] == [1, *[2] * 39]
 
 
 def test_a_row_beyond_the_look_back_is_dropped() -> None:
