@@ -117,7 +117,7 @@ class Thresholds:
     """Settings of detection and ranking; `check` prints them, docs/method.md explains them."""
 
     cusum_drift: float = 0.3
-    cusum_limit: float = 25.0
+    cusum_limit: float = 26.0
     cusum_clip: float = 3.0
     fast_drift: float = 1.0
     fast_limit: float = 1000.0

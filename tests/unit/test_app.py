@@ -301,7 +301,7 @@ def test_check_as_one_record(capsys: pytest.CaptureFixture[str]) -> None:
     assert record["causality"] == {"integral": ["C"], "derivative": [], "free": []}
     assert record["states"][0]["start"] is None
     assert record["hypotheses"] == {"1": 2}
-    assert record["settings"]["cusum_limit"] == 25.0
+    assert record["settings"]["cusum_limit"] == 26.0
     assert {"what": "law of R", "value": "e = R*f"} in record["defaults"]
 
 

@@ -70,7 +70,7 @@ def test_limits_grow_with_the_promise() -> None:
 def test_model_file_sets_the_limits() -> None:
     """Without the key the usual limits hold; with it they follow from the promise, shared by sums and slow errors."""
     usual, month = thresholds(""), 30 * 86400.0
-    assert (usual.cusum_limit, usual.slow_error_limit) == (25.0, 1.6)
+    assert (usual.cusum_limit, usual.slow_error_limit) == (26.0, 1.6)
     promised = thresholds("time_between_false_alarms: 30 days")
     assert promised.cusum_limit == pytest.approx(cusum_limit(month, 1.0, 1, usual.cusum_drift, 4))
     assert promised.fast_limit == pytest.approx(cusum_limit(month, 1.0, 1, usual.fast_drift, 4))
