@@ -39,7 +39,7 @@ MEANING = {
     "start_patience": "samples for which a sensor without any value holds up the start, at most",
     "first_renewal": "samples from the alarm to the first new beginning of each hypothesis from what it has found",
     "last_renewal": "samples from the alarm to the last such beginning",
-    "onset_dense": "samples before the alarm of which each is tried as onset; further back they are tried sparsely",
+    "onset_dense": "samples before the alarm of which each is tried as onset; further back one in 5 % of the way",
     "process_noise": "sd added to a state each sample, noises of the sensor that shows it best",
     "gap": "samples without any value, and three times the usual number, after which the states are uncertain",
     "unknown_gap": "samples that a gap of unknown length counts as",

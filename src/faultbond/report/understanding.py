@@ -7,7 +7,7 @@ from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, packing, ranking, stepped
+from faultbond.runtime import lanes, monitor, onsets, packing, ranking
 from faultbond.spec import EngineSpec
 from faultbond.structure.sequence import Loop
 from faultbond.synthesis.specify import PROCESS_NOISE
@@ -82,7 +82,7 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         "start_patience": monitor.START_PATIENCE,
         "first_renewal": monitor.RENEWALS[0],
         "last_renewal": monitor.RENEWALS[-1],
-        "onset_dense": stepped.ONSET_DENSE,
+        "onset_dense": onsets.DENSE,
         "process_noise": PROCESS_NOISE,
         "gap": packing.GAP,
         "unknown_gap": packing.UNKNOWN_GAP,

@@ -13,7 +13,8 @@ from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import advance_slots, begin_slots, renew_slots
-from faultbond.runtime.stepped import Trail, advance_steps, begin_steps, renew_steps
+from faultbond.runtime.stepped import advance_steps, begin_steps, renew_steps
+from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
 
@@ -107,7 +108,6 @@ def renew_bank(
     engine: Engine,
     trail: Trail,
     bank: Bank,
-    alarm: int,
     index: int,
     rejected: FloatArray,
     peak: FloatArray,
@@ -119,7 +119,6 @@ def renew_bank(
     spec, engine : the model
     trail : the last samples and healthy lanes
     bank : the bank before
-    alarm : place of the alarm in the trail
     index : number of the sample of now
     rejected : float array, shape (n_hypotheses,)
         1 for each that a person has ruled out; of the reserve these are not begun.
@@ -128,13 +127,13 @@ def renew_bank(
     """
     own, grown = plan_lanes(spec).n_lanes, bank.grown
     steps = bank.steps.copy()
-    steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own], alarm)
+    steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own])
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
         out = rejected[spec.n_begun :] > 0
         extended = replace(extended, likelihood=np.where(out, -np.inf, extended.likelihood))
         kept = np.where(out[bank.grown.astype(np.intp)], -1.0, bank.grown)
-        steps[:, own:], grown = grow(spec, engine, trail, extended, alarm, bank.steps[:, own:], kept)
-    slots = renew_slots(spec, engine, trail, bank.slots, alarm, peak)
+        steps[:, own:], grown = grow(spec, engine, trail, extended, bank.steps[:, own:], kept)
+    slots = renew_slots(spec, engine, trail, bank.slots, peak)
     renewed = np.concatenate([np.any(steps != bank.steps, axis=0), np.any(slots != bank.slots, axis=0)])
     return replace(bank, steps=steps, slots=slots, misfit=begin_again(bank.misfit, renewed, index), grown=grown)

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.runtime.lanes import START_SPREAD, LanePlan
-from faultbond.runtime.stepped import Trail, begin_near
+from faultbond.runtime.stepped import begin_near
+from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray, IntArray
 
@@ -99,7 +100,6 @@ def grow(
     engine: Engine,
     trail: Trail,
     extended: Extended,
-    alarm: int,
     before: FloatArray,
     grown: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -113,8 +113,6 @@ def grow(
     trail : Trail
         The lanes have seen all its samples.
     extended : what the closed form says of the sets
-    alarm : int
-        Place of the alarm in the trail.
     before, grown : the lanes so far, and which sets they are of
     """
     likelihood, values = extended.likelihood.copy(), extended.values.copy()
@@ -125,7 +123,7 @@ def grow(
         values[k] = before[spec.parameter_slice, PER_SET * row + int(np.argmax(found[row]))]
     chosen = np.argsort(spec.reserve_costs - likelihood, kind="stable")[: n_grown(spec)]
     plan = _plan(spec, [spec.reserve[k] for k in chosen], values[chosen], trail.lanes[0][spec.parameter_slice])
-    lanes = begin_near(spec, engine, trail, alarm, plan)
+    lanes = begin_near(spec, engine, trail, plan)
     for row, k in enumerate(chosen):
         if int(k) in place:
             new, old = (slice(PER_SET * at, PER_SET * (at + 1)) for at in (row, place[int(k)]))

@@ -16,7 +16,7 @@ from faultbond.runtime.ranking import leading_lane, rank, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields, no_scatter
-from faultbond.runtime.stepped import Trail
+from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
 from faultbond.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray
@@ -187,13 +187,13 @@ def _judge(
     if alarm >= 0:
         bank = advance_bank(spec, engine, bank, packed, state.index)
         if state.index - alarm in RENEWALS:
-            trail, place = _cut_trail(state, alarm)
-            bank = renew_bank(spec, engine, trail, bank, place, state.index, state.rejected, state.peak)
+            trail, _ = _cut_trail(spec, engine, state, alarm)
+            bank = renew_bank(spec, engine, trail, bank, state.index, state.rejected, state.peak)
     elif warm:
         detection, change = detect(spec, state, peak)
         if detection is not None:
             alarm = state.index
-            bank = begin_bank(spec, engine, *_cut_trail(state, change), state.peak, state.index)
+            bank = begin_bank(spec, engine, *_cut_trail(spec, engine, state, change), state.peak, state.index)
     due = alarm >= 0 and (state.index - alarm) % DIAGNOSIS_EVERY == 0
     report = _report(
         spec,
@@ -209,13 +209,15 @@ def _judge(
     return replace(state, alarm=alarm, detections=count, index=state.index + 1, **bank_fields(bank)), report
 
 
-def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
+def _cut_trail(spec: EngineSpec, engine: Engine, state: State, change: int) -> tuple[Trail, int]:
     """Give the trail up to now, oldest first, and the place of the onset in it."""
     depth = len(state.trail_times)
     oldest = max(state.begun, state.accepted, state.index - depth + 1)
     chosen = np.arange(oldest, state.index + 1) % depth
-    trail = Trail(samples=state.trail_samples[chosen], lanes=state.trail_lanes[chosen], old=_oldest(state))
-    return trail, change - oldest
+    samples, lanes = state.trail_samples[chosen], state.trail_lanes[chosen]
+    alarm = (state.alarm if state.alarm >= 0 else state.index) - oldest
+    wild = bursts(spec, engine, samples[: alarm + 1], lanes)
+    return Trail(samples=samples, lanes=lanes, old=_oldest(state), alarm=alarm, bursts=wild), change - oldest
 
 
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:

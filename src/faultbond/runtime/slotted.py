@@ -12,8 +12,10 @@ from math import log, log1p
 
 import numpy as np
 
+from faultbond.runtime.onsets import onsets
 from faultbond.runtime.slots import WANDER, SlotPlan, plan_slots
-from faultbond.runtime.stepped import Mixture, Trail, forget_slow_errors, mix, mixed, onsets, relinearised
+from faultbond.runtime.stepped import Mixture, forget_slow_errors, mix, mixed, relinearised
+from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
@@ -73,14 +75,12 @@ def _of_pairs(innovations: FloatArray, likelihoods: FloatArray) -> FloatArray:
     return np.repeat(mixture, 2, axis=1)
 
 
-def renew_slots(
-    spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, alarm: int, peak: FloatArray
-) -> FloatArray:
+def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArray, peak: FloatArray) -> FloatArray:
     """Begin one lane of each drift of a parameter and bias of an input again, from what the best of them has found.
 
     Only where it begins, and so where it linearises, is what was found; the spread is that of one of its starts. It
-    takes the place of the least likely of these lanes, if it is likelier; see `renew_steps`. `alarm` is the place of
-    the alarm in the trail, `peak` (n_inputs,) the largest size of each input so far.
+    takes the place of the least likely of these lanes, if it is likelier; see `renew_steps`. `peak` (n_inputs,) is
+    the largest size of each input so far.
     """
     plan = plan_slots(spec)
     groups = renewed_groups(plan)
@@ -93,7 +93,7 @@ def renew_slots(
     samples, place = relinearised(spec, trail.samples), spec.slotted.slot_slice.start
     elapsed = np.cumsum(samples[::-1, 0])[::-1]  # from before each sample to now
     mixture: Mixture | None = None
-    for onset, width in onsets(spec, len(samples) - 1, alarm):
+    for onset, width in onsets(spec, trail, trail.alarmed):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
         lanes = slot_lanes(spec, plan, spread, healthy, samples[:onset], peak, trail.old)
         then = size - rate * elapsed[onset]
@@ -133,7 +133,7 @@ def _from_onsets(
     chosen = range(plan.switched)
     settling = _settling(spec, plan)
     mixture: Mixture | None = None
-    for onset, width in onsets(spec, len(samples) - 1, change):
+    for onset, width in onsets(spec, trail, change):
         healthy = forget_slow_errors(spec, trail.lanes[onset - 1])
         lanes = slot_lanes(spec, plan, chosen, healthy, samples[:onset], peak, trail.old)
         lanes[-1] = trail.lanes[onset - 1, -1]

@@ -8,33 +8,18 @@ best onset of each lane goes on. Reasons and figures: docs/decisions/006-onset-m
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from faultbond.runtime.lanes import LanePlan, extremes, found_lanes, plan_lanes
+from faultbond.runtime.onsets import onsets
+from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FloatArray, IntArray
 
-ONSET_DENSE = 80  # samples before the alarm of which each is tried as onset
-ONSET_RATIO = 1.25  # of the distances of neighbouring onsets from the alarm further back
-LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which onsets are tried sparsely
-SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
 ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
 _LOWEST = -1e300  # likelihood of a lane that is no number
 _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trail:
-    """The last samples and healthy lanes, oldest first: `samples` (n, n_sample), `lanes` (n, n_numbers).
-
-    old : (n_numbers,), the healthy lane as it stood long ago, before a slow drift taught it wrongly; None: not kept
-    """
-
-    samples: FloatArray
-    lanes: FloatArray
-    old: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +60,7 @@ def begin_steps(
         return engine.advance(lanes, _without_step(spec, samples[onset:]))[0]
 
     mixture: Mixture | None = None
-    for onset, width in onsets(spec, len(trail.samples) - 1, change):
+    for onset, width in onsets(spec, trail, change):
         mixture = mix(mixture, begun(onset), width)
     return mixed(spec, mixture)
 
@@ -96,10 +81,8 @@ def relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     return again
 
 
-def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray, alarm: int) -> FloatArray:
+def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
     """Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
-
-    `alarm` is the place of the alarm in the trail.
 
     A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
     nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier.
@@ -107,24 +90,24 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
     plan = plan_lanes(spec)
     best, worst = extremes(plan, bank[-1])
     starts = found_lanes(spec, plan, bank, best, trail.lanes[0][spec.parameter_slice])
-    again = begin_near(spec, engine, trail, alarm, starts)
+    again = begin_near(spec, engine, trail, starts)
     better = _likelihoods(again) > _likelihoods(bank[:, worst])
     renewed = bank.copy()
     renewed[:, worst[better]] = again[:, better]
     return renewed
 
 
-def begin_near(spec: EngineSpec, engine: Engine, trail: Trail, alarm: int, starts: LanePlan) -> FloatArray:
+def begin_near(spec: EngineSpec, engine: Engine, trail: Trail, starts: LanePlan) -> FloatArray:
     """Give the lanes (n_numbers, n_lanes) of starts that were found, as `begin_steps` does.
 
     A jump that is tied to its factor says much and is linearised: where a store jumps, the lane begins a second time,
     from what it then knows, and stays so unless that led astray.
     """
-    lanes = begin_steps(spec, engine, trail, alarm, starts)
+    lanes = begin_steps(spec, engine, trail, trail.alarmed, starts)
     jumping = np.flatnonzero(starts.jumps.any(axis=1))
     if len(jumping):
         closer = found_lanes(spec, starts, lanes, jumping, trail.lanes[0][spec.parameter_slice])
-        again = begin_steps(spec, engine, trail, alarm, closer)
+        again = begin_steps(spec, engine, trail, trail.alarmed, closer)
         kept = _likelihoods(again) > _likelihoods(lanes[:, jumping]) - ASTRAY
         lanes[:, jumping[kept]] = again[:, kept]
     return lanes
@@ -159,24 +142,6 @@ def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
     still[0, spec.sample_fields["kick"]] = 0.0
     still[0, spec.sample_fields["gap"]] = 0.0
     return still
-
-
-def onsets(spec: EngineSpec, alarm: int, change: int) -> list[tuple[int, float]]:
-    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far back.
-
-    A bank with very many lanes would take too long to begin at all of them; it tries few, about `change`.
-    """
-    large = plan_lanes(spec).n_lanes * spec.n_packed > LARGE_BANK
-    if large:
-        places = {change, *(change + side * back for back in SPARSE_BACK for side in (-1, 1) if change + back <= alarm)}
-    else:
-        places, back = {change, alarm}, 1
-        while back < alarm:
-            places.add(alarm - back)
-            back = back + 1 if back < ONSET_DENSE else round(back * ONSET_RATIO)
-    chosen = sorted(place for place in places if place >= 1) or [alarm]
-    edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
-    return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
 
 
 def _likelihoods(lanes: FloatArray) -> FloatArray:

@@ -10,7 +10,8 @@ from faultbond.runtime.misfit import add_misfit
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import advance_slots, renewed_groups
 from faultbond.runtime.state import State
-from faultbond.runtime.stepped import Trail, advance_steps
+from faultbond.runtime.stepped import advance_steps
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
 from faultbond.types import BoolArray, FloatArray
 
@@ -29,7 +30,7 @@ def alarmed(rows: int) -> State:
 def trail_of(state: State, first: int) -> Trail:
     """Samples and healthy lanes from `first` on."""
     rows = np.arange(first, state.index) % len(state.trail_times)
-    return Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    return Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows], alarm=state.alarm - first)
 
 
 def last_sample(state: State) -> FloatArray:
@@ -88,7 +89,7 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     """Renewed lanes have empty sums from that sample on; of the lanes with a slot only drifts and input biases are."""
     state = alarmed(200)
     bank = state.bank
-    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 5, 888, state.rejected, state.peak)
+    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 888, state.rejected, state.peak)
     changed = differing_lanes(renewed, bank)
     assert 0 < changed.sum() < bank.steps.shape[1]
     renewable = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]

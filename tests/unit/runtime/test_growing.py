@@ -14,7 +14,7 @@ from faultbond.runtime.monitor import finish
 from faultbond.runtime.ranking import scores
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import Sample, State
-from faultbond.runtime.stepped import Trail
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
@@ -184,12 +184,10 @@ def test_the_likeliest_sets_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     likelihood[[2, 7, 4, 10]] = [-50.0, -40.0, -45.0, -46.5]  # the last is the set of three
     values = np.tile(trail.lanes[0, SPEC.parameter_slice], (len(SPEC.reserve), 1))
     none = np.full((SPEC.n_numbers, 3 * PER_SET), np.nan)
-    lanes, chosen = grow(
-        SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20, none, -np.ones(3)
-    )
+    lanes, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), none, -np.ones(3))
     assert chosen.tolist() == [7, 4, 2]
     likelihood[10] = -44.0
-    _, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), 20, none, -np.ones(3))
+    _, chosen = grow(SPEC, ENGINE, trail, growing.Extended(likelihood=likelihood, values=values), none, -np.ones(3))
     assert chosen.tolist() == [7, 4, 10]
     assert lanes.shape == (SPEC.n_numbers, 3 * PER_SET)
     assert np.all(np.isfinite(lanes))

@@ -10,7 +10,7 @@ from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.state import State
-from faultbond.runtime.stepped import Trail
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
@@ -83,12 +83,11 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
         engine: Engine,
         trail: Trail,
         bank: Bank,
-        alarm: int,
         index: int,
         rejected: FloatArray,
         peak: FloatArray,
     ) -> Bank:
-        del spec, engine, trail, alarm, rejected, peak
+        del spec, engine, trail, rejected, peak
         renewed.append(index)
         return bank
 

@@ -12,14 +12,14 @@ from faultbond.runtime.bank import Bank
 from faultbond.runtime.slots import INPUT_BIASES, plan_slots
 from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, unlearned
 from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
-from faultbond.runtime.stepped import Trail
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.types import FaultKind, FloatArray
 
 
 @cache
-def drifting() -> tuple[EngineSpec, Engine, State]:
+def drifting(waited: int = 99) -> tuple[EngineSpec, Engine, State]:
     """A tank whose pipe narrows slowly, some time after the alarm; its valve moves."""
     graph, spec, engine = plant("tank")
     time = np.arange(1500.0)
@@ -30,15 +30,15 @@ def drifting() -> tuple[EngineSpec, Engine, State]:
     state, used = init(spec), 0
     for used, sample in enumerate(samples):
         state, _ = monitor.step(spec, engine, state, sample)
-        if state.alarm >= 0 and used == state.alarm + 99:
+        if state.alarm >= 0 and used == state.alarm + waited:
             break
     assert state.alarm >= 0
     return spec, engine, state
 
 
-def trail_of(state: State) -> tuple[Trail, int]:
-    """The trail that the monitor would use now, and the place of the alarm in it."""
-    return monitor._cut_trail(state, state.alarm)
+def trail_of(spec: EngineSpec, engine: Engine, state: State) -> Trail:
+    """The trail that the monitor would use now."""
+    return monitor._cut_trail(spec, engine, state, state.alarm)[0]
 
 
 def test_unlearned_parameters_are_as_they_were() -> None:
@@ -58,8 +58,8 @@ def test_unlearned_parameters_are_as_they_were() -> None:
 
 def test_only_drifts_under_way_forget_what_was_learned() -> None:
     """Lanes of drifts that may have begun long ago take the old parameters, all others those of the onset."""
-    spec, _, state = drifting()
-    plan, trail = plan_slots(spec), trail_of(state)[0]
+    spec, engine, state = drifting()
+    plan, trail = plan_slots(spec), trail_of(spec, engine, state)
     lanes = slot_lanes(spec, plan, range(plan.switched), trail.lanes[0], trail.samples[:1], state.peak, trail.old)
     assert trail.old is not None
     for k in range(plan.switched):
@@ -94,10 +94,10 @@ def test_the_ring_of_old_lanes_turns() -> None:
 
 def test_drifts_begin_again_from_what_was_found() -> None:
     """Only the least likely lane of each drift may change, to a likelier one; a drift that is there gains much."""
-    spec, engine, state = drifting()
+    spec, engine, state = drifting(199)
     plan, bank = plan_slots(spec), state.bank
     assert isinstance(bank, Bank)
-    renewed = renew_slots(spec, engine, trail_of(state)[0], bank.slots, trail_of(state)[1], state.peak)
+    renewed = renew_slots(spec, engine, trail_of(spec, engine, state), bank.slots, state.peak)
     changed = np.flatnonzero(np.any(renewed != bank.slots, axis=0))
     worst = {int(group[np.argmin(bank.slots[-1, group])]) for group in renewed_groups(plan)}
     assert len(changed) > 0
@@ -118,10 +118,10 @@ def test_drifts_begin_again_from_what_was_found() -> None:
 def test_a_lane_that_is_no_number_is_the_first_to_begin_again() -> None:
     """It is neither the best, from which others begin, nor does it keep its place."""
     spec, engine, state = drifting()
-    (trail, place), slots = trail_of(state), state.slots.copy()
+    trail, slots = trail_of(spec, engine, state), state.slots.copy()
     lost = np.array([int(group[0]) for group in renewed_groups(plan_slots(spec))])
     slots[:, lost] = np.nan
-    renewed = renew_slots(spec, engine, trail, slots, place, state.peak)
+    renewed = renew_slots(spec, engine, trail, slots, state.peak)
     assert np.all(np.isfinite(renewed[:, lost]))
 
 
@@ -177,8 +177,8 @@ def test_a_renewed_lane_leads_to_what_was_found() -> None:
     That holds for drifts and for biases of inputs, which begin as wide as the largest value of the input says.
     """
     spec, engine, state = drifting()
-    recorder, (trail, place) = Recorder(engine), trail_of(state)
-    renew_slots(spec, recorder, trail, state.slots, place, state.peak)
+    recorder, trail = Recorder(engine), trail_of(spec, engine, state)
+    renew_slots(spec, recorder, trail, state.slots, state.peak)
     size = spec.slotted.slot_slice.start
     plan = plan_slots(spec)
     best = [group[np.argmax(state.slots[-1, group])] for group in renewed_groups(plan)]

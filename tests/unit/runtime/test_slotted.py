@@ -21,7 +21,8 @@ from faultbond.runtime.slotted import (
     widened,
 )
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import Trail, relinearised
+from faultbond.runtime.stepped import relinearised
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Effects, Fault, Inputs, simulate
 from faultbond.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine

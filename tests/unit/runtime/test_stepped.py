@@ -10,7 +10,8 @@ from faultbond.runtime.lanes import extremes, found_lanes, plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import Trail, begin_near, begin_steps, renew_steps, suspect_lanes
+from faultbond.runtime.stepped import begin_near, begin_steps, renew_steps, suspect_lanes
+from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
 from faultbond.spec import Engine, EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
 from faultbond.types import FloatArray
@@ -203,14 +204,14 @@ def test_lanes_that_jump_begin_twice(likelihood: float) -> None:
     """The second time only they begin; they stay so, unless that made them far less likely."""
     _, spec, engine = plant("tank")
     state, _ = run(spec, engine, recorded("tank", 330, TANK_FAULT))
-    plan, trail = plan_lanes(spec), Trail(samples=state.trail_samples[:40], lanes=state.trail_lanes[:40])
+    plan, trail = plan_lanes(spec), Trail(samples=state.trail_samples[:40], lanes=state.trail_lanes[:40], alarm=20)
     starts = found_lanes(
         spec, plan, state.steps, extremes(plan, state.steps[-1])[0], state.lane[spec.parameter_slice, 0]
     )
     starts = replace(starts, jumps=starts.jumps | starts.suspected[[j for x in spec.states for j, _ in x.jumps]].T)
     jumping = np.any(starts.jumps, axis=1)
     counter = Counter(engine, likelihood)
-    once, twice = begin_steps(spec, engine, trail, 20, starts), begin_near(spec, counter, trail, 20, starts)
+    once, twice = begin_steps(spec, engine, trail, 20, starts), begin_near(spec, counter, trail, starts)
     assert set(counter.lanes) == {1, starts.n_lanes, int(np.sum(jumping))}
     assert len(set(counter.lanes)) == 3
     assert np.array_equal(once[:, ~jumping], twice[:, ~jumping])
@@ -314,7 +315,7 @@ def test_renewal_replaces_the_least_likely_lane_only() -> None:
     rows = np.arange(state.begun, state.index) % depth
     trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
     bank = begin_steps(spec, engine, trail, 118)
-    renewed = renew_steps(spec, engine, trail, bank, state.alarm - state.begun)
+    renewed = renew_steps(spec, engine, replace(trail, alarm=state.alarm - state.begun), bank)
     plan = plan_lanes(spec)
     changed = np.flatnonzero(np.any(renewed != bank, axis=0))
     assert len(changed) > 0

@@ -1,0 +1,54 @@
+"""The samples that are tried as onset of a fault."""
+
+from itertools import pairwise
+
+from faultbond.runtime.lanes import plan_lanes
+from faultbond.runtime.trail import Trail
+from faultbond.spec import EngineSpec
+
+DENSE = 40  # samples before the alarm of which each is tried
+RATIO = 1.05  # of the distances of neighbouring onsets from the alarm further back
+LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which few are tried
+SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
+
+
+def onsets(spec: EngineSpec, trail: Trail, change: int) -> list[tuple[int, float]]:
+    """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far from it.
+
+    Where the innovations became wild is tried too: what happens within a few samples, as a jump does whose trace the
+    plant soon loses, only fits a lane that begins there. A bank with very many lanes would take too long to begin at
+    all places; it tries few, about `change`.
+
+    Parameters
+    ----------
+    spec : the model
+    trail : what is kept of the time before
+    change : place of the onset that the detector estimates
+    """
+    alarm, end = trail.alarmed, len(trail.samples) - 1
+    places = {change, *(burst - late for burst in trail.bursts for late in (0, 1))}
+    if plan_lanes(spec).n_lanes * spec.n_packed > LARGE_BANK:
+        places |= {change + side * back for back in SPARSE_BACK for side in (-1, 1) if change + side * back <= end}
+    else:
+        places |= {alarm, *_before(alarm), *_after(alarm, end)}
+    chosen = sorted(place for place in places if place >= 1) or [end]
+    edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
+    return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
+
+
+def _before(alarm: int) -> set[int]:
+    """Give places before the alarm."""
+    places, back = set(), 1
+    while back < alarm:
+        places.add(alarm - back)
+        back = back + 1 if back < DENSE else round(back * RATIO)
+    return places
+
+
+def _after(alarm: int, end: int) -> set[int]:
+    """Give places after the alarm, which may have been for something else."""
+    places, ahead = set(), 1
+    while alarm + ahead <= end:
+        places.add(alarm + ahead)
+        ahead *= 2
+    return places
