@@ -334,7 +334,7 @@ def test_a_start_without_a_finite_effort_is_left() -> None:
     assert np.isfinite(model.reference_state).all()
 
 
-@pytest.mark.parametrize("name", ["tank", "rlc", "pipe", "dc_motor_current"])
+@pytest.mark.parametrize("name", ["tank", "rlc", "dc_motor_current"])
 def test_reference_follows_the_step(name: str) -> None:
     """Where one step a sample is enough, the reference run ends where a hundred of them by `predict` do."""
     model = example(name)
