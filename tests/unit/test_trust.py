@@ -103,15 +103,17 @@ def test_late_rows_arrive_once_and_soon() -> None:
     assert np.count_nonzero(behind) / order.size == pytest.approx(0.05, abs=0.01)
 
 
-def test_late_rows_are_dropped_live() -> None:
-    """Live, the point of a row that comes late is empty, and all points come in order."""
+def test_late_rows_are_awaited_live() -> None:
+    """Live, rows that come late are used, but for the first seconds and where more than one is late."""
     made = trust_arrival.with_late(WINDING, 0.05, SEED)
     spec, engine = engine_of("dc_motor")
     samples = [sample for sample, _, _ in trust_arrival.watched(spec, engine, made)]
     assert [sample.time for sample in samples] == pytest.approx(made.time)
     order = np.array(made.order)
     late = {int(k) for k in order[np.maximum.accumulate(order) > order]}
-    assert {k for k, sample in enumerate(samples) if np.isnan(sample.y).all()} == late
+    empty = {k for k, sample in enumerate(samples) if np.isnan(sample.y).all()}
+    assert empty < late
+    assert len(empty) < 0.25 * len(late)
 
 
 def test_an_interruption_changes_nothing() -> None:
