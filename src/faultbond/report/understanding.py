@@ -7,7 +7,7 @@ from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, onsets, packing, ranking
+from faultbond.runtime import lanes, monitor, onsets, packing, ranking, trail
 from faultbond.spec import EngineSpec
 from faultbond.structure.sequence import Loop
 from faultbond.synthesis.specify import PROCESS_NOISE
@@ -83,6 +83,8 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         "first_renewal": monitor.RENEWALS[0],
         "last_renewal": monitor.RENEWALS[-1],
         "onset_dense": onsets.DENSE,
+        "onset_ratio": onsets.RATIO,
+        "wild": trail.WILD,
         "process_noise": PROCESS_NOISE,
         "gap": packing.GAP,
         "unknown_gap": packing.UNKNOWN_GAP,

@@ -38,7 +38,7 @@ def bursts(spec: EngineSpec, engine: Engine, samples: FloatArray, lanes: FloatAr
     Parameters
     ----------
     spec, engine : the model
-    samples, lanes : as in `Trail`
+    samples, lanes : as in `Trail`, up to the alarm
     """
     wildness = np.zeros(len(samples))
     for place in range(1, len(samples)):
