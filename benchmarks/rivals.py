@@ -43,7 +43,7 @@ HEADING = """## Beside a bank of FilterPy's filters
 
 The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors. What it
 has and has not is said in `benchmarks/filterpy_bank.py`. Its alarm is our CUSUM with a limit a little above what eight
-healthy runs show. That is lower than ours, 25, so it is sooner where nothing but this limit counts."""
+healthy runs show. That is lower than ours, so it is sooner where nothing but this limit counts."""
 
 Pair = tuple[Outcome, Outcome]
 

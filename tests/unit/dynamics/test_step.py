@@ -353,6 +353,16 @@ def test_reference_follows_the_step(name: str) -> None:
     assert v[:n] == pytest.approx(model.reference_state, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("sample_time", "substeps"), [("240 ms", 1), ("260 ms", 2), ("1 s", 4), ("10 s", MAX_SUBSTEPS)]
+)
+def test_substeps_are_a_quarter_of_the_fastest_time_constant(sample_time: str, substeps: int) -> None:
+    """A resistor and a coil settle in L/R = 1 s; so a sample of a quarter of that needs one step, a longer one more."""
+    parts = "  winding: {type: R, parameters: {R: 2 ohm}}\n  coil: {type: I, parameters: {L: 2 H}}"
+    model = stated(parts, "line: 1", "source -> line -> winding, line -> coil", sample_time)
+    assert model.substeps == substeps
+
+
 def test_the_step_is_built_once() -> None:
     """The function of the step is built at its first use, and is the same from then on."""
     model = example("rc")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import plant, run, samples_of
+from made import plant, recorded, run, samples_of
 
 from faultbond.model.text import load_model
 from faultbond.runtime import monitor
@@ -86,6 +86,18 @@ def test_bursts_begin_where_innovations_become_wild() -> None:
     found = bursts(SPEC, ENGINE, state.trail_samples[rows], state.trail_lanes[rows])
     assert len(found) == MOST_BURSTS
     assert found == tuple(place - state.begun for place in sorted(wild)[-MOST_BURSTS:])
+
+
+def test_a_trail_knows_where_the_alarm_was() -> None:
+    """Cut when the bank begins again, it has samples of after the alarm, but looks for bursts before it only."""
+    state, _ = run(SPEC, ENGINE, recorded("dc_motor", 260, Fault(parameter="K", factor=0.6, start=2.4)))
+    oldest = max(state.begun, state.index - len(state.trail_times))
+    assert state.index - state.alarm > 50
+    trail = monitor._cut_trail(SPEC, ENGINE, replace(state, index=state.index - 1), state.alarm)[0]
+    assert trail.alarmed == state.alarm - oldest < len(trail.samples) - 50
+    later = bursts(SPEC, ENGINE, trail.samples, trail.lanes)
+    assert max(later) > trail.alarmed
+    assert all(place <= trail.alarmed for place in trail.bursts)
 
 
 def _still(rows: int, wild: dict[int, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
