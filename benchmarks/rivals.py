@@ -36,14 +36,14 @@ PROCESSES = 2
 HEALTHY = {"tank": "tank.healthy", "dc_motor": "motor.healthy", "rlc": "rlc.healthy"}
 FAULTY = ("tank.K1", "tank.K6", "tank.K1+K6", "tank.K8", "motor.R", "motor.L", "motor.R+J", "rlc.C")
 KEYS = (*HEALTHY.values(), *FAULTY)
-CALIBRATION_SEEDS = range(200_000, 200_008)
+CALIBRATION_SEEDS = range(200_000, 200_100)  # fewer allow limits that some of the 300 healthy runs asked of us pass
 MARGIN = 1.15
 HEADER = ("figure", "asked", "faultbond", "FilterPy bank", "faultbond is")
 HEADING = """## Beside a bank of FilterPy's filters
 
 The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors. What it
-has and has not is said in `benchmarks/filterpy_bank.py`. Its alarm is our CUSUM with a limit a little above what eight
-healthy runs show. That is lower than ours, so it is sooner where nothing but this limit counts."""
+has and has not is said in `benchmarks/filterpy_bank.py`. Its alarm is our CUSUM with a limit of its own for each plant,
+15 % above the largest sum in a hundred healthy runs; ours is the same for all plants."""
 
 Pair = tuple[Outcome, Outcome]
 

@@ -1,8 +1,8 @@
 """Whether probabilities mean what they say: of the claims of 90 %, 90 % should be right."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from benchmarks.trust_cases import DISTURBED
+from benchmarks.trust_cases import DISTURBED, EXPECTED
 from benchmarks.trust_play import Claim, Run
 
 LATE = {"tank": 300.0, "dc_motor": 5.0, "dc_motor_current": 5.0}  # s since the alarm, from which claims have to hold
@@ -11,16 +11,22 @@ Cells = tuple[str, str, str, str]
 
 
 def calibration_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
-    """Give, by tenths of the claimed probability, the mean claim and the part that was right; late and early claims."""
+    """Give, by tenths of the claimed probability, the mean claim and the part that was right.
+
+    Of late claims, of early ones, and of late ones in the runs whose faults are drawn from what the model expects.
+    """
     late, early = claims_of(runs, late=True), claims_of(runs, late=False)
-    return [*_tenths("late", late), *_tenths("early", early)]
+    return [*_tenths("late", late), *_tenths("early", early), *_tenths(f"late, {EXPECTED}", expected_claims(runs))]
 
 
 def coverage_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
-    """Give how often the group holds the truth, of late and of early claims."""
+    """Give how often the group holds the truth, of the same claims."""
     found = []
-    for word, late, asked in (("late", True, "99 %"), ("early", False, "90 %")):
-        claims = claims_of(runs, late=late)
+    for word, claims, asked in (
+        ("late", claims_of(runs, late=True), "99 %"),
+        ("early", claims_of(runs, late=False), "90 %"),
+        (f"late, {EXPECTED}", expected_claims(runs), ""),
+    ):
         if claims:
             held = sum(claim.group for claim in claims)
             part = f"{100 * held / len(claims):.1f} %"
@@ -29,17 +35,26 @@ def coverage_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
 
 
 def claims_of(runs: Mapping[str, Sequence[Run]], *, late: bool) -> list[Claim]:
-    """Give the claims of all runs from the moment on from which they have to hold, or those before.
+    """Give the claims of the usual runs from the moment on from which they have to hold, or those before.
 
     Runs that are disturbed are left out: they have the faults, plants and noise of other ones.
     """
+    usual = [found for key, found in runs.items() if _kind(key) not in (*DISTURBED, EXPECTED)]
+    return _claims(usual, late=late)
+
+
+def expected_claims(runs: Mapping[str, Sequence[Run]]) -> list[Claim]:
+    """Give the late claims of the runs whose faults are drawn from what the model expects."""
+    return _claims([found for key, found in runs.items() if _kind(key) == EXPECTED], late=True)
+
+
+def _kind(key: str) -> str:
+    return key.partition(".")[0]
+
+
+def _claims(chosen: Iterable[Sequence[Run]], *, late: bool) -> list[Claim]:
     return [
-        claim
-        for found in runs.values()
-        for run in found
-        if run.key.partition(".")[0] not in DISTURBED
-        for claim in run.claims
-        if (claim.after >= LATE[run.folder]) == late
+        claim for found in chosen for run in found for claim in run.claims if (claim.after >= LATE[run.folder]) == late
     ]
 
 

@@ -16,6 +16,7 @@ from benchmarks.trust_plants import (
     any_triple,
     disobeyed,
     drifting,
+    expected,
     healthy,
     healthy_moving,
     misread,
@@ -29,6 +30,7 @@ SMALL_MOVED = ("K2", "K3")
 SMALL_LEAK = 1.0 + 1.0e-5 / 1.04e-5  # 0.010 l/s more
 SMALL_AFTER = 1500.0  # s that a small fault is recorded
 DISTURBED = ("missing", "late", "restored")
+EXPECTED = "expected"  # steps of parameters as the model expects them, to see whether probabilities hold
 PLAIN = {"K6": "tank.K6", "R": "motor.R.double"}  # the runs that are disturbed
 
 Factors = tuple[tuple[str, float], ...]
@@ -143,9 +145,15 @@ def _disturbed() -> Iterator[Case]:
         yield Case(key=f"restored.{name}", make=partial(interrupted, make), looks=looks, opened=opened)
 
 
+def _expected() -> Iterator[Case]:
+    yield Case(key=f"{EXPECTED}.tank", make=partial(expected, "tank"), looks=_TANK_LOOKS, opened=_OPENED)
+    yield Case(key=f"{EXPECTED}.motor", make=partial(expected, "dc_motor"), looks=_MOTOR_LOOKS)
+
+
 def _cases() -> list[Case]:
     drift = Case(key="drift.K1", make=drifting, looks=(NEVER,))
-    return [*_all_healthy(), *_tank(), *_small(), *_motor(), *_sensors(), *_actuators(), drift, *_disturbed()]
+    faulty = [*_tank(), *_small(), *_motor(), *_sensors(), *_actuators(), drift]
+    return [*_all_healthy(), *faulty, *_disturbed(), *_expected()]
 
 
 CASES = {item.key: item for item in _cases()}

@@ -11,10 +11,13 @@ from itertools import combinations
 import numpy as np
 
 from benchmarks.plants import EXAMPLES, case, recipe_module
+from benchmarks.play import engine_of
 from benchmarks.variants import effort_or_flow_goes_on
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
+from faultbond.runtime.lanes import starts_of
 from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
+from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind, FloatArray
 
 TANK_SECONDS, MOTOR_SECONDS = 4920.0, 60.0
@@ -107,6 +110,24 @@ def stepped(
     else:
         recording = case(folder, seed, faults, seconds=seconds, plant=plant).recording
     return replace(_played(folder, recording, [name for name, _ in factors]), onset=onset)
+
+
+def expected(folder: str, seed: int) -> Played:
+    """Give a run in which one parameter, any of them, steps as the model expects."""
+    spec, _ = engine_of(folder)
+    return stepped(folder, (drawn(spec, np.random.default_rng([seed, 23])),), seed)
+
+
+def drawn(spec: EngineSpec, generator: np.random.Generator) -> tuple[str, float]:
+    """Draw a parameter and its factor from the prior of the hypotheses that name one parameter."""
+    singles = [chosen[0] for chosen in spec.hypotheses if len(chosen) == 1]
+    parameter = spec.parameters[singles[generator.integers(len(singles))]]
+    starts = starts_of(parameter, 1)
+    start = starts[generator.integers(len(starts))]
+    factor = generator.normal(start.value, start.sd)
+    while not parameter.lower < factor < parameter.upper:
+        factor = generator.normal(start.value, start.sd)
+    return parameter.name, float(factor)
 
 
 def drifting(seed: int) -> Played:

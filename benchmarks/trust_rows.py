@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from benchmarks.page import Row
-from benchmarks.trust_cases import DISTURBED, PLAIN, SMALL, SMALL_MOVED
+from benchmarks.trust_cases import DISTURBED, EXPECTED, PLAIN, SMALL, SMALL_MOVED
 from benchmarks.trust_plants import MOTOR
 from benchmarks.trust_play import Run
 
@@ -44,7 +44,10 @@ def rows(runs: Runs) -> list[Row]:
     found += _sets(runs, "tank", "tank, recipe") + _sets(runs, "moved", "tank, valves moving")
     found += [row for name in SMALL for row in _small(runs, "small", "tank, recipe", name)]
     found += [row for name in SMALL_MOVED for row in _small(runs, "moved.small", "tank, valves moving", name)]
-    return found + _motors(runs) + _biases(runs) + _drift(runs) + _disturbed(runs) + _instruments(runs)
+    found += _motors(runs) + _biases(runs) + _drift(runs) + _disturbed(runs) + _instruments(runs)
+    figure = "one parameter, any, stepped as its prior expects"
+    found += _ranks(runs, [f"{EXPECTED}.tank"], f"tank, recipe, {figure}, 10 min after the alarm", TEN_MINUTES, None, 1)
+    return found + _ranks(runs, [f"{EXPECTED}.motor"], f"motor, {figure}, 5 s after the alarm", FIVE_SECONDS, None, 1)
 
 
 def _sets(runs: Runs, first: str, plant: str) -> list[Row]:

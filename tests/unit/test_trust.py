@@ -12,11 +12,22 @@ from benchmarks import trust, trust_arrival, trust_rows
 from benchmarks.evidence import evidence
 from benchmarks.page import Row
 from benchmarks.play import engine_of
-from benchmarks.trust_calibration import claims_of
+from benchmarks.trust_calibration import claims_of, expected_claims
 from benchmarks.trust_cases import CASES, Case
-from benchmarks.trust_plants import SWING, Played, disobeyed, graph_of, healthy, healthy_moving, misread, stepped
+from benchmarks.trust_plants import (
+    SWING,
+    Played,
+    disobeyed,
+    drawn,
+    graph_of,
+    healthy,
+    healthy_moving,
+    misread,
+    stepped,
+)
 from benchmarks.trust_play import Claim, Run, _Patience, play
 
+from faultbond.runtime.lanes import starts_of
 from faultbond.runtime.state import Sample
 from faultbond.types import FaultKind, Method
 
@@ -271,6 +282,26 @@ def test_disturbed_runs_are_not_counted_twice() -> None:
     """The calibration is of the plain runs: the disturbed ones have the same faults, plants and noise."""
     found = {key: [run(key, 1)] for key in ("tank.K6", "late.K6", "missing.K6", "restored.K6")}
     assert len(claims_of(found, late=True)) == 1
+
+
+def test_expected_faults_have_a_calibration_of_their_own() -> None:
+    """Steps drawn from the priors are another question than the usual sets, so neither is counted with the other."""
+    found = {"tank.K6": [run("tank.K6", 1)], "expected.tank": [run("expected.tank", 1)] * 2}
+    assert len(claims_of(found, late=True)) == 1
+    assert len(expected_claims(found)) == 2
+
+
+def test_expected_faults_are_drawn_from_the_priors() -> None:
+    """Each parameter as often as the others, and its factor as far from 1 as the starts of its lanes are."""
+    spec, _ = engine_of("dc_motor")
+    generator = np.random.default_rng(SEED)
+    found = [drawn(spec, generator) for _ in range(2000)]
+    names = [name for name, _ in found]
+    assert all(0.15 < names.count(name) / len(names) < 0.25 for name in ("R", "L", "K", "J", "C"))
+    starts = starts_of(spec.parameters[0], 1)
+    factors = [factor for _, factor in found]
+    assert np.mean(factors) == pytest.approx(np.mean([start.value for start in starts]), rel=0.05)
+    assert min(factors) > spec.parameters[0].lower
 
 
 def test_every_case_is_in_the_table() -> None:
