@@ -125,7 +125,7 @@ def test_imports_in_functions_are_listed(path: Path) -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_symbolic_packages_stay_where_laws_become_numbers(path: Path) -> None:
-    """Only four packages import casadi or sympy."""
+    """Only five packages import casadi or sympy."""
     used = {module.partition(".")[0] for _, module in imports(tree_of(path))} & SYMBOLIC
     assert not used or unit_of(path) in SYMBOLIC_UNITS
 

@@ -264,7 +264,10 @@ class EngineSpec:
 
     @cached_property
     def role_fields(self) -> dict[str, slice]:
-        """Where the roles of the slot stand in a lane, by name: theta, input, reads, gain, bias, noise."""
+        """Where the roles of the slot stand in a lane, by name.
+
+        theta, input, reads, gain, bias, noise; wander: variance that the rate of a drift gains per second.
+        """
         n_y = len(self.outputs)
         sizes = {
             "theta": len(self.parameters),

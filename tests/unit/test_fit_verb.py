@@ -72,6 +72,16 @@ def test_parameters_and_noise_are_found(model: Path, tmp_path: Path) -> None:
     assert record["widened"]["R"] > 2.0
 
 
+@pytest.mark.parametrize(("prior", "told"), [("widened", True), ("none", False)])
+def test_accuracies_that_do_not_count_are_not_called_wrong(
+    prior: str, told: bool, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without a prior the declared accuracies are not compared with the data, so nothing is said of them."""
+    recording = write_current(tmp_path / "a.csv")
+    assert main(["fit", str(model), str(recording), "-o", str(tmp_path / "new.yaml"), "--prior", prior]) == DONE
+    assert ("contradict those declared" in capsys.readouterr().out) is told
+
+
 def test_the_new_file_holds_what_was_found(model: Path, tmp_path: Path) -> None:
     """Only numbers change, and they are those of the record; accuracies are not below 1 %."""
     new = tmp_path / "new.yaml"

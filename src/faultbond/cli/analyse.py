@@ -26,7 +26,8 @@ def add_analyse(verbs: Subparsers) -> None:
         nargs="+",
         type=_names,
         default=[],
-        help="find the input that best separates these sets, such as K4 K6,K1 (default: those alike at rest)",
+        help="find the input that best separates these sets, such as K4 K6,K1 "
+        "(default: those alike at rest, or in the recording)",
     )
     _add_forms(parser)
 

@@ -153,7 +153,7 @@ def add_run(verbs: Subparsers) -> None:
         "--accept",
         metavar="LEVEL",
         type=level,
-        help=f"accept a diagnosis once it has been surer than this, such as 0.99, for a while; auto: {SURE:g}",
+        help=f"accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: {SURE:g}",
     )
     add_engine(parser)
 

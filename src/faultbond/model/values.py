@@ -73,6 +73,7 @@ class ValueReader:
         name = self.source.name(entry, f"{what}s")
         if name in (RESERVED_IN_BLOCKS if self.kind.blocks else RESERVED):
             of = "functions" if self.kind.blocks else "signals and functions"
+            of = "Python's own words" if keyword.iskeyword(name) else of
             raise self.source.error(entry, f"{what} `{name}`: the name is reserved for {of}; choose another")
         if name in self.places:
             other, line = self.places[name]

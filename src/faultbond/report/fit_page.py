@@ -10,7 +10,6 @@ from faultbond.analysis.identify.whiteness import Whiteness
 from faultbond.report.chart import Chart, Section, Trace, payload
 from faultbond.report.fitted import (
     HEADER,
-    WIDER,
     Fitted,
     noise_rows,
     parameter_row,
@@ -79,7 +78,7 @@ def _cards(fitted: Fitted) -> list[tuple[str, str, str]]:
         ("Sensors", f"{white} of {len(found.whiteness)}", "with nothing but white noise left"),
         ("Samples", f"{sum(len(item.time) for item in found.records)}", duration_text(span)),
         ("Search", f"{found.reached} of {found.starts}", "starts end at the same values"),
-        ("Contradicted", str(int(np.sum(found.widths > WIDER))), "accuracies declared too small"),
+        ("Contradicted", str(len(found.contradicted)), "accuracies declared too small"),
     ]
 
 

@@ -31,7 +31,6 @@ from faultbond.runtime.records import Record
 
 _ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
-WIDER = 1.05  # times an accuracy is widened that is worth telling
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 
 
@@ -257,11 +256,7 @@ def _data_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
     for k, record in enumerate(found.records):
         span = duration_text(float(record.time[-1] - record.time[0]))
         yield ("recordings" if k == 0 else ""), f"{record.name}: {len(record.time)} samples, {span}"
-    wide = [
-        f"{item.name} {times:.1f} times"
-        for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
-        if times > WIDER
-    ]
+    wide = [f"{name} {times:.1f} times" for name, times in found.contradicted.items()]
     if wide:
         yield "accuracies", f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
     if found.wild:
@@ -304,7 +299,7 @@ def remarks(fitted: Fitted) -> Iterator[tuple[str, str]]:
     inflated = [item for item in fitted.estimates if item.inflation > 1.1]
     if inflated:
         most = max(item.inflation for item in inflated)
-        yield "± sd", f"up to {most:.1f} times that of a right model, since what is left is not white"
+        yield "± sd", f"up to {most:.1f} times that of a right model: the data ask for other values at other times"
 
 
 def silence_text(item: Silence) -> str:

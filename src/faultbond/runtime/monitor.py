@@ -1,7 +1,8 @@
 """The on-line part: `step`, a pure function on a state of numbers. No clock, file or socket.
 
-Each sample passes the healthy filter; a CUSUM per sensor (Page 1954) and the slow errors decide on an alarm; from the
-alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal algorithms.
+Each sample passes the healthy filter; CUSUMs of each sensor (Page 1954), of its error and of its scatter, and the slow
+errors decide on an alarm; from the alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal
+algorithms.
 """
 
 from dataclasses import replace

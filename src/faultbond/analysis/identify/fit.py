@@ -25,6 +25,7 @@ from faultbond.types import BoolArray, FloatArray
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
 ROUNDS = 8  # of the width of the prior
+WIDER = 1.05  # times an accuracy is widened that is worth telling
 LEAST_TOLD = 0.3  # parameters of a group; data that tell less say nothing about its accuracies
 CAUTION = 1.5  # times the widening of a group of several: which of them is off is not known
 STEADY = 0.02  # relative change of the width at which it stands
@@ -47,15 +48,16 @@ class Prior(Enum):
 class Fit:
     """What was found.
 
-    widths: (n_theta,), factors on the declared accuracies; reached: how many of `starts` ended at the best summit;
-    courses and simulated, (N, n_outputs), of each recording: innovations of the filter, and the plant alone under the
-    inputs.
+    prior: what declared accuracies counted for; widths: (n_theta,), factors on them; reached: how many of `starts`
+    ended at the best summit; courses and simulated, (N, n_outputs), of each recording: innovations of the filter, and
+    the plant alone under the inputs.
     """
 
     plant: Plant
     records: tuple[Record, ...]
     summit: Summit
     certainty: Certainty
+    prior: Prior
     widths: FloatArray
     starts: int
     reached: int
@@ -69,6 +71,14 @@ class Fit:
     def wild(self) -> int:
         """How many readings were left out since they lie far off all others."""
         return sum(item.wild for item in self.records)
+
+    @property
+    def contradicted(self) -> dict[str, float]:
+        """How many times as large declared accuracies must be for the data to agree with them, by parameter."""
+        if self.prior is Prior.NONE:
+            return {}
+        parameters = self.plant.unknowns.parameters
+        return {item.name: float(x) for item, x in zip(parameters, self.widths, strict=True) if x > WIDER}
 
 
 def fit_plant(
@@ -119,6 +129,7 @@ def fit_plant(
         records=tuple(records),
         summit=best,
         certainty=found,
+        prior=prior,
         widths=widths,
         starts=starts,
         reached=reached,

@@ -1,9 +1,10 @@
 """How often a healthy plant would alarm, from what the detector saw of it; and what must be declared for a promise.
 
 The CUSUM of scores with mean m, long-run variance v and drift k climbs to h about every
-(exp(w) - 1 - w) v / (2 d^2) samples, with d = |m| - k, w = -2 d (h + b) / v, b = 1.166 sqrt(v): Brownian motion with a
-correction for steps. One is counted for each side of each sensor. A slow error alarms when its estimate leaves its
-limit; the time between is that of a Gaussian process with the spread and the memory seen.
+(exp(w) - 1 - w) v / (2 d^2) samples, with d = m - k (for the lower side, -m - k), w = -2 d (h + b) / v,
+b = 1.166 sqrt(v): Brownian motion with a correction for steps. One is counted for each side of each sensor. A slow
+error alarms when its estimate leaves its limit; the time between is that of a Gaussian process with the spread and the
+memory seen.
 
 Source: Siegmund, Sequential Analysis, 1985, section 10.2 (the approximation); Rice, Bell Syst. Tech. J. 24 (1945) 46.
 """

@@ -30,7 +30,7 @@ class Watch:
     """What the detector saw; nan where it looked at nothing.
 
     scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; cusum (2, N,
-    n_outputs): up, down; slow (N, n_slow): slow errors in their declared sizes; parameters (N, n_parameters): factors.
+    n_outputs): up, down; slow (N, n_slow): slow errors in their declared sizes.
     """
 
     scores: FloatArray

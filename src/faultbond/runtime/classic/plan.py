@@ -42,7 +42,7 @@ class ClassicPlan:
     points : length of the parabola of each input and output
     from_samples : states from several samples; without those that measurements do not fix
     from_before : states from those one sample before
-    expected : outputs from all other measurements along causality
+    expected : outputs from all other measurements, by routes on which stores integrate
     misfits : what is left over of each law in `sides`
     algebraic : whether an output is expected without passing a state
     sides : laws of suspended components

@@ -12,7 +12,7 @@ class Erratum(Enum):
     """A printed formula, or a rule of the text, that does not do what the text says of it; the value says which."""
 
     TRUST = "5.3: P_A = 1/(1 + 10 T/N) freezes the first estimate; 1/(1 + 10 N T) works"
-    ACCURACY = "5.3.1: n multiplies P_A, which then goes to 0; P_B = n (1 - P_A) works"
+    ACCURACY = "5.3.1: n multiplies P_A, which then goes to 0; P_B = n (1 - 1/(1 + 10 N T)) works"
     WEIGHT = "5.4: W begins at 1/4 just above the limit; (O - limit)/(3 limit) begins at 0"
     PERCENT = "5.4: the error of figure 5.11 is in per cent, the index divides by the output once more"
     LIMIT = "5.4: the limit has no term for model errors; those that blending leaves are added to the noise"
@@ -22,7 +22,7 @@ class Erratum(Enum):
     BAND = "4.6: a band as wide as the noise lets the worst samples through; three standard deviations work"
     INPUTS = "5.3: states from one sample use no outputs; the other outputs are used as well, as figure 7.13 needs"
     SIGNALS = "6.2: least squares on propagated signals is biased by their noise; blended states serve better"
-    RANKING = "6.6: a single always comes before every pair; a size that explains comes first, then the hitting index"
+    RANKING = "6.6: a single always comes before every pair; a size that explains comes first"
 
 
 WORKING: frozenset[Erratum] = frozenset()
@@ -44,7 +44,7 @@ class Settings:
     trust : factor 10 of the blend over time
     forgetting : F = 1 - forgetting * W
     limit : the error index may reach so many times the noise/signal ratio (and the model-error/signal ratio)
-    decay : samples in which the limit falls from 1 to a third of the way
+    decay : samples after which 37 % of the fall of the limit from 1 is left
     small : outputs below small * noise do not count, those above four times that fully
     patience : samples of a test before its parameters are estimated
     largest : size of the largest sets tested; None: as the model says

@@ -49,7 +49,8 @@ def build_classic(graph: BondGraph, settings: Settings | None = None) -> tuple[E
     Raises
     ------
     StructureError
-        Where the plant has no time, or a function that the method needs has no closed form.
+        Where the plant has no time, or a function that the method needs has neither a closed form nor a few
+        guesses that solve it.
     """
     settings = settings or Settings()
     if graph.grid is TimeGrid.NONE:
