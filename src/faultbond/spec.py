@@ -124,6 +124,7 @@ class Thresholds:
     scatter_ratio: float = 2.5
     scatter_limit: float = 50.0
     learning_bound: float = 6.0
+    bank_bound: float = 20.0
     slow_error_limit: float = 1.6
     cost_per_suspect: float = 5.0
     cost_per_sensor: float = 4.0

@@ -99,6 +99,7 @@ UNEXPLAINED = st.builds(
 def histories(draw: st.DrawFn) -> History:
     """Give a short run with an alarm and some diagnoses."""
     start = draw(st.sampled_from([0.0, 1.7e9]))
+    alarm = Detection(time=start + 9.0, sample=9, change_time=start + 3.0, signals=("flow",))
     flat = np.zeros((ROWS, 2))
     found = [
         Diagnosis(
@@ -120,7 +121,8 @@ def histories(draw: st.DrawFn) -> History:
         cusum_limit=25.0,
         slow_limit=1.6,
         slow_names=("line.f", "outlet.f"),
-        detections=(Detection(time=start + 9.0, sample=9, change_time=start + 3.0, signals=("flow",)),),
+        detections=(alarm,),
+        open=alarm,
         diagnoses=tuple(found),
     )
 

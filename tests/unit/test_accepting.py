@@ -3,7 +3,7 @@
 import io
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -211,6 +211,39 @@ def test_a_live_run_is_kept_and_heeds_what_is_decided(folder: Path, monkeypatch:
     found = read_saved(state).found
     assert [item.time for item in found.accepted] == [decided["time"]]
     assert found.detections == 2
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_decision_after_the_last_row_is_heeded(stopped: bool, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a person decided since then is not lost when the stream ends, or is stopped."""
+    rows = (folder / "two.csv").read_text().splitlines()
+    state = folder / f"last {stopped}.state"
+
+    def lines() -> Iterator[bytes]:
+        yield from (f"{line}\n".encode() for line in rows[:400])
+        assert main(["accept", str(MODEL), str(state), "C"]) == 0
+        if stopped:
+            raise KeyboardInterrupt
+
+    class Stream(io.RawIOBase):
+        """Gives a line a time."""
+
+        left = lines()
+
+        def readable(self) -> bool:
+            return True
+
+        def readinto(self, buffer: Any) -> int:
+            line = next(self.left, b"")
+            buffer[: len(line)] = line
+            return len(line)
+
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(Stream(), 1)))
+    code = main(["run", str(MODEL), "-", "--json", str(folder / "live.jsonl"), "--state", str(state)])
+    assert code == (130 if stopped else 1)
+    records = [json.loads(line) for line in (folder / "live.jsonl").read_text().splitlines()]
+    assert [item["components"] for item in records if item["record"] == "accepted"] == [["C"]]
+    assert [item.by.value for item in read_saved(state).found.accepted] == ["person"]
 
 
 def test_a_live_run_heeds_rejections(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,7 +177,7 @@ def test_broken_rows_are_counted(folder: Path, tmp_path: Path, capsys: pytest.Ca
     [
         (lambda rows: rows[:12], "the recording ended after 12 samples, and the alarms are off for the first 20"),
         (blank(1), "no row has a value of the input V"),
-        (blank(2), "no row has a value of a sensor once the alarms are on"),
+        (blank(2), "no row has a value of a sensor that is in use once the alarms are on"),
     ],
 )
 def test_no_verdict(edit: Edit, reason: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,6 +194,32 @@ def test_no_verdict(edit: Edit, reason: str, folder: Path, tmp_path: Path, capsy
     assert 'class="verdict open"' in text
     assert records(target)[-1]["watched"] == 0
     assert "no fault" not in (shown.out + text).lower()
+
+
+def test_a_plant_without_a_sensor_in_use_has_no_verdict(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Readings of a sensor that was accepted as stuck tell nothing, so samples that have no other are not watched."""
+    stuck = edited(folder / "healthy.csv", tmp_path / "stuck.csv", lambda rows: [*rows[:60], *map(frozen, rows[60:])])
+    state, target = tmp_path / "state", tmp_path / "records.jsonl"
+    assert main(["run", str(MODEL), stuck, "--state", str(state), "--json", str(target)]) == 1
+    assert main(["accept", str(MODEL), str(state), "V_C"]) == 0
+    before = records(target)[-1]["watched"]
+    later = edited(folder / "faulty.csv", tmp_path / "later.csv", lambda rows: [shifted(row) for row in rows])
+    assert main(["run", str(MODEL), later, "--state", str(state), "--json", str(target)]) == 0
+    assert "no verdict: no row has a value of a sensor that is in use" in capsys.readouterr().err
+    assert records(target)[-1]["watched"] == before
+
+
+def frozen(row: str) -> str:
+    """A row whose sensor reads 5 V whatever happens."""
+    return row.rsplit(",", 1)[0] + ",5.0"
+
+
+def shifted(row: str) -> str:
+    """A row a day later."""
+    time, rest = row.split(",", 1)
+    return f"{float(time) + 86400.0},{rest}"
 
 
 @pytest.mark.parametrize(

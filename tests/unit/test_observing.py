@@ -96,6 +96,13 @@ def test_what_was_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "no verdict" in shown.err
 
 
+def test_rows_without_a_time_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row whose time cannot be read is passed over, and the end says so."""
+    (tmp_path / "some.csv").write_text("time,x1,x2,y\n0,1,2,8\nbad,2,1,99\n2,2,1,7\n")
+    _, records = run("fig_3_12", tmp_path / "some.csv", capsys)
+    assert (records[-1]["samples"], records[-1]["untimed"]) == (2, 1)
+
+
 def test_a_live_row_is_judged_at_once() -> None:
     """Rows on standard input are not held back for sorting: each has its record before the next one comes."""
     command = [sys.executable, "-m", "faultbond", "run", str(THESIS / "fig_6_1.yaml"), "-"]

@@ -50,6 +50,7 @@ class Course:
         self._began = before
         self.found = before.found if before is not None else Found()
         self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
+        self._read = np.zeros(len(watcher.spec.outputs), dtype=bool)
         self._told, self._lost = -1, 0
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
@@ -147,11 +148,16 @@ class Course:
             return f"the recording ended after {samples} samples, and the alarms are off for the first {off}"
         if self._lost:
             return "the filter lost the plant again and again; check units, noise and accuracies in the model file"
-        return "no row has a value of a sensor once the alarms are on"
+        silent = [item.name for item, read in zip(spec.outputs, self._read, strict=True) if not read]
+        if silent and self._read.any():
+            return f"no row has a value of the sensor {silent[0]}, and the start still waited for one"
+        return "no row has a value of a sensor that is in use once the alarms are on"
 
     def _count(self, sample: Sample, status: Status) -> None:
         self._seen |= np.isfinite(sample.u)
-        watched = status in ALARMS_ON and bool(np.isfinite(sample.y).any())
+        read = np.isfinite(sample.y)
+        self._read |= read
+        watched = status in ALARMS_ON and bool(np.any(read & self._watcher.trusted))
         self._lost += status is Status.LOST
         waiting = status is Status.WAITING
         if watched or waiting:

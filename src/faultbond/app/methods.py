@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from faultbond.app.engines import build_watcher
 from faultbond.app.rows import resumed
 from faultbond.errors import RecordingError, StructureError
@@ -20,7 +22,7 @@ from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.spec import Engine, EngineSpec
-from faultbond.types import EngineChoice, FloatArray, Method
+from faultbond.types import BoolArray, EngineChoice, FloatArray, Method
 
 Numbers = Mapping[str, FloatArray]
 
@@ -43,6 +45,10 @@ class Watcher(Protocol):
     @property
     def lag(self) -> int:
         """Samples by which a report is about an earlier one."""
+
+    @property
+    def trusted(self) -> BoolArray:
+        """Which sensors are used, (n_outputs,); one that was accepted as stuck is not."""
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
@@ -82,6 +88,11 @@ class Bank:
         self._engine = engine
         self._probe = probe
         self._state = init(spec) if saved is None else restored(spec, saved)
+
+    @property
+    def trusted(self) -> BoolArray:
+        """Which sensors are used."""
+        return np.isfinite(self._state.reading_noise)
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
@@ -130,6 +141,7 @@ class Classic:
         self.spec = spec
         self.title = f"the thesis' algorithms, {len(plan.formulas)} functions"
         self.asleep, self.lag = plan.delay + plan.depth + spec.thresholds.warm_up_samples, plan.delay
+        self.trusted: BoolArray = np.ones(len(spec.outputs), dtype=bool)
         self._plan = plan
         fresh = classic.init(spec, plan)
         self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))

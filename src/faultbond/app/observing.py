@@ -115,6 +115,7 @@ def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending
             missing=end.counts.missing,
             late=end.counts.late,
             duplicate=end.counts.duplicate,
+            untimed=end.counts.untimed,
             saturated=end.counts.saturated,
         )
     )

@@ -120,8 +120,11 @@ def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None
                 keeper.look()
     except KeyboardInterrupt:  # the usual end of a live run; of a file, rows are still held back
         if live and keeper is not None:
+            keeper.look()
             keeper.write()
         raise
+    if live and keeper is not None:
+        keeper.look()  # what a person decided since the last row
     course.finish()
 
 

@@ -214,8 +214,13 @@ class Grid:
         if self._steady:
             return False
         if not self._times:
-            return row.time < self._newest - (self._step or math.inf) * MAX_GAP
+            return row.time < self._newest - (self._step or self._first_interval()) * MAX_GAP
         return row.time < self._times[-1] and not any(row.repeats(other) for other in self._placed)
+
+    def _first_interval(self) -> float:
+        """Give the mean interval of the first rows, which all wait; without end as long as they are few."""
+        n = len(self._waiting)
+        return (self._newest - self._waiting[0][0]) / (n - 1) if n >= CLOCK_ROWS else math.inf
 
     def _goes_on(self, row: Row) -> bool:
         """Whether a row follows the last one that was too old."""

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TextIO
@@ -281,11 +282,12 @@ def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence
     """Give (line, fields) of a CSV text, header first; empty lines are passed over."""
     with _reading(title), _text(source) as stream:
         lines = _lines(stream, title)
-        first = next(lines, "")
+        head = list(_up_to_first(lines))
+        first = head[-1] if head else ""
         delimiter = max(",;\t", key=first.count)
         if first.count("\ufffd") > len(first) // 10:
-            raise RecordingError(f"{title}:1: this is not text. Recordings are CSV or Parquet files.")
-        reader = csv.reader(_with_first(first, lines), delimiter=delimiter)
+            raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
+        reader = csv.reader(chain(head, lines), delimiter=delimiter)
         try:
             before = 0
             for fields in reader:
@@ -298,16 +300,20 @@ def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence
             raise RecordingError(f"{title}:{reader.line_num}: this is not a row of a CSV file ({error}).") from error
 
 
-def _with_first(first: str, lines: Iterator[str]) -> Iterator[str]:
-    """Give a line that was read already, then the others."""
-    yield first
-    yield from lines
+def _up_to_first(lines: Iterator[str]) -> Iterator[str]:
+    """Give the lines up to the first one that is not empty."""
+    for line in lines:
+        yield line
+        if line.strip("\r\n"):
+            return
 
 
 def _is_parquet(path: Path) -> bool:
     """Whether a file says that it is Parquet, by its name or its first bytes."""
     if path.suffix.lower() in (".parquet", ".pq"):
         return True
+    if not path.is_file():  # what is read of a pipe is gone
+        return False
     with _reading(str(path)), path.open("rb") as stream:
         return stream.read(4) == b"PAR1"
 

@@ -26,6 +26,7 @@ MEANING = {
     "scatter_limit": "sum of the scatter: limit at which it alarms, nats",
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
     "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
+    "bank_bound": "largest innovation that counts after the alarm, standard deviations",
     "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
     "cost_per_suspect": "cost of each suspect of a set, nats",
     "cost_per_sensor": "cost of a sensor as the suspect, nats",

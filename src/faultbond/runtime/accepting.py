@@ -22,6 +22,7 @@ from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.types import BoolArray, FaultKind, FloatArray
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
+MOST_NOISE = 0.25  # of the variance of a sensor that is blanked: one that is accepted with more would count as that
 SURE = 0.95  # probability from which a rule accepts, if nothing else is said
 SURE_SAMPLES = 200  # for which a candidate has been the sure one before a rule accepts it
 
@@ -146,10 +147,10 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
     """
     if state.alarm < 0:
         raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
-    names = hypothesis_names(spec, hypothesis)
-    found = (item for item in conclude(spec, state).candidates if names == candidate_names(item))
+    found = (item for item in conclude(spec, state).candidates if item.hypothesis == hypothesis)
     candidate = next(found, None)
     if candidate is None:
+        names = hypothesis_names(spec, hypothesis)
         raise FaultbondError(f"{', '.join(sorted(names))}: not among the candidates that are listed.")
     return candidate
 
@@ -185,9 +186,10 @@ def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) 
         return _absorbed_parameter(spec, state, item, lane, rate)
     changed = state
     if item.input >= 0:
-        offset = state.input_offset.copy()
+        offset, held = state.input_offset.copy(), state.held.copy()
         offset[item.input] += size
-        changed = replace(state, input_offset=offset)
+        held[item.input] += size  # what acts is not changed by knowing of it
+        changed = replace(state, input_offset=offset, held=held)
     else:
         changed = _absorbed_sensor(spec, state, item, size)
     return changed, _narrowed(spec, lane, np.zeros(wide.n_joint), -1)
@@ -203,7 +205,7 @@ def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float
         case FaultKind.GAIN:
             gain[j] *= 1.0 + size
         case FaultKind.NOISE:
-            noise[j] *= item.noise
+            noise[j] = min(noise[j] * item.noise, MOST_NOISE * spec.thresholds.blank_factor)
         case _:
             noise[j] = np.inf
     return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise)

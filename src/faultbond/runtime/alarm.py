@@ -106,7 +106,7 @@ def _slow_error_alarms(spec: EngineSpec, state: State) -> bool:
     It counts once it has been watched for as long as its memory: until then it stands for parameters that the filter
     has not learned yet.
     """
-    watched = (state.index - max(state.begun, state.accepted)) * (spec.sample_time or 1.0)
+    watched = (state.index - max(state.begun, state.accepted)) * (spec.sample_time or state.pause)
     beyond = np.abs(slow_ratios(spec, state)) > spec.thresholds.slow_error_limit
     return any(beyond[k] and error.alarms and watched >= error.memory for k, error in enumerate(spec.slow_errors))
 

@@ -73,7 +73,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
-    """An alarm: raised at `time` (grid point `sample`), estimated onset `change_time`, sensors that crossed."""
+    """An alarm: raised at `time` (grid point `sample`), estimated onset `change_time`.
+
+    signals: the sensors whose sums crossed; of an alarm of a slow error, the sensor with the largest sum.
+    """
 
     time: float
     sample: int
@@ -156,6 +159,7 @@ class History:
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
     detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
     also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
+    open: the detection for which nothing was accepted yet; by order, not by time, since clocks are set back.
     """
 
     time: FloatArray
@@ -172,10 +176,4 @@ class History:
     diagnoses: tuple[Diagnosis, ...]
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
-
-    @property
-    def open(self) -> Detection | None:
-        """The detection that nothing was accepted for yet."""
-        last = self.detections[-1] if self.detections else None
-        decided = last is not None and any(item.time >= last.time for item in self.accepted)
-        return None if decided else last
+    open: Detection | None = None

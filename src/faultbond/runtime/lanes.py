@@ -18,7 +18,8 @@ from faultbond.types import BoolArray, FloatArray, IntArray
 
 FIRST_START = 0.45  # the lowest start, in healthy values; each next one is twice as large
 START_SPREAD = 0.35  # sd of a start, in starts
-REACH = 1.3  # starts lie within this many `change` of nominal
+REACH = 1.3  # starts lie within this many `change` of nominal, or LEAST_REACH if that is more
+LEAST_REACH = 0.56
 MANY_LANES = 2500  # with more, pairs are tested coarsely too
 COARSE_FROM = 3  # sets of this size and more use only the two inner starts of each suspect
 
@@ -58,7 +59,7 @@ def starts_of(parameter: ParameterSpec, size: int, coarse_from: int = COARSE_FRO
         values = [0.0, *(v for v in (third, -third) if parameter.lower <= v <= parameter.upper)]
         return tuple(Start(value=value, sd=change) for value in values)
     values, value = [], FIRST_START
-    while abs(value - 1.0) <= max(REACH * change, 0.56) + 1e-9:
+    while abs(value - 1.0) <= max(REACH * change, LEAST_REACH) + 1e-9:
         values.append(value)
         value *= 2.0
     if size >= coarse_from:

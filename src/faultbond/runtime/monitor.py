@@ -6,12 +6,14 @@ algorithms.
 """
 
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 
 from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
-from faultbond.runtime.history import Detection, Diagnosis, Unexplained
+from faultbond.runtime.drifting import drifting
+from faultbond.runtime.history import Detection, Diagnosis, Suspect, Unexplained
 from faultbond.runtime.packing import corrected, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, table_of
 from faultbond.runtime.slots import plan_slots
@@ -19,8 +21,8 @@ from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields, no_scatter
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
-from faultbond.spec import Engine, EngineSpec, covariance_place
-from faultbond.types import FloatArray
+from faultbond.spec import Engine, EngineSpec
+from faultbond.types import FaultKind, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
@@ -53,31 +55,18 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
     state = replace(state, trail_samples=samples, trail_times=times, time=sample.time, **changes)
+    moving = drifting(spec, engine, state.rates, state.wander)
+    if state.alarm >= 0:
+        state = replace(state, **bank_fields(advance_bank(spec, moving, state.bank, packed, state.index)))
     if not state.running:
         return _gather(spec, engine, state)
-    state = _drifted(spec, state, float(packed[0]))
-    lane, innovations = engine.advance(state.lane, packed[None, :])
+    lane, innovations = moving.advance(state.lane, packed[None, :])
     if not np.all(np.isfinite(lane)):
         zero = np.zeros_like(state.cusum)
         sums: Changes = {"cusum": zero, "fast": zero, "scatter": no_scatter(len(spec.outputs))}
         lost = replace(state, index=state.index + 1, begun=-1, running=0, **sums)
         return lost, _silent(spec, Status.LOST)
-    return _judge(spec, engine, state, lane, packed, innovations[0, :, 0])
-
-
-def _drifted(spec: EngineSpec, state: State, dt: float) -> State:
-    """Let parameters move on whose drift was accepted."""
-    if not np.any(state.rates):
-        return state
-    moved = {}
-    for name, layout in (("lane", spec), ("steps", spec), ("slots", spec.slotted)):
-        lanes = getattr(state, name).copy()
-        lanes[spec.parameter_slice] += state.rates[:, None] * dt
-        for k in np.flatnonzero(state.wander):
-            index = spec.parameter_slice.start + int(k)
-            lanes[covariance_place(layout, index, index)] += (state.wander[k] * dt) ** 2
-        moved[name] = lanes
-    return replace(state, **moved)
+    return _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -142,12 +131,14 @@ def _learned_from(state: State) -> int:
 
 
 def _oldest(state: State) -> FloatArray | None:
-    """Give the oldest healthy lane that is kept; None before the first."""
-    number = (state.index - _learned_from(state)) // SNAPSHOT_EVERY
-    if number < 0:
+    """Give the oldest healthy lane that is kept; None before the first, and where that is of after the alarm."""
+    first = _learned_from(state)
+    number = (state.index - first) // SNAPSHOT_EVERY
+    oldest = max(number - len(state.snapshots) + 1, 0)
+    if number < 0 or 0 <= state.alarm < first + oldest * SNAPSHOT_EVERY:
         return None
-    oldest: FloatArray = state.snapshots[0 if number < len(state.snapshots) else (number + 1) % len(state.snapshots)]
-    return oldest
+    lane: FloatArray = state.snapshots[oldest % len(state.snapshots)]
+    return lane
 
 
 def _report(
@@ -164,7 +155,8 @@ def _report(
     n_y = len(spec.outputs)
     present = packed[spec.sample_fields["use"]] > 0
     measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
-    blank = (packed[spec.sample_fields["scale"]] - 1.0) * spec.output_noise**2  # no part of what the model expects
+    scale = packed[spec.sample_fields["scale"]]  # while a sensor is blanked, no part of what the model expects
+    blank = np.where(scale >= spec.thresholds.blank_factor, scale - 1.0, 0.0) * spec.output_noise**2
     return Report(
         status=status,
         expected=measured - innovations[:n_y],
@@ -186,8 +178,7 @@ def _judge(
     peak = statistic(spec, state)
     detection, alarm, bank = None, state.alarm, state.bank
     if alarm >= 0:
-        bank = advance_bank(spec, engine, bank, packed, state.index)
-        if state.index - alarm in RENEWALS:
+        if state.index - alarm in RENEWALS and alarm > state.begun:  # of a filter that was lost, no lanes are kept
             trail, _ = _cut_trail(spec, engine, state, alarm)
             bank = renew_bank(spec, engine, trail, bank, state.index, state.rejected, state.peak)
     elif warm:
@@ -230,10 +221,25 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
     bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
     return replace(
-        rank(spec, state.time, bank),
+        _on_top(spec, state, rank(spec, state.time, bank)),
         unexplained=unexplained,
         untested=untested(spec, bank, state.index, state.rejected, bounded=bounded),
     )
+
+
+def _on_top(spec: EngineSpec, state: State, diagnosis: Diagnosis) -> Diagnosis:
+    """Give a diagnosis in which the noise of a sensor comes on top of what was accepted of it before."""
+    if np.all(state.reading_noise == 1.0):
+        return diagnosis
+    names = [f"{item.name}.{FaultKind.NOISE.value}" for item in spec.outputs]
+    part = dict(zip(names, state.reading_noise, strict=True))
+
+    def whole(item: Suspect) -> Suspect:
+        times = sqrt(float(part.get(item.parameter, 1.0)))
+        return replace(item, estimate=times * item.estimate, sd=times * item.sd)
+
+    candidates = (replace(item, suspects=tuple(map(whole, item.suspects))) for item in diagnosis.candidates)
+    return replace(diagnosis, candidates=tuple(candidates))
 
 
 def _steady(spec: EngineSpec, bank: Bank) -> Bank:

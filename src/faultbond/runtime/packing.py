@@ -52,14 +52,26 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
     silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
-    gap = state.silent if state.silent > GAP - 1 + UNUSUAL * state.pause and not silent else 0
-    pause = state.pause if silent else state.pause + (min(state.silent, PAUSES) - state.pause) / PAUSES
+    absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(state, dt)
+    gap = absent if absent > GAP - 1 + UNUSUAL * usual and not silent else 0
     packed[place["gap"]] = gap
     begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
-    seen = {"begun": begun, "silent": silent, "pause": pause}
+    seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause}
     return packed, {"held": u, "peak": peak, "since_step": since, "change": change} | seen
+
+
+def _empty_points(state: State, _: float) -> tuple[float, float, float]:
+    """Give how many grid points before this one had no value, how many usually have none, and this mean after it."""
+    return state.silent, state.pause, state.pause + (min(state.silent, PAUSES) - state.pause) / PAUSES
+
+
+def _absent_rows(state: State, dt: float) -> tuple[float, float, float]:
+    """Give the same where rows are the grid: by the time since the row before, and with the usual time between rows."""
+    if not state.pause:
+        return 0.0, 1.0, dt
+    return dt / state.pause - 1.0, 1.0, state.pause + (min(dt, PAUSES * state.pause) - state.pause) / PAUSES
 
 
 def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:

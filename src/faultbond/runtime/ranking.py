@@ -16,11 +16,11 @@ from faultbond.runtime.growing import PER_SET
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.slots import plan_slots
+from faultbond.runtime.stepped import LOWEST
 from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 MAX_CANDIDATES = 100
-_LOWEST = -1e300  # likelihood of a lane that is no number
 _KINDS = tuple(FaultKind)
 
 
@@ -76,7 +76,7 @@ def by_kind(spec: EngineSpec, bank: Bank) -> FloatArray:
 
 def _weighted(table: LaneTable, bank: Bank) -> FloatArray:
     likelihoods = bank.likelihoods
-    return np.asarray(np.where(np.isfinite(likelihoods), likelihoods, _LOWEST) + table.weight)
+    return np.asarray(np.where(np.isfinite(likelihoods), likelihoods, LOWEST) + table.weight)
 
 
 def scores(spec: EngineSpec, bank: Bank) -> FloatArray:

@@ -44,6 +44,7 @@ class SlotLane:
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
         in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
+    span : samples over which the rate of a drift may become another one; 0: it stays
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """

@@ -14,14 +14,13 @@ import numpy as np
 
 from faultbond.runtime.onsets import onsets
 from faultbond.runtime.slots import WANDER, SlotPlan, plan_slots
-from faultbond.runtime.stepped import Mixture, forget_slow_errors, mix, mixed, relinearised
+from faultbond.runtime.stepped import LOWEST, Mixture, forget_slow_errors, mix, mixed, relinearised
 from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
 WALK = 12  # steps in which the bias of an input comes up that takes a while to settle
-_LOWEST = -1e300  # likelihood of a lane that is no number
 
 
 def begin_slots(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak: FloatArray) -> FloatArray:
@@ -178,7 +177,7 @@ def _switched(
     healthy = forget_slow_errors(spec, trail.lanes[0])
     lanes = slot_lanes(spec, plan, chosen, healthy, samples[:1], peak)
     lanes[-1] = trail.lanes[0, -1]
-    lanes[-1, 0::2] = _LOWEST  # healthy so far
+    lanes[-1, 0::2] = LOWEST  # healthy so far
     for sample in samples[1:]:
         lanes = engine.slot.advance(interacted(spec, lanes), sample[None, :])[0]
     return lanes
@@ -261,7 +260,7 @@ def interacted(spec: EngineSpec, lanes: FloatArray) -> FloatArray:
     """Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode."""
     there, gone = lanes[:, 0::2], lanes[:, 1::2]
     stay, switch = log1p(-SWITCHING), log(SWITCHING)
-    one, two = (np.where(np.isfinite(item[-1]), item[-1], _LOWEST) for item in (there, gone))
+    one, two = (np.where(np.isfinite(item[-1]), item[-1], LOWEST) for item in (there, gone))
     result = lanes.copy()
     for k, (own, other) in enumerate(((one, two), (two, one))):
         total = np.logaddexp(own + stay, other + switch)

@@ -68,7 +68,7 @@ class State:
     detections: int  # alarms so far
     accepted: int  # sample at which a diagnosis was accepted last
     silent: int  # samples without any value, up to this one
-    pause: float  # usual number of them before a sample with one
+    pause: float  # usual number of them before a sample with one; where rows are the grid, usual seconds between rows
     time: float
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input

@@ -18,7 +18,7 @@ from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FloatArray, IntArray
 
 ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
-_LOWEST = -1e300  # likelihood of a lane that is no number
+LOWEST = -1e300  # likelihood of a lane that is no number
 _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
 
 
@@ -74,10 +74,10 @@ def advance_steps(
 
 
 def relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
-    """Let filters that may be far from the truth linearise twice, and learn from innovations of any size."""
+    """Let filters that may be far from the truth linearise twice, and learn from nearly any innovation."""
     again = samples.copy()
     again[:, spec.sample_fields["again"]] = 1.0
-    again[:, spec.sample_fields["bound"]] = 0.0
+    again[:, spec.sample_fields["bound"]] = spec.thresholds.bank_bound
     return again
 
 
@@ -145,7 +145,7 @@ def _without_step(spec: EngineSpec, samples: FloatArray) -> FloatArray:
 
 
 def _likelihoods(lanes: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(lanes[-1]), lanes[-1], _LOWEST)
+    return np.where(np.isfinite(lanes[-1]), lanes[-1], LOWEST)
 
 
 def mix(mixture: Mixture | None, lanes: FloatArray, width: float) -> Mixture:

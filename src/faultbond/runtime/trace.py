@@ -33,6 +33,7 @@ class Trace:
         self._width = int(self._ends[-1]) + int(self._slow.sum())
         self._numbers = array("d")  # one row per sample, grown in place
         self._detections: list[Detection] = []
+        self._open: Detection | None = None
         self._diagnoses: list[Diagnosis] = []
         self._stride = 1
         self._passed = 0  # diagnoses seen
@@ -56,6 +57,7 @@ class Trace:
         self._numbers.frombytes(np.concatenate(row).tobytes())
         if report.detection is not None:
             self._detections.append(report.detection)
+            self._open = report.detection
         if report.diagnosis is not None:
             self.conclude(report.diagnosis)
 
@@ -74,12 +76,14 @@ class Trace:
     ) -> None:
         """Take what is known from a run that this one goes on from."""
         self._detections += detections
+        self._open = detections[-1] if detections else None
         self._accepted += accepted
         self._rejected += rejected
 
     def accept(self, accepted: Decision) -> None:
         """Take what became the healthy model."""
         self._accepted.append(accepted)
+        self._open = None
 
     def reject(self, rejected: Decision) -> None:
         """Take what a person ruled out."""
@@ -106,6 +110,7 @@ class Trace:
             diagnoses=self._kept(),
             accepted=tuple(self._accepted),
             rejected=tuple(self._rejected),
+            open=self._open,
         )
 
     def _kept(self) -> tuple[Diagnosis, ...]:

@@ -52,21 +52,26 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
         return library
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as work:
+            _compile(source, compiler, Path(work)).replace(library)
     except OSError as problem:
-        raise GenerationError(f"{folder}: the cache cannot be made ({problem}); set FAULTBOND_CACHE") from problem
-    with tempfile.TemporaryDirectory(dir=folder) as work:
-        text, built = Path(work) / "engine.c", Path(work) / "engine.so"
-        text.write_text(source)
-        command = [*compiler, *FLAGS, str(text), "-o", str(built), "-lm"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT, check=False)  # noqa: S603 - our own text, no shell
-        except (OSError, subprocess.TimeoutExpired) as problem:
-            raise GenerationError(f"the C compiler {compiler[0]} did not finish: {problem}") from problem
-        if done.returncode != 0:
-            first = (done.stderr.strip() or "no message").splitlines()[0]
-            raise GenerationError(f"the C compiler {compiler[0]} failed: {first}")
-        built.replace(library)
+        raise GenerationError(f"{folder}: the cache cannot be written ({problem}); set FAULTBOND_CACHE") from problem
     return library
+
+
+def _compile(source: str, compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of the library, compiled in the folder `work`."""
+    text, built = work / "engine.c", work / "engine.so"
+    text.write_text(source)
+    command = [*compiler, *FLAGS, str(text), "-o", str(built), "-lm"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT, check=False)  # noqa: S603 - our own text, no shell
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        raise GenerationError(f"the C compiler {compiler[0]} did not finish: {problem}") from problem
+    if done.returncode != 0:
+        first = (done.stderr.strip() or "no message").splitlines()[0]
+        raise GenerationError(f"the C compiler {compiler[0]} failed: {first}")
+    return built
 
 
 def _processor() -> str:

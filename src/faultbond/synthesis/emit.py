@@ -11,8 +11,8 @@ from string import Template
 import casadi as ca
 
 from faultbond.errors import GenerationError
+from faultbond.runtime.library import LANES
 
-LANES = 8
 PART_LENGTH = 1500  # statements in one C function; compilers take far longer than in proportion for more
 
 _BINARY = {"OP_ADD": "+", "OP_SUB": "-", "OP_MUL": "*", "OP_DIV": "/"}

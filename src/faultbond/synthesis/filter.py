@@ -142,7 +142,9 @@ def _time_update(
         noise[n_x + k, n_x + k] = error.sd**2 * (1 - decay * decay) + fields["kick"][k]
     for k in range(spec.parameter_slice.start, spec.slot_slice.stop):
         transition[k, k] = 1
-    slot = mean[spec.slot_slice]
+    # Not by slices: of a joint vector with one entry, an empty one is a row.
+    places = [0, spec.parameter_slice.start, spec.parameter_slice.stop, spec.slot_slice.stop, n]
+    _, factors, slot, _ = ca.vertsplit(mean, places)
     if spec.slot:
         transition[spec.slot_slice.start, spec.slot_slice.start + 1] = dt
         slot = ca.vertcat(slot[0] + dt * slot[1], slot[1])
@@ -153,7 +155,7 @@ def _time_update(
     moved = ca.vertcat(
         x_next,
         *(mean[n_x + k] * transition[n_x + k, n_x + k] for k in range(n_b)),
-        mean[spec.parameter_slice],
+        factors,
         slot,
         ca.SX.zeros(len(spec.noisy_inputs)),
     )
@@ -217,8 +219,10 @@ def _sequential(
     """Scalar updates; gives mean, covariance and the gain in log-likelihood.
 
     Once warm, the healthy lane learns from an innovation only up to a bound (Huber's): a fault, or a wild value, must
-    not drag it along before the alarm. Lanes of the bank take all.
+    not drag it along before the alarm. Lanes of the bank have a wide bound, beyond which likelihoods do not fall any
+    more: one reading that nothing explains must not decide between them.
     """
+    wildest = view.spec.thresholds.bank_bound**2
     shift = ca.SX.zeros(view.spec.n_joint)
     likelihood = ca.SX(0)
     for j, output in enumerate(view.spec.outputs):
@@ -233,14 +237,16 @@ def _sequential(
         covariance = ca.triu2symm(ca.triu(covariance - weight @ cross.T))
         # In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit.
         relative = variance / output.noise**2
-        likelihood = likelihood - 0.5 * use * (innovation**2 / variance + ca.log(relative) + LOG_2_PI)
+        misfit = ca.fmin(innovation**2 / variance, wildest)
+        likelihood = likelihood - 0.5 * use * (misfit + ca.log(relative) + LOG_2_PI)
     return mean + shift, covariance, likelihood
 
 
 def _clip(spec: EngineSpec, mean: ca.SX) -> ca.SX:
     """Keep parameters in their range."""
     place = spec.parameter_slice
-    return ca.vertcat(mean[: place.start], _clipped(spec, mean[place]), mean[place.stop :])
+    before, factors, after = ca.vertsplit(mean, [0, place.start, place.stop, mean.numel()])
+    return ca.vertcat(before, _clipped(spec, factors), after)
 
 
 def _clipped(spec: EngineSpec, factors: ca.SX) -> ca.SX:

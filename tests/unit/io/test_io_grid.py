@@ -230,6 +230,15 @@ def test_a_variable_grid_resumes(live: bool) -> None:
     assert counts == Counts(samples=300, clock_jumps=2)
 
 
+@pytest.mark.parametrize("step", [1.0, None])
+def test_a_clock_that_is_set_back_at_once(step: float | None) -> None:
+    """While all rows still wait to be sorted, too, rows of the new clock are not put before those of the old one."""
+    times = [float(number) for number in range(30)] + [number - 3600.0 for number in range(300)]
+    points, counts = points_of(rows(*times), step)
+    assert [point.time for point in points] == times
+    assert counts == Counts(samples=330, clock_jumps=1)
+
+
 @pytest.mark.parametrize("live", [False, True])
 def test_other_sampling_rates(live: bool) -> None:
     """Of rows at twice the rate every second one serves; at half the rate every second point is missing."""

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Thread
 from time import process_time
 
 import numpy as np
@@ -76,6 +77,26 @@ def test_short_and_empty_lines(tmp_path: Path) -> None:
     """Fields that are not there are nan, and an empty line is no row."""
     rows = read(tmp_path, "time,u,level,heat\n1,5\n\n2\n")
     assert agree(rows, [[1, 5, math.nan, math.nan], [2, math.nan, math.nan, math.nan]])
+
+
+def test_empty_lines_before_the_header(tmp_path: Path) -> None:
+    """They are passed over too, and what stands between fields is told by the header."""
+    rows = read(tmp_path, "\n\ntime;u;level;heat\n1;5;100;0\n")
+    assert agree(rows, [[1, 5, 1.0, 273.15]])
+    assert rows[0].line == 4
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_is_read_once(tmp_path: Path) -> None:
+    """What was read of a pipe to see what it holds would be missing."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    text = "time,u,level,heat\n1,5,100,0\n"
+    writer = Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    rows = list(read_rows(str(pipe), COLUMNS))
+    writer.join()
+    assert agree(rows, [[1, 5, 1.0, 273.15]])
 
 
 @pytest.mark.parametrize(

@@ -209,6 +209,7 @@ def tank_history(graph: BondGraph, *, samples: int = 4920, fault: bool = True, s
         slow_limit=1.6,
         slow_names=("line.f", "outlet.f"),
         detections=detections if fault else (),
+        open=detections[0] if fault else None,
         diagnoses=tuple(tank_diagnosis(graph, start + time, time - alarm) for time in times),
     )
 

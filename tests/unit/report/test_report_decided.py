@@ -28,6 +28,7 @@ def decided(*, after: float, again: bool = False, by: Decider = Decider.RULE) ->
         history,
         accepted=(accepted,),
         detections=(alarm, later) if again else (alarm,),
+        open=later if again else None,
         diagnoses=(*diagnoses, tank_diagnosis(GRAPH, 4919.0, 19.0)) if again else diagnoses,
     )
 

@@ -87,7 +87,7 @@ def test_the_ring_of_old_lanes_turns() -> None:
     numbered = np.repeat(np.arange(SNAPSHOTS, dtype=np.float64)[:, None], state.snapshots.shape[1], axis=1)
     for kept in (1, SNAPSHOTS, SNAPSHOTS + 1, 2 * SNAPSHOTS + 3):
         index = max(state.begun, state.accepted) + SNAPSHOT_EVERY * kept
-        found = monitor._oldest(replace(state, index=index, snapshots=numbered))
+        found = monitor._oldest(replace(state, index=index, alarm=-1, snapshots=numbered))
         assert found is not None
         assert found[0] == (0 if kept <= SNAPSHOTS else kept % SNAPSHOTS)
 

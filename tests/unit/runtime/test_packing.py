@@ -54,6 +54,21 @@ def test_rows_that_come_slowly_are_no_gaps() -> None:
     assert gaps(500 * "." + "x" + GAP * "." + "x" * PAUSES * 3 + GAP * "." + "x")[-1] == GAP
 
 
+def test_rows_that_are_absent_from_a_variable_grid() -> None:
+    """Where rows are the grid, a long time without any is a gap of so many of the usual ones."""
+    _, spec, _ = plant("rc")
+    loose = replace(spec, sample_time=None)
+    whole, state, found = recorded("rc", 1)[0], init(loose), []
+    steps = [0.0, *[2.0] * 40, 200.0, 2.0, 8.0, 2.0, 14.0, 2.0]
+    for time, dt in zip(np.cumsum(steps), steps, strict=True):
+        state, gap = packed(loose, state, replace(whole, time=float(time), dt=dt))
+        found.append(gap)
+    assert found[:41] == [0] * 41
+    assert found[41] == 99
+    assert found[42:45] == [0, 0, 0]  # one of four intervals is no gap, nor does one long one change what is usual much
+    assert state.pause == pytest.approx(2.0, rel=1.5)
+
+
 def test_accepted_faults_of_instruments_are_corrected() -> None:
     """What acts is the input and its offset; a reading loses its offset and gain; a sensor out of use is missing."""
     _, spec, _ = plant("dc_motor_current")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultbond.runtime.history import Detection, Diagnosis
+from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
 from faultbond.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
@@ -137,3 +137,18 @@ def test_an_empty_run() -> None:
     history = Trace(SPEC).history()
     assert history.time.shape == (0,)
     assert history.measured.shape == (0, 2)
+
+
+def test_what_is_open_does_not_depend_on_the_clock() -> None:
+    """After the clock was set back, an alarm is of another fault than that accepted before, though its time is less."""
+    trace, first, second = (
+        Trace(SPEC),
+        *(Detection(time=t, sample=1, change_time=t, signals=()) for t in (3600.0, 60.0)),
+    )
+    trace.add(sample(1), report(1, detection=first))
+    assert trace.history().open == first
+    candidate = Candidate(suspects=(), probability=1.0, group=True)
+    trace.accept(Decision(time=3700.0, candidate=candidate, by=Decider.RULE))
+    assert trace.history().open is None
+    trace.add(sample(2), report(2, detection=second))
+    assert trace.history().open == second

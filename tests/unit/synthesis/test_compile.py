@@ -147,6 +147,15 @@ def test_cache_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monkey
     assert isinstance(engine, VirtualMachine)
 
 
+@needs_compiler
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder in which nobody can make a file")
+def test_cache_in_which_nothing_can_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is a cache folder but no file can be made in it, the interpreter runs the model too."""
+    monkeypatch.setenv("FAULTBOND_CACHE", "/proc")
+    _, engine = build_engine(load_model(RC))
+    assert isinstance(engine, VirtualMachine)
+
+
 def test_place_of_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The cache is where FAULTBOND_CACHE says, else in the user's cache folder."""
     assert cache_folder() == Path(os.environ["FAULTBOND_CACHE"])
