@@ -330,12 +330,18 @@ def test_control_c() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "action"), [(["--json", "-"], "out.record({'x': 1})"), ([], "out.say('for people')")]
+    ("options", "action"),
+    [
+        (["--json", "-"], "out.record({'x': 1})"),
+        ([], "out.say('for people')"),
+        ([], "Console(file=out.text).print('a table')"),
+    ],
 )
 def test_a_closed_pipe_is_quiet(options: list[str], action: str) -> None:
     """When the reader of the output goes away, the program ends without a word."""
     code = f"""
 import sys
+from rich.console import Console
 from faultbond.cli import main
 class Verbs:
     def check(self, model, *, engine, out):

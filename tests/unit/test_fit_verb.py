@@ -72,6 +72,18 @@ def test_parameters_and_noise_are_found(model: Path, tmp_path: Path) -> None:
     assert record["widened"]["R"] > 2.0
 
 
+@pytest.mark.parametrize("rows", [60, 120, 400])
+def test_a_narrow_prior_does_not_hold_what_the_data_contradict(rows: int, model: Path, tmp_path: Path) -> None:
+    """However few the data are, if they are clear: a value at half the truth, declared to 1 %, is given up."""
+    model.write_text(MODEL.replace("nominal: 2.5 H, accuracy: 5 %", "nominal: 1 H, accuracy: 1 %"), encoding="utf-8")
+    recording = write_current(tmp_path / "a.csv", rows=rows)
+    found = call("fit", model, recording, "-o", tmp_path / "new.yaml")
+    (coil,) = (item for item in found["parameters"] if item["name"] == "L")
+    assert abs(coil["estimate"] - L) < 3.0 * coil["sd"]
+    assert coil["sd"] < 0.05 * L
+    assert found["widened"]["L"] > 5.0
+
+
 @pytest.mark.parametrize(("prior", "told"), [("widened", True), ("none", False)])
 def test_accuracies_that_do_not_count_are_not_called_wrong(
     prior: str, told: bool, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

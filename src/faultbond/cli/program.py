@@ -71,6 +71,10 @@ def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
         return _complain(str(error), USER_MISTAKE)
     except BrokenPipeError:
         return _give_up_output()
+    except SystemExit as leaving:
+        if isinstance(leaving.__context__, BrokenPipeError):  # rich makes this of it
+            return _give_up_output()
+        raise
     except OSError as error:
         return _complain(_of_system(error), USER_MISTAKE)
     except KeyboardInterrupt:

@@ -322,6 +322,6 @@ def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatAr
         if left <= _SOLVED * max(float(np.max(np.abs(z))), _TINY):
             return z
     raise StructureError(
-        f"{plant.graph.file}: the loop of {', '.join(plant.implicit)} has no real solution at nominal parameters; "
-        "check the laws in it, or give a known `start`"
+        f"{plant.graph.file}: no solution was found for the loop of {', '.join(plant.implicit)} at nominal parameters; "
+        "check the laws in it (a root is easier to solve as its square, f*abs(f) = k**2*e), or give a known `start`"
     )

@@ -210,9 +210,15 @@ class Grid:
         return self._release(0 if self._live else LOOK_BACK)
 
     def _too_old(self, row: Row) -> bool:
-        """Whether there is no place for a row any more, and it is not one of the last rows sent again."""
+        """Whether there is no place for a row any more, and it is not one of the last rows sent again.
+
+        There is none either where a row that waits has its time and other values: the clock may have been set back by
+        less than what rows wait to be sorted.
+        """
         if self._steady:
             return False
+        if row.time < self._newest and any(o.time == row.time and not o.repeats(row) for *_, o in self._waiting):
+            return True
         if not self._times:
             return row.time < self._newest - (self._step or self._first_interval()) * MAX_GAP
         return row.time < self._times[-1] and not any(row.repeats(other) for other in self._placed)
@@ -228,8 +234,9 @@ class Grid:
 
     def _give_up_behind(self) -> None:
         """Drop the rows that were too old; they were late after all, or repeats."""
+        known = {*self._times, *(row.time for *_, row in self._waiting)}
         for row in self._behind:
-            self._tally["duplicate" if row.time in self._times else "late"] += 1
+            self._tally["duplicate" if row.time in known else "late"] += 1
         self._behind.clear()
 
     def _set_back(self) -> Iterable[GridPoint]:

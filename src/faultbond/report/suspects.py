@@ -188,10 +188,14 @@ def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation
 
 def _moving(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     """Say how fast a value moves, in a unit of time in which that is a handy number."""
-    rate, sd = suspect.rate or 0.0, suspect.rate_sd or 0.0
-    if abs(rate) < SIGNIFICANT * sd:
+    if not _is_moving(suspect):
         return "moves at a rate that is not known yet"
-    return f"{'rises' if rate > 0.0 else 'falls'} by {_rate(graph, suspect, notation)}"
+    return f"{'rises' if (suspect.rate or 0.0) > 0.0 else 'falls'} by {_rate(graph, suspect, notation)}"
+
+
+def _is_moving(suspect: Suspect) -> bool:
+    """Whether the rate is known well enough to say which way a value moves."""
+    return abs(suspect.rate or 0.0) >= SIGNIFICANT * (suspect.rate_sd or 0.0)
 
 
 def _rate(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
@@ -211,7 +215,7 @@ def _limit(graph: BondGraph, suspect: Suspect, item: Forecast, now: float, notat
         return f"it {'has passed' if clear else 'is at about'} {limit}"
     if item.earliest is None:
         return ""
-    if item.time is None:
+    if item.time is None or not _is_moving(suspect):
         return f"it may reach {limit}, not before {coarse_clock_text(item.earliest, item.earliest - now)}"
     width = (item.latest if item.latest is not None else 2.0 * item.time - item.earliest) - item.earliest
     early, median = (coarse_clock_text(moment, width) for moment in (item.earliest, item.time))

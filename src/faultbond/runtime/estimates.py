@@ -1,5 +1,6 @@
 """What a lane has found: values of its suspects with their standard deviations, in SI."""
 
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -9,6 +10,22 @@ from faultbond.runtime.history import Forecast, Suspect
 from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.spec import EngineSpec, ParameterSpec, covariance_place
 from faultbond.types import FaultKind, FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Absorbed:
+    """What was accepted before, on top of which a lane finds its fault.
+
+    rates : (n_parameters,), factors per second; noise : (n_outputs,), variances in those declared
+    """
+
+    rates: FloatArray
+    noise: FloatArray
+
+
+def nothing_absorbed(spec: EngineSpec) -> Absorbed:
+    """Give what was accepted where nothing was."""
+    return Absorbed(rates=np.zeros(len(spec.parameters)), noise=np.ones(len(spec.outputs)))
 
 
 def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -> tuple[Suspect, ...]:
@@ -29,18 +46,20 @@ def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -
     return tuple(suspects)
 
 
-def slot_suspects(spec: EngineSpec, slots: FloatArray, lane: int, time: float) -> tuple[tuple[Suspect, ...], bool]:
+def slot_suspects(
+    spec: EngineSpec, slots: FloatArray, lane: int, time: float, absorbed: Absorbed
+) -> tuple[tuple[Suspect, ...], bool]:
     """Give the suspect of a lane with a slot, and whether its fault is there now."""
     plan = plan_slots(spec)
     item = plan.lanes[lane]
     if item.parameter < 0:
-        return (_instrument(spec, slots, lane, item),), True
+        return (_instrument(spec, slots, lane, item, absorbed),), True
     shown = slots[:, lane] if item.acts else slots[:, lane - 1]  # while it is gone, the other lane of the pair tells
-    return (_moved(spec, item, shown, time),), item.acts
+    return (_moved(spec, item, shown, time, float(absorbed.rates[item.parameter])),), item.acts
 
 
-def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> Suspect:
-    """Give a parameter that is its healthy value and what the slot adds."""
+def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float, before: float) -> Suspect:
+    """Give a parameter that is its healthy value and what the slot adds; `before`: rate at which it moved already."""
     wide, parameter = spec.slotted, spec.parameters[item.parameter]
     k, size = wide.parameter_slice.start + item.parameter, wide.slot_slice.start
     rate, scale = size + 1, parameter.scale
@@ -59,7 +78,7 @@ def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float) -> S
             estimate=estimate,
             sd=float(abs(scale) * sqrt(max(variance, 0.0))),
         )
-    moving = float(scale * lane[rate])
+    moving = float(scale * (before + lane[rate]))
     both = lane[covariance_place(wide, k, rate)] + lane[covariance_place(wide, size, rate)]
     spread = tuple(float(value * scale**2) for value in (variance, both, lane[covariance_place(wide, rate, rate)]))
     return Suspect(
@@ -81,7 +100,7 @@ def _forecasts(
     return tuple(forecast(time, limit, value, rate, covariance, healthy) for limit in parameter.limits)
 
 
-def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) -> Suspect:
+def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane, absorbed: Absorbed) -> Suspect:
     """Give what is wrong with a sensor or an input."""
     wide, numbers = spec.slotted, slots[:, lane]
     size = wide.slot_slice.start
@@ -102,14 +121,14 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane) 
             word = "stuck"
         case FaultKind.NOISE:
             nominal, word = unit, "noise"
-            value, sd = _scatter(spec, slots, lane, unit)
+            value, sd = _scatter(spec, slots, lane, unit * sqrt(float(absorbed.noise[item.output])))
     return Suspect(
         parameter=f"{name}.{word}", component=name, nominal=nominal, estimate=value, sd=sd, rate=rate, rate_sd=rate_sd
     )
 
 
-def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, declared: float) -> tuple[float, float]:
-    """Give the noise sd of a sensor and its spread, from how likely each of the noises tried is."""
+def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, known: float) -> tuple[float, float]:
+    """Give the noise sd of a sensor and its spread, from how likely each of the noises tried is beside that known."""
     plan = plan_slots(spec)
     chosen = [
         k
@@ -119,7 +138,7 @@ def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, declared: float) ->
     likelihood = slots[-1, chosen]
     weight = np.exp(likelihood - np.max(likelihood))
     weight /= weight.sum()
-    noises = declared * np.sqrt([plan.lanes[k].noise for k in chosen])
+    noises = known * np.sqrt([plan.lanes[k].noise for k in chosen])
     mean = float(weight @ noises)
     step = float(np.min(np.diff(noises))) / sqrt(12.0)  # the grid of noises is coarse
     return mean, sqrt(float(weight @ (noises - mean) ** 2) + step**2)

@@ -6,14 +6,14 @@ algorithms.
 """
 
 from dataclasses import replace
-from math import sqrt
 
 import numpy as np
 
 from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
-from faultbond.runtime.history import Detection, Diagnosis, Suspect, Unexplained
+from faultbond.runtime.estimates import Absorbed
+from faultbond.runtime.history import Detection, Diagnosis, Unexplained
 from faultbond.runtime.packing import corrected, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, table_of
 from faultbond.runtime.slots import plan_slots
@@ -22,7 +22,7 @@ from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, Sta
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
 from faultbond.spec import Engine, EngineSpec
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
@@ -221,25 +221,10 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
     bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
     return replace(
-        _on_top(spec, state, rank(spec, state.time, bank)),
+        rank(spec, state.time, bank, Absorbed(rates=state.rates, noise=state.reading_noise)),
         unexplained=unexplained,
         untested=untested(spec, bank, state.index, state.rejected, bounded=bounded),
     )
-
-
-def _on_top(spec: EngineSpec, state: State, diagnosis: Diagnosis) -> Diagnosis:
-    """Give a diagnosis in which the noise of a sensor comes on top of what was accepted of it before."""
-    if np.all(state.reading_noise == 1.0):
-        return diagnosis
-    names = [f"{item.name}.{FaultKind.NOISE.value}" for item in spec.outputs]
-    part = dict(zip(names, state.reading_noise, strict=True))
-
-    def whole(item: Suspect) -> Suspect:
-        times = sqrt(float(part.get(item.parameter, 1.0)))
-        return replace(item, estimate=times * item.estimate, sd=times * item.sd)
-
-    candidates = (replace(item, suspects=tuple(map(whole, item.suspects))) for item in diagnosis.candidates)
-    return replace(diagnosis, candidates=tuple(candidates))
 
 
 def _steady(spec: EngineSpec, bank: Bank) -> Bank:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from faultbond.runtime.bank import Bank
-from faultbond.runtime.estimates import slot_suspects, step_suspects
+from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.growing import PER_SET
 from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.lanes import plan_lanes
@@ -88,8 +88,9 @@ def _scores(spec: EngineSpec, kinds: FloatArray) -> FloatArray:
     return np.asarray(np.logaddexp.reduce(kinds, axis=1) - lane_table(spec).costs)
 
 
-def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:
-    """Give the ranked candidates of a bank, best first."""
+def rank(spec: EngineSpec, time: float, bank: Bank, absorbed: Absorbed | None = None) -> Diagnosis:
+    """Give the ranked candidates of a bank, best first; `absorbed`: what was accepted before."""
+    absorbed = nothing_absorbed(spec) if absorbed is None else absorbed
     kinds = by_kind(spec, bank)
     score = _scores(spec, kinds)
     weight = np.exp(score - score.max())
@@ -98,7 +99,8 @@ def rank(spec: EngineSpec, time: float, bank: Bank) -> Diagnosis:
     group = score >= score.max() - spec.thresholds.group_nats
     best = best_lanes(spec, bank)
     candidates = tuple(
-        _candidate(spec, time, bank, int(best[k]), float(probability[k]), bool(group[k]), kinds[k]) for k in order
+        _candidate(spec, time, bank, int(best[k]), float(probability[k]), bool(group[k]), kinds[k], absorbed)
+        for k in order
     )
     return Diagnosis(time=time, candidates=candidates)
 
@@ -122,7 +124,14 @@ def best_lanes(spec: EngineSpec, bank: Bank) -> IntArray:
 
 
 def _candidate(
-    spec: EngineSpec, time: float, bank: Bank, lane: int, probability: float, group: bool, kinds: FloatArray
+    spec: EngineSpec,
+    time: float,
+    bank: Bank,
+    lane: int,
+    probability: float,
+    group: bool,
+    kinds: FloatArray,
+    absorbed: Absorbed,
 ) -> Candidate:
     """Give a candidate with the estimates of its best lane."""
     steps = bank.steps.shape[1]
@@ -133,7 +142,7 @@ def _candidate(
     if lane < steps:
         suspects, present = step_suspects(spec, bank.steps[:, lane], spec.members(hypothesis)), True
     else:
-        suspects, present = slot_suspects(spec, bank.slots, lane - steps, time)
+        suspects, present = slot_suspects(spec, bank.slots, lane - steps, time, absorbed)
     return Candidate(
         suspects=suspects,
         probability=probability,

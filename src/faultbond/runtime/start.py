@@ -16,6 +16,7 @@ _ITERATIONS = 12
 _SECANTS = 8
 _DOUBLINGS = 12
 _ABSURD = 1e12
+_ASTRAY = 1e3  # sizes of a state that a settled value may lie off; farther ones the plant did not reach by itself
 _STEEPEST = 1e100  # slope that can still be squared
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _NOTHING = 1e-9  # part of the size of a state below which it is zero but for rounding, which says nothing of its size
@@ -84,6 +85,7 @@ def solve_start(
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are possible, and lose
         centre, size = np.where(given, mean, _settled(data, mean)), np.where(given, sd, 1.0)
         size[unknown] = _sizes(data, mean, centre, unknown)
+        centre = np.where(np.abs(centre - mean) > _ASTRAY * size, mean, centre)
         free = np.flatnonzero(size > 0.0)  # what is stated may be off too, and would put the others off
         guesses = _guesses(mean, centre, free, size[free])
         best = min((_fit(data, guess, centre, free, size[free]) for guess in guesses), key=lambda found: found[2])

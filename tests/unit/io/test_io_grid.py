@@ -163,6 +163,24 @@ def test_a_clock_that_is_set_back_a_little() -> None:
 
 
 @pytest.mark.parametrize("live", [False, True])
+def test_an_hour_in_autumn_at_a_row_a_minute(live: bool) -> None:
+    """Rows that repeat the times of those before with other values are of a clock that was set back, however little."""
+    times = [60.0 * number for number in range(200)] + [60.0 * number for number in range(140, 400)]
+    points, counts = points_of(rows(*times), 60.0, live=live)
+    assert [point.time for point in points] == times
+    assert counts == Counts(samples=460, clock_jumps=1)
+
+
+def test_single_rows_with_the_time_of_others_are_duplicates() -> None:
+    """A few of them are no clock that was set back."""
+    times = [float(number) for number in range(100)]
+    again = times[:50] + times[30:38] + times[50:]
+    points, counts = points_of(rows(*again))
+    assert [point.time for point in points] == times
+    assert counts == Counts(samples=100, duplicate=8)
+
+
+@pytest.mark.parametrize("live", [False, True])
 def test_nine_old_rows_are_late(live: bool) -> None:
     """Fewer than ten rows that are too old are late, and so are more of them that do not go on from each other."""
     new = [float(number) for number in range(300)]

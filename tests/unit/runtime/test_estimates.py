@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made import plant
 
-from faultbond.runtime.estimates import slot_suspects, step_suspects
+from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.forecast import forecast
 from faultbond.runtime.history import Suspect
 from faultbond.runtime.slots import plan_slots
@@ -34,7 +34,7 @@ SLOTS = lanes_of(WIDE, PLAN.n_lanes)
 
 def found(lane: int, slots: FloatArray = SLOTS) -> tuple[Suspect, bool]:
     """The one suspect of a lane, and whether its fault is there."""
-    suspects, present = slot_suspects(SPEC, slots, lane, 40.0)
+    suspects, present = slot_suspects(SPEC, slots, lane, 40.0, nothing_absorbed(SPEC))
     assert len(suspects) == 1
     return suspects[0], present
 
@@ -102,6 +102,20 @@ def test_a_drift_has_a_forecast_for_each_limit() -> None:
             assert one.limit == two.limit
             for a, b in ((one.time, two.time), (one.earliest, two.earliest), (one.latest, two.latest)):
                 assert a == (b if b is None else pytest.approx(b, rel=1e-6))
+
+
+def test_a_drift_comes_on_top_of_one_that_was_accepted() -> None:
+    """The rate is that of the parameter, whatever part of it was known before; so forecasts are of where it goes."""
+    lane = next(k for k in lanes_with(FaultKind.DRIFT) if PLAN.lanes[k].parameter == 0)
+    (value, rate), covariance = in_numbers(lane)
+    rates = np.where(np.arange(len(SPEC.parameters)) == 0, 0.25, 9.0)
+    absorbed = Absorbed(rates=rates, noise=np.ones(len(SPEC.outputs)))
+    (suspect,), _ = slot_suspects(SPEC, SLOTS, lane, 40.0, absorbed)
+    whole = float(rate) + 0.25 * SPEC.parameters[0].scale
+    assert suspect.rate == pytest.approx(whole)
+    spread = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
+    expected = forecast(40.0, 6.0, float(value), whole, spread, SPEC.parameters[0].nominal)
+    assert suspect.forecasts[0].time == (None if expected.time is None else pytest.approx(expected.time, rel=1e-6))
 
 
 def test_a_fault_that_comes_and_goes_is_told_by_the_lane_in_which_it_is_there() -> None:
@@ -186,5 +200,5 @@ def test_a_value_stays_in_its_range() -> None:
     slots[wide.parameter_slice.start + index] = 1.0
     for size, expected in ((-5.0, spec.parameters[index].lower), (1e3, spec.parameters[index].upper)):
         slots[wide.slot_slice.start] = size
-        (suspect,), _ = slot_suspects(spec, slots, lane, 0.0)
+        (suspect,), _ = slot_suspects(spec, slots, lane, 0.0, nothing_absorbed(spec))
         assert suspect.estimate == pytest.approx(spec.parameters[index].scale * expected)

@@ -171,3 +171,36 @@ sensors: {{V_C: {{reads: C1.e + C2.e, unit: V, noise: {noise}}}}}
     assert float(covariance.sum()) < 1.0
     if noise == "1e-3 V":
         assert np.all(np.sqrt(np.diag(covariance)) > 1e5)
+
+
+PRESS = """
+name: press with accumulator
+sample_time: 10 ms
+inputs: {n: {unit: rpm, noise: 3 rpm}, xv: {unit: percent}}
+components:
+  pump: {type: Sf, law: f = D*n, parameters: {D: 2.55 cm^3/rad}}
+  slip: {type: R, law: f = kl*e, parameters: {kl: 0.05 l/min/bar}}
+  acc: {type: C, law: e = K*q, parameters: {K: 60 bar/l}}
+  valve: {type: R, law: "f*abs(f) = (kv*xv)**2*e", parameters: {kv: 0.03 l/min/bar^0.5/percent}}
+  cyl: {type: TF, law: [e2 = A*e1, f1 = A*f2], parameters: {A: 12 cm^2}}
+  mass: {type: I, parameters: {m: 200 kg}}
+  fric: {type: R, parameters: {b: 4000 N*s/m}}
+  load: {type: Se, law: e = F, parameters: {F: 3 kN}}
+junctions: {line: 0, feed: 1, rod: 1}
+bonds: [pump -> line -> slip, line -> acc, line -> feed -> valve, feed -> cyl -> rod -> mass, rod -> fric, rod -> load]
+sensors: {p: {reads: line.e, unit: bar, noise: 0.3 bar}, v: {reads: rod.f, unit: mm/s, noise: 2 mm/s}}
+"""
+
+
+def test_a_plant_whose_steps_run_away_starts_where_its_sensors_say() -> None:
+    """What the nominal plant is said to settle at is far beyond what the sensors read, so it counts nothing."""
+    graph = parse_model(PRESS)
+    spec, engine = build_engine(graph)
+    time = np.asarray(np.arange(START_SAMPLES) * 0.01, dtype=np.float64)
+    inputs = Inputs(time=time, values=np.tile([1160.0 * 2.0 * np.pi / 60.0, 20.0], (len(time), 1)))
+    made = simulate(graph, inputs, seed=1, start={"acc.q": 1e-3, "mass.p": 20.0})
+    samples = [Sample(time=t, dt=0.01, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
+    mean, covariance = solve_start(spec, engine, packed(spec, tuple(samples)))
+    assert [state.name for state in spec.states] == ["line.e", "rod.f"]
+    assert np.all(np.abs(mean - [60e5, 0.1]) < 4.0 * np.sqrt(np.diag(covariance)))
+    assert np.all(np.abs(mean / [60e5, 0.1] - 1.0) < 0.05)

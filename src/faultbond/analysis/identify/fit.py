@@ -19,6 +19,7 @@ from faultbond.analysis.identify.change import Change, changes_of
 from faultbond.analysis.identify.evaluate import Course, Plant, Point, course
 from faultbond.analysis.identify.samples import Record
 from faultbond.analysis.identify.search import START_PRIOR, Summit, climb, spread_noise
+from faultbond.analysis.identify.unknowns import Unknowns
 from faultbond.analysis.identify.whiteness import Whiteness, test_whiteness
 from faultbond.errors import RecordingError
 from faultbond.types import BoolArray, FloatArray
@@ -201,9 +202,10 @@ def _weigh(
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
     if prior is Prior.NONE or not n:
         return best, np.full(n, WIDE)
-    accuracies, widths = unknowns.prior[:n], np.ones(n)
+    accuracies = unknowns.prior[:n]
     groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
     alone = groups.sum(axis=1) == 1
+    widths = _contradiction(unknowns, best, groups, n) if prior is Prior.WIDENED else np.ones(n)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
         best = climb(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
@@ -218,6 +220,17 @@ def _weigh(
             break
         widths = wanted
     return best, widths
+
+
+def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) -> FloatArray:
+    """Give how many times as wide as declared accuracies must be for what the data say almost alone.
+
+    The widening begins there: from a narrow prior it may not get away, where this outweighs data that are clear.
+    """
+    accuracies = unknowns.prior[:n]
+    known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
+    away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
+    return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
 
 
 def _likelihood(plant: Plant, records: Sequence[Record], point: Point) -> float:
