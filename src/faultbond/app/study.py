@@ -15,7 +15,7 @@ from faultbond.analysis.sensitivity import Recursion, build_recursion
 from faultbond.analysis.sensors import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.solutions import other_solutions
-from faultbond.analysis.stimulus import Stimulus, input_advice
+from faultbond.analysis.stimulus import ENOUGH, Stimulus, input_advice
 from faultbond.analysis.twins import compare
 from faultbond.app.analysing import Wishes
 from faultbond.app.answering import answers, left_out
@@ -271,6 +271,8 @@ def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
         names = [item.name for item in study.graph.parameters]
         groups = [tuple((names[k],) for k in alike) for alike in _look_alikes(view)][:MOST_GROUPS]
     found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group) for group in groups)
+    if not wishes.separate:  # alike in direction, but far enough apart in a record of that length, needs no move
+        found = tuple(item for item in found if not item.choices or item.choices[0].before < ENOUGH)
     return Section(
         record=analysed.inputs_record(found),
         show=lambda console: analysis.print_input_advice(console, found, note),

@@ -15,7 +15,7 @@ from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained
 from faultbond.runtime.packing import corrected, pack_sample
-from faultbond.runtime.ranking import leading_lane, rank, table_of
+from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields, no_scatter
@@ -28,6 +28,7 @@ START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
 RENEWALS = (30, 100, 200)  # samples after the alarm at which the bank begins again from what it has found
 DIAGNOSIS_EVERY = 20  # samples between diagnoses
+FOLLOWED = 10.0  # nats by which a drift that follows nearly anything fits better than what does not: nothing else fits
 
 
 def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, Report]:
@@ -217,7 +218,9 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     if not spec.n_hypotheses:
         return Diagnosis(time=state.time, candidates=())
     bank = _without(spec, state)
-    unexplained = _unexplained(spec, state, leading_lane(spec, _steady(spec, bank)))
+    steady = _steady(spec, bank)
+    followed = float(np.max(scores(spec, bank)) - np.max(scores(spec, steady))) > FOLLOWED
+    unexplained = _unexplained(spec, state, leading_lane(spec, steady), followed=followed)
     fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
     bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
     return replace(
@@ -244,11 +247,14 @@ def _without(spec: EngineSpec, state: State) -> Bank:
     return replace(state.bank, steps=steps, slots=slots)
 
 
-def _unexplained(spec: EngineSpec, state: State, lane: int) -> Unexplained | None:
-    """Tell where the best lane does not fit, if the detector would raise an alarm on it."""
+def _unexplained(spec: EngineSpec, state: State, lane: int, *, followed: bool) -> Unexplained | None:
+    """Tell where the best lane does not fit, if the detector would raise an alarm on it.
+
+    followed : whether a drift whose rate may change fits better by far; then this lane does not fit anyhow
+    """
     sums = state.misfit[:, :, lane]
     side, signal = np.unravel_index(int(np.argmax(sums)), sums.shape)
-    if sums[side, signal] <= spec.thresholds.cusum_limit:
+    if sums[side, signal] <= spec.thresholds.cusum_limit and not followed:
         return None
     length = state.index - int(state.misfit_since[side, signal, lane])
     depth = len(state.trail_times)

@@ -134,14 +134,14 @@ def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
 
 
 def test_a_drift_that_may_change_explains_nothing_by_its_fit() -> None:
-    """What fits only a drift whose rate may change counts as unexplained; what a steady lane fits does not."""
+    """What fits only a drift whose rate may change counts as unexplained; what a steady lane fits as well does not."""
     spec, _, state = drifting()
     n = state.steps.shape[1]
     wanders = np.array([False] * n + [lane.span > 0.0 for lane in plan_slots(spec).lanes])
     slots = state.slots.copy()
-    slots[-1, wanders[n:]] = state.bank.likelihoods.max() + 50.0
-    limit = spec.thresholds.cusum_limit
-    for contradicted, expected in ((~wanders, True), (wanders, False)):
+    most, limit = state.bank.likelihoods.max(), spec.thresholds.cusum_limit
+    for ahead, contradicted, expected in ((5.0, ~wanders, True), (5.0, wanders, False), (50.0, wanders, True)):
+        slots[-1, wanders[n:]] = most + ahead
         misfit = np.where(contradicted, 2.0 * limit, 0.0) * np.ones_like(state.misfit)
         found = monitor.conclude(spec, replace(state, slots=slots, misfit=misfit))
         assert found.candidates[0].kind is FaultKind.DRIFT
