@@ -3,16 +3,19 @@
 A relation is written as a polynomial in the signal z and its size |z|, with coefficients free of z. Three forms have a
 closed solution: linear; a z|z| + b z + c (turbulent flow; one real root, `signed_root`); a z^2 + b z + c (a one-way
 square as in thesis 3.7.2; the root at and above the vertex, `upper_root`). Otherwise a signal that occurs once is
-isolated by inverse functions. What remains is left to Newton's method.
+isolated by inverse functions; sign(a) sqrt(|a|), an orifice, is one function of a for that. What remains is left to
+Newton's method.
 """
 
 from dataclasses import dataclass
+from functools import reduce
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, walk
 
 Monomial = tuple[int, int]  # powers of z and of |z|; |z| at most once, since |z|^2 = z^2
 Polynomial = dict[Monomial, Expression]
 
+ORIFICE = "signed square root"  # no function of laws; stands for sign(a) sqrt(|a|) while a relation is solved
 ZERO, ONE = Number(0.0), Number(1.0)
 LINEAR = {(0, 0), (1, 0)}
 SIGNED = {(0, 0), (1, 0), (1, 1)}
@@ -163,7 +166,49 @@ def isolate(residual: Expression, signal: str) -> Expression | None:
             lead = max(allowed, key=sum)
             if keys <= allowed and lead in keys:
                 return Call(function, (form[lead], form.get((1, 0), ZERO), form.get((0, 0), ZERO)))
-    return _invert(residual, ZERO, signal)
+    return _invert(_orifices(residual, signal), ZERO, signal)
+
+
+def _orifices(expression: Expression, signal: str) -> Expression:
+    """Write products with sign(a) and sqrt(|a|), a with the signal in it, with `ORIFICE` of a."""
+    match expression:
+        case Negative(operand):
+            return Negative(_orifices(operand, signal))
+        case Binary("+" | "-" as operator, left, right):
+            return Binary(operator, _orifices(left, signal), _orifices(right, signal))
+        case Binary("*" | "/"):
+            return _orifice(expression, signal)
+    return expression
+
+
+def _orifice(product: Expression, signal: str) -> Expression:
+    above, below = _factors(product)
+    for factor in above:
+        match factor:
+            case Call("sign", (argument,)) if signal in names(argument):
+                root = Call("sqrt", (Call("abs", (argument,)),))
+                if root in above:
+                    above.remove(factor)
+                    above.remove(root)
+                    return _quotient([*above, Call(ORIFICE, (argument,))], below)
+    return product
+
+
+def _factors(product: Expression) -> tuple[list[Expression], list[Expression]]:
+    """Give the factors above and below the bar of a product of quotients."""
+    match product:
+        case Binary("*", left, right):
+            (one, under), (two, beneath) = _factors(left), _factors(right)
+            return [*one, *two], [*under, *beneath]
+        case Binary("/", left, right):
+            (one, under), (two, beneath) = _factors(left), _factors(right)
+            return [*one, *beneath], [*under, *two]
+    return [product], []
+
+
+def _quotient(above: list[Expression], below: list[Expression]) -> Expression:
+    result = reduce(multiply, above)
+    return Binary("/", result, reduce(multiply, below)) if below else result
 
 
 def _invert(expression: Expression, value: Expression, signal: str) -> Expression | None:
@@ -183,6 +228,8 @@ def _invert(expression: Expression, value: Expression, signal: str) -> Expressio
             return _invert(argument, Call("exp", (value,)), signal)
         case Call("sqrt", (argument,)):
             return _invert(argument, Binary("**", value, Number(2.0)), signal)
+        case Call(function, (argument,)) if function == ORIFICE:
+            return _invert(argument, Binary("*", value, Call("abs", (value,))), signal)
     return None
 
 

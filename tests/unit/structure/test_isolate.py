@@ -62,6 +62,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "signed_root": signed_root,
     "upper_root": upper_root,
     "abs": abs,
+    "sign": lambda x: math.copysign(1.0, x),
     "exp": math.exp,
     "log": math.log,
     "sqrt": math.sqrt,
@@ -213,6 +214,31 @@ def test_signal_that_occurs_once(expression: Expression, values: Values, true: f
 def test_what_has_no_closed_form(text: str) -> None:
     """A relation without a closed form here, or without the signal at all, has no solution rather than a wrong one."""
     assert isolate(parse_expression(text), "z") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a*b*sign(z)*sqrt(abs(z)) - c",
+        "c - sqrt(abs(z))*a*sign(z)/b",
+        "a + b*(sign(z - c)*sqrt(abs(z - c)))/d",
+        "-(sign(2*z + c)*sqrt(abs(2*z + c))) - a + sign(c)*sqrt(abs(c))",
+    ],
+)
+@quick
+@given(values=values_of)
+def test_orifice(text: str, values: Values) -> None:
+    """A root with the sign of what is under it has one inverse, whichever way the flow goes."""
+    residual = parse_expression(text)
+    found = isolate(residual, "z")
+    assert found is not None
+    z = value(found, values)
+    assert value(residual, values | {"z": z}) == pytest.approx(0.0, abs=1e-9 * (1.0 + abs(z)))
+
+
+def test_roots_of_other_things_are_no_orifice() -> None:
+    """Sign and root have to be of the same."""
+    assert isolate(parse_expression("a*sign(z)*sqrt(abs(z - b)) - c"), "z") is None
 
 
 def test_only_lines_are_linear() -> None:
