@@ -379,13 +379,14 @@ static void part_0(const lanes *restrict lane, const double *restrict sample,
     const double v367 = 0.5 * sample[4];
     const lanes v368 = v214 * v214;
     const lanes v369 = v368 / v210;
-    const lanes v370 = v210 / 0.010000000000000002;
-    const lanes v371 = v_log(v370);
-    const lanes v372 = v369 + v371;
-    const lanes v374 = v372 + 1.8378770664093453;
-    const lanes v375 = v367 * v374;
-    const lanes v376 = lane[14] - v375;
-    next[14] = v376;
+    const lanes v371 = v_fmin(v369, broadcast(400.0));
+    const lanes v372 = v210 / 0.010000000000000002;
+    const lanes v373 = v_log(v372);
+    const lanes v374 = v371 + v373;
+    const lanes v376 = v374 + 1.8378770664093453;
+    const lanes v377 = v367 * v376;
+    const lanes v378 = lane[14] - v377;
+    next[14] = v378;
     innovation[0] = v214;
     innovation[1] = v194;
 }

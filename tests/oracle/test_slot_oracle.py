@@ -23,6 +23,7 @@ from faultbond.types import FaultKind, FloatArray
 RC = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 SAYS_MUCH = 0.1  # expected variance, in that of the noise, above which a reading is read twice
+MOST = 20.0  # standard deviations
 R, C, NOISE_V, NOISE_Y = 1e4, 1e-4, 0.1, 0.1
 VOLTAGE, FACTOR_R, FACTOR_C, SIZE, RATE, INPUT = range(6)  # z = [V_C, factors of R and C, size, rate, input noise]
 
@@ -97,8 +98,9 @@ def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatAr
         h = np.array([factor, 0.0, 0.0, acts.gain * guess[VOLTAGE] + acts.added, 0.0, 0.0])
         expected = factor * guess[VOLTAGE] + acts.added * guess[SIZE] + h @ (z - guess)
         S = h @ P @ h + NOISE_Y**2 * acts.scatter
-        gained.append(-0.5 * ((y - expected) ** 2 / S + np.log(2.0 * np.pi * S / NOISE_Y**2)))
-        guess, spread = z + P @ h / S * (y - expected), P - np.outer(P @ h, P @ h) / S
+        off = float(np.clip((y - expected) / np.sqrt(S), -MOST, MOST))  # what is farther off counts as no farther
+        gained.append(-0.5 * (off**2 + np.log(2.0 * np.pi * S / NOISE_Y**2)))
+        guess, spread = z + P @ h / np.sqrt(S) * off, P - np.outer(P @ h, P @ h) / S
         if h @ P @ h <= SAYS_MUCH * NOISE_Y**2 * acts.scatter:
             break
     return guess, spread, float(gained[0])

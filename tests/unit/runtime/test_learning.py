@@ -51,8 +51,8 @@ def asked(rows: int) -> tuple[EngineSpec, State, Recorder]:
     return spec, state, recorder
 
 
-def test_bank_linearises_twice_without_bound() -> None:
-    """Every sample that lanes of the bank see asks for a second update and sets no bound on innovations."""
+def test_bank_linearises_twice_with_a_wide_bound() -> None:
+    """Every sample that lanes of the bank see asks for a second update and bounds only innovations nothing explains."""
     spec, _, recorder = asked(300)
     place = spec.sample_fields
     steps = [samples for lanes, samples in recorder.calls if lanes == plan_lanes(spec).n_lanes]
@@ -60,7 +60,8 @@ def test_bank_linearises_twice_without_bound() -> None:
     for bank in (steps, slots):
         assert len(bank) > 100
         assert all(np.all(samples[:, place["again"]] == 1.0) for samples in bank)
-        assert all(np.all(samples[:, place["bound"]] == 0.0) for samples in bank)
+        assert all(np.all(samples[:, place["bound"]] == spec.thresholds.bank_bound) for samples in bank)
+    assert spec.thresholds.bank_bound > 3.0 * spec.thresholds.learning_bound
 
 
 def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:

@@ -179,16 +179,17 @@ def test_estimates_are_not_dragged_along() -> None:
 
 
 def test_bounded_innovation_counts_so_far() -> None:
-    """With a bound, a far-off value moves the mean as far as one at the bound; the likelihood sees all of it."""
+    """With a bound, a far-off value moves the mean as far as one at the bound; the likelihood sees 20 sd of it."""
     spec, _, engine = built(RC)
     lane, common = correlated(spec), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0}
     blind, found = engine.advance(lane, sample_of(spec, **common | {"use": 0.0}))
     expected, sd = -found[0, 0, 0], np.sqrt(found[0, 1, 0])
     at_bound, _ = engine.advance(lane, sample_of(spec, **common, y=expected + 3.0 * sd))
-    beyond, _ = engine.advance(lane, sample_of(spec, **common, y=expected + 30.0 * sd, bound=3.0))
-    assert beyond[: spec.n_joint, 0] == pytest.approx(at_bound[: spec.n_joint, 0], rel=1e-9)
-    assert np.any(beyond[: spec.n_joint, 0] != blind[: spec.n_joint, 0])
-    assert beyond[-1, 0] == pytest.approx(at_bound[-1, 0] - 0.5 * (30.0**2 - 3.0**2), rel=1e-9)
+    for far, counts in ((15.0, 15.0), (30.0, 20.0), (1e200, 20.0)):
+        beyond, _ = engine.advance(lane, sample_of(spec, **common, y=expected + far * sd, bound=3.0))
+        assert beyond[: spec.n_joint, 0] == pytest.approx(at_bound[: spec.n_joint, 0], rel=1e-9)
+        assert np.any(beyond[: spec.n_joint, 0] != blind[: spec.n_joint, 0])
+        assert beyond[-1, 0] == pytest.approx(at_bound[-1, 0] - 0.5 * (counts**2 - 3.0**2), rel=1e-9)
 
 
 def test_parameters_stay_in_their_range() -> None:
