@@ -132,7 +132,7 @@ def _tell(runs: Runs, classic: Runs, page: Path | None) -> None:
     table, calibrated = cells(runs, classic), [*calibration_rows(runs), *coverage_rows(runs)]
     print(as_text(HEADER, table))
     print("\n" + as_text(("calibration", "claimed", "right", "runs"), calibrated))
-    seeds = [run.seed for found in runs.values() for run in found]
+    seeds = [run.seed for found in (*runs.values(), *classic.values()) for run in found]
     note = f"Seeds {min(seeds)} to {max(seeds)}, {len(seeds)} runs; {today()}; {machine()}."
     print(f"\n{note}")
     if page is not None:
