@@ -5,10 +5,12 @@ BIN := .venv/bin
 RUNTIME := .venv/.runtime-installed
 DEV := .venv/.dev-installed
 WORKERS ?= 2
+SEEDS ?= 100
+HOURS ?= 16
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo install test lint golden docs thesis bench
+.PHONY: help demo install test lint golden docs thesis trust bench
 
 help:
 	@echo "make demo     find a fault in the built-in water tank and write report.html"
@@ -18,6 +20,8 @@ help:
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
 	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
 	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
+	@echo "make trust    measure anew how good it is, into docs/trust.md and docs/figures.md (some four hours;"
+	@echo "              SEEDS=2 HOURS=1 for a try)"
 	@echo "make bench    run the benchmarks (half an hour)"
 
 demo: $(RUNTIME)
@@ -51,6 +55,20 @@ thesis: $(DEV)
 	@echo "faultbond: the thesis' tables and figures"
 	@$(BIN)/python -m benchmarks.thesis
 	@git --no-pager diff --stat -- docs/thesis.md docs/images/thesis
+
+trust: $(DEV)
+	@$(BIN)/python -m pip install --quiet --group bench
+	@set -e; page=docs/trust.md; measure() { echo "faultbond: $$1"; $(BIN)/python -m "benchmarks.$$@"; }; \
+	  measure trust --seeds $(SEEDS) --first-seed 40000 --markdown $$page; \
+	  measure evidence --seeds $(SEEDS) --first-seed 700 --markdown $$page; \
+	  measure promise --hours $(HOURS) --first-seed 9000 --markdown $$page; \
+	  if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
+	  else for name in skab watersafe; do measure $$name --markdown $$page; done; fi; \
+	  page=docs/figures.md; \
+	  measure figures --seeds $(SEEDS) --first-seed 23000 --markdown $$page; \
+	  measure three_tank --seeds $(SEEDS) --first-seed 3000 --markdown $$page; \
+	  measure rivals --seeds $(SEEDS) --first-seed 1000 --markdown $$page
+	@git --no-pager diff --stat -- docs
 
 bench: $(DEV)
 	@echo "faultbond: benchmarks, half an hour in all"
