@@ -180,7 +180,9 @@ def _switching(graph: BondGraph, suspect: Suspect, present: bool, notation: Nota
 
 
 def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation) -> str:
-    _, estimate, after, change = _values(graph, suspect, notation)
+    nominal, estimate, after, change = _values(graph, suspect, notation)
+    if not _is_off(suspect) and not _is_moving(suspect):
+        return f"{suspect.parameter} may still be {nominal}{after}, or move at a rate that is not known yet"
     text = f"{suspect.parameter} is {estimate}{after} now{change} and {_moving(graph, suspect, notation)}"
     limits = (_limit(graph, suspect, item, now, notation) for item in suspect.forecasts)
     return "; ".join((text, *filter(None, limits)))

@@ -77,6 +77,12 @@ def test_a_drift_and_when_its_limit_is_reached() -> None:
     assert "falls by" in said(moving(GRAPH, "K1", 0.5, -7.5e7), FaultKind.DRIFT)
     slow = replace(moving(GRAPH, "K1", 1.82, 7.5e7), rate_sd=7e7)
     assert said(slow, FaultKind.DRIFT).endswith("moves at a rate that is not known yet")
+    unsure = replace(moving(GRAPH, "K1", 1.82, 7.5e7, ahead), rate_sd=7e7)
+    assert said(unsure, FaultKind.DRIFT).endswith("it may reach the limit of 4.8e11 Pa*s^2/m^6, not before 3610 s")
+    neither = replace(moving(GRAPH, "K1", 1.01, 7.5e7), rate_sd=7e7)
+    assert said(neither, FaultKind.DRIFT) == (
+        "K1 may still be 2.41e11 Pa*s^2/m^6, or move at a rate that is not known yet"
+    )
 
 
 @pytest.mark.parametrize(
