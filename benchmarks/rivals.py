@@ -43,7 +43,8 @@ HEADING = """## Beside a bank of FilterPy's filters
 
 The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors. What it
 has and has not is said in `benchmarks/filterpy_bank.py`. Its alarm is our CUSUM with a limit of its own for each plant,
-15 % above the largest sum in a hundred healthy runs; ours is the same for all plants."""
+15 % above the largest sum in a hundred healthy runs; ours is the same for all plants. So where nothing but the limit
+counts, it is a little sooner."""
 
 Pair = tuple[Outcome, Outcome]
 
