@@ -4,22 +4,26 @@ from collections.abc import Mapping, Sequence
 from math import sqrt
 from pathlib import Path
 
-from benchmarks.trust_calibration import TENTHS, claims_of
+from benchmarks.trust_calibration import TENTHS, claims_of, expected_claims
 from benchmarks.trust_play import Claim, Run
 
 SIZE, MARGIN, FEW = 320, 46, 50
-INK, PALE, LATE_COLOUR, EARLY_COLOUR = "#222222", "#bbbbbb", "#1f5fa8", "#c4541a"
-SERIES = ((True, LATE_COLOUR, "late claims"), (False, EARLY_COLOUR, "early claims"))
+INK, PALE, LATE_COLOUR, EARLY_COLOUR, EXPECTED_COLOUR = "#222222", "#bbbbbb", "#1f5fa8", "#c4541a", "#3a8a3a"
 
 
 def write_plot(runs: Mapping[str, Sequence[Run]], path: Path) -> None:
     """Write the plot as SVG; open marks stand for fewer than 50 claims, bars for one standard deviation."""
+    series = (
+        (claims_of(runs, late=True), LATE_COLOUR, "late claims"),
+        (claims_of(runs, late=False), EARLY_COLOUR, "early claims"),
+        (expected_claims(runs), EXPECTED_COLOUR, "late, expected faults"),
+    )
     parts = [_frame()]
-    for row, (late, colour, label) in enumerate(SERIES):
-        parts += [_mark(claims, colour) for claims in _tenths(claims_of(runs, late=late)) if claims]
-        y = MARGIN + 16 + 18 * row
-        parts.append(f'<circle cx="{MARGIN + 16}" cy="{y}" r="4" fill="{colour}"/>')
-        parts.append(f'<text x="{MARGIN + 26}" y="{y + 4}" fill="{INK}">{label}</text>')
+    for row, (chosen, colour, label) in enumerate(series):
+        parts += [_mark(claims, colour) for claims in _tenths(chosen) if claims]
+        x, y = MARGIN + SIZE - 140, MARGIN + SIZE - 56 + 18 * row
+        parts.append(f'<circle cx="{x}" cy="{y}" r="4" fill="{colour}"/>')
+        parts.append(f'<text x="{x + 10}" y="{y + 4}" fill="{INK}">{label}</text>')
     whole = SIZE + 2 * MARGIN
     font = 'font-family="sans-serif" font-size="12"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {whole} {whole}" {font}>'

@@ -26,6 +26,7 @@ from benchmarks.trust_plants import (
     stepped,
 )
 from benchmarks.trust_play import Claim, Run, _Patience, play
+from benchmarks.trust_plot import write_plot
 
 from faultbond.runtime.lanes import starts_of
 from faultbond.runtime.state import Sample
@@ -289,6 +290,15 @@ def test_expected_faults_have_a_calibration_of_their_own() -> None:
     found = {"tank.K6": [run("tank.K6", 1)], "expected.tank": [run("expected.tank", 1)] * 2}
     assert len(claims_of(found, late=True)) == 1
     assert len(expected_claims(found)) == 2
+
+
+def test_the_plot_has_a_mark_for_each_tenth_with_claims(tmp_path: Path) -> None:
+    """All claims here are of 90 %, so each series has one mark, beside that of its name."""
+    found = {"tank.K6": [run("tank.K6", 1)], "expected.tank": [run("expected.tank", 1)]}
+    write_plot(found, tmp_path / "plot.svg")
+    text = (tmp_path / "plot.svg").read_text()
+    assert text.count("<circle") == 3 + 2  # no early claims
+    assert all(word in text for word in ("late claims", "early claims", "late, expected faults"))
 
 
 def test_expected_faults_are_drawn_from_the_priors() -> None:
