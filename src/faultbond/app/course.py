@@ -157,7 +157,7 @@ class Course:
         self._seen |= np.isfinite(sample.u)
         read = np.isfinite(sample.y)
         self._read |= read
-        watched = status in ALARMS_ON and bool(np.any(read & self._watcher.trusted))
+        watched = status in ALARMS_ON and bool(np.any(read & self._watcher.in_use))
         self._lost += status is Status.LOST
         waiting = status is Status.WAITING
         if watched or waiting:

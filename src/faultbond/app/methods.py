@@ -47,7 +47,7 @@ class Watcher(Protocol):
         """Samples by which a report is about an earlier one."""
 
     @property
-    def trusted(self) -> BoolArray:
+    def in_use(self) -> BoolArray:
         """Which sensors are used, (n_outputs,); one that was accepted as stuck is not."""
 
     def resume(self) -> None:
@@ -90,7 +90,7 @@ class Bank:
         self._state = init(spec) if saved is None else restored(spec, saved)
 
     @property
-    def trusted(self) -> BoolArray:
+    def in_use(self) -> BoolArray:
         """Which sensors are used."""
         return np.isfinite(self._state.reading_noise)
 
@@ -141,7 +141,7 @@ class Classic:
         self.spec = spec
         self.title = f"the thesis' algorithms, {len(plan.formulas)} functions"
         self.asleep, self.lag = plan.delay + plan.depth + spec.thresholds.warm_up_samples, plan.delay
-        self.trusted: BoolArray = np.ones(len(spec.outputs), dtype=bool)
+        self.in_use: BoolArray = np.ones(len(spec.outputs), dtype=bool)
         self._plan = plan
         fresh = classic.init(spec, plan)
         self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))
