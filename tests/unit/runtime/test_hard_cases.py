@@ -1,18 +1,22 @@
 """Readings far off, filters that are lost, corrections that were accepted: what must not spoil the diagnosis."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from made import plant, recorded, run, samples_of
+from made import EXAMPLES, plant, recorded, run, samples_of
 
 from faultbond.model.text import parse_model
-from faultbond.runtime.accepting import accept, find_hypothesis
-from faultbond.runtime.drifting import drifting
+from faultbond.runtime import monitor
+from faultbond.runtime.accepting import accept, candidate_of, find_hypothesis, hypothesis_names
+from faultbond.runtime.alarm import detect
+from faultbond.runtime.drifting import Drifting, drifting
 from faultbond.runtime.history import Diagnosis
 from faultbond.runtime.monitor import RENEWALS, _cut_trail, _oldest, finish
 from faultbond.runtime.state import SNAPSHOT_EVERY, Sample, State, Status, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
+from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 
 WILD_BEFORE = 100
@@ -160,6 +164,51 @@ def test_lanes_that_begin_again_drift_too() -> None:
         assert innovations.shape == (len(trail.samples) - 1, 2 * len(spec.outputs), 1)
         assert bool(np.isclose(lanes[place, 0], state.lane[place, 0], rtol=1e-9)) is ends
     assert drifting(spec, engine, np.zeros(len(moves)), state.wander) is engine
+
+
+def test_the_bank_begins_with_the_drifts_that_were_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the alarm and at each new beginning the bank gets an engine in which parameters move on."""
+    _, spec, engine = plant("rc")
+    rows = recorded("rc", 700, Fault(parameter="C", factor=1.5, start=6.0))
+    state, _ = run(spec, engine, rows[:250])
+    assert state.alarm < 0
+    used: list[tuple[str, Engine]] = []
+    for name in ("begin_bank", "renew_bank"):
+        inner = getattr(monitor, name)
+
+        def kept(spec: EngineSpec, engine: Engine, *others: Any, name: str = name, inner: Any = inner) -> Any:
+            used.append((name, engine))
+            return inner(spec, engine, *others)
+
+        monkeypatch.setattr(monitor, name, kept)
+    rates = np.full(len(spec.parameters), 1e-6)
+    run(spec, engine, rows[250:], replace(state, rates=rates, accepted=state.index - 1))
+    assert [name for name, _ in used] == ["begin_bank", *["renew_bank"] * len(RENEWALS)]
+    assert all(isinstance(given, Drifting) and np.array_equal(given.rates, rates) for _, given in used)
+
+
+@pytest.mark.parametrize(("pause", "alarms"), [(1.0, False), (12.0, True)])
+def test_slow_errors_are_watched_by_the_clock(pause: float, alarms: bool) -> None:
+    """Where rows are the grid, a slow error alarms after its memory in seconds, not after as many rows."""
+    _, tank, _ = plant("tank")
+    spec = replace(tank, sample_time=None)
+    assert spec.slow_errors[0].memory == 600.0
+    lane = np.zeros((spec.n_numbers, 1))
+    lane[spec.slow_slice] = 3.0 * spec.thresholds.slow_error_limit * spec.slow_sizes[:, None]
+    state = replace(init(spec), begun=0, index=60, lane=lane, pause=pause)
+    detection, _ = detect(spec, state, np.zeros(len(spec.outputs)))
+    assert (detection is not None) is alarms
+
+
+def test_a_sensor_with_the_name_of_a_parameter_is_a_candidate_of_its_own() -> None:
+    """What is accepted is the hypothesis that was asked for, not the first of that name."""
+    text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8").replace("{V_C: {reads", "{C: {reads")
+    spec, engine = build_engine(parse_model(text))
+    state, _ = run(spec, engine, recorded("rc", 450, Fault(parameter="C", factor=1.5, start=6.0)))
+    sensor = len(spec.hypotheses) + [item.name for item in spec.instruments].index("C")
+    assert candidate_of(spec, state, sensor).parameters[0].startswith("C.")
+    (part,) = (k for k in range(len(spec.hypotheses)) if hypothesis_names(spec, k) == {"C"})
+    assert candidate_of(spec, state, part).parameters == ("C",)
 
 
 ONE_NUMBER = """

@@ -133,6 +133,24 @@ def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
     assert run(spec, engine, (), restored)[0] is restored
 
 
+def test_a_drift_is_told_on_top_of_one_that_was_accepted() -> None:
+    """A diagnosis gives the rate of the parameter, with what it had been moving at before."""
+    spec, _, state = drifting()
+    accepted = replace(state, rates=np.linspace(1e-4, 2e-4, len(spec.parameters)))
+    found, whole = monitor.conclude(spec, state), monitor.conclude(spec, accepted)
+    names = [item.name for item in spec.parameters]
+    told = 0
+    for one, two in zip(found.candidates, whole.candidates, strict=True):
+        before, after = one.suspects[0], two.suspects[0]
+        if one.kind is FaultKind.DRIFT and before.parameter in names:
+            index = names.index(before.parameter)
+            assert before.rate is not None
+            assert after.rate is not None
+            assert after.rate - before.rate == pytest.approx(spec.parameters[index].scale * accepted.rates[index])
+            told += 1
+    assert told
+
+
 def test_a_drift_that_may_change_explains_nothing_by_its_fit() -> None:
     """What fits only a drift whose rate may change counts as unexplained; what a steady lane fits as well does not."""
     spec, _, state = drifting()
