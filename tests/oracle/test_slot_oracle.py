@@ -47,13 +47,16 @@ def acts_of(lane: SlotLane) -> Acts:
         there = float(lane.acts)
         return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))
     if lane.input >= 0:
-        return Acts(voltage=1.0)
+        return Acts(voltage=float(lane.acts))
+    if not lane.acts:
+        return Acts()
     return {
         FaultKind.BIAS: Acts(added=NOISE_Y),
         FaultKind.DRIFT: Acts(added=NOISE_Y),
         FaultKind.GAIN: Acts(gain=1.0),
         FaultKind.STUCK: Acts(reads=0.0, added=NOISE_Y, scatter=lane.noise),
         FaultKind.NOISE: Acts(scatter=lane.noise),
+        FaultKind.INTERMITTENT: Acts(reads=float(not lane.sticks), added=NOISE_Y),
     }[lane.kind]
 
 

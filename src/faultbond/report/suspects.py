@@ -117,11 +117,11 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     if is_undetermined(graph, suspect):
         return f"its {word} is {UNDETERMINED}" if signal else f"{suspect.parameter} is {UNDETERMINED}"
     if signal:
-        return _misreading(graph, suspect, word, notation)
+        return _misreading(graph, suspect, word, notation) + _passing(candidate)
     if candidate.kind is FaultKind.DRIFT and suspect.rate is not None:
         return _drifting(graph, suspect, now, notation)
     if candidate.kind is FaultKind.INTERMITTENT:
-        return _switching(graph, suspect, candidate.present, notation)
+        return _switching(graph, suspect, notation) + _passing(candidate)
     return _stepped(graph, suspect, notation)
 
 
@@ -173,10 +173,16 @@ def _stepped(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     return f"{suspect.parameter} {verb} from {nominal} to {estimate}{after}{change}"
 
 
-def _switching(graph: BondGraph, suspect: Suspect, present: bool, notation: Notation) -> str:
+def _passing(candidate: Candidate) -> str:
+    """Say of a fault that comes and goes whether it is there now; empty for others."""
+    if candidate.kind is not FaultKind.INTERMITTENT:
+        return ""
+    return f" while the fault is there; it is {'there' if candidate.present else 'gone'} now"
+
+
+def _switching(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     nominal, estimate, after, change = _values(graph, suspect, notation)
-    state = "it is there now" if present else "it is gone now"
-    return f"{suspect.parameter} is {estimate}{after}{change} instead of {nominal} while the fault is there; {state}"
+    return f"{suspect.parameter} is {estimate}{after}{change} instead of {nominal}"
 
 
 def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation) -> str:

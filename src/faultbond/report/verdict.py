@@ -163,7 +163,7 @@ def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
         FaultKind.DRIFT: f"{owners} {'drifts' if one else 'drift'}",
         FaultKind.INTERMITTENT: f"a fault of {owners} comes and goes",
     }.get(best.kind, "")
-    if not event or _has_instrument(best):
+    if not event or (_has_instrument(best) and best.kind is not FaultKind.INTERMITTENT):
         event = f"{owners} {'is' if one else 'are'} at fault"
     return f"Most likely {event}: {_changes(graph, diagnosis, notation)}{_certainty(diagnosis)}.{otherwise(best)}"
 

@@ -186,17 +186,17 @@ def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) 
         return _absorbed_parameter(spec, state, item, lane, rate)
     changed = state
     if item.input >= 0:
-        offset, held = state.input_offset.copy(), state.held.copy()
-        offset[item.input] += size
-        held[item.input] += size  # what acts is not changed by knowing of it
+        offset, held, acting = state.input_offset.copy(), state.held.copy(), size * item.acts
+        offset[item.input] += acting
+        held[item.input] += acting  # what acts is not changed by knowing of it
         changed = replace(state, input_offset=offset, held=held)
-    else:
+    elif item.acts:
         changed = _absorbed_sensor(spec, state, item, size)
     return changed, _narrowed(spec, lane, np.zeros(wide.n_joint), -1)
 
 
 def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float) -> State:
-    """Correct a sensor, or do without it where it no longer follows the plant or drifts."""
+    """Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times."""
     j = item.output
     gain, offset, noise = state.reading_gain.copy(), state.reading_offset.copy(), state.reading_noise.copy()
     match item.kind:

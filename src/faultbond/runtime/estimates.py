@@ -49,13 +49,16 @@ def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -
 def slot_suspects(
     spec: EngineSpec, slots: FloatArray, lane: int, time: float, absorbed: Absorbed
 ) -> tuple[tuple[Suspect, ...], bool]:
-    """Give the suspect of a lane with a slot, and whether its fault is there now."""
+    """Give the suspect of a lane with a slot, and whether its fault is there now.
+
+    While a fault that comes and goes is gone, its size is that which the lane without it remembers: the other one has
+    just been told that the fault is there, and bends the size to that.
+    """
     plan = plan_slots(spec)
     item = plan.lanes[lane]
     if item.parameter < 0:
-        return (_instrument(spec, slots, lane, item, absorbed),), True
-    shown = slots[:, lane] if item.acts else slots[:, lane - 1]  # while it is gone, the other lane of the pair tells
-    return (_moved(spec, item, shown, time, float(absorbed.rates[item.parameter])),), item.acts
+        return (_instrument(spec, slots, lane, item, absorbed),), item.acts
+    return (_moved(spec, item, slots[:, lane], time, float(absorbed.rates[item.parameter])),), item.acts
 
 
 def _moved(spec: EngineSpec, item: SlotLane, lane: FloatArray, time: float, before: float) -> Suspect:
@@ -112,12 +115,14 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane, 
     match item.kind:
         case FaultKind.BIAS:
             nominal = 0.0
+        case FaultKind.INTERMITTENT if not item.sticks:
+            nominal = 0.0
         case FaultKind.DRIFT:
             nominal, rate = 0.0, float(unit * numbers[size + 1])
             rate_sd = float(unit * sqrt(max(numbers[covariance_place(wide, size + 1, size + 1)], 0.0)))
         case FaultKind.GAIN:
             nominal, value, word = 1.0, 1.0 + value, "gain"
-        case FaultKind.STUCK:
+        case FaultKind.STUCK | FaultKind.INTERMITTENT:
             word = "stuck"
         case FaultKind.NOISE:
             nominal, word = unit, "noise"

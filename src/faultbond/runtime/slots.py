@@ -4,6 +4,7 @@ A lane's roles (see `faultbond.spec`) are constants, so faults of all kinds run 
 weights of the starts are those of docs/method.md, "Kinds of fault".
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -25,12 +26,13 @@ STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in i
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
 COMMANDED = log(0.3)  # prior weight of an input's bias, beside the step of a component
-SENSOR_KINDS = {  # prior probabilities of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
+SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
     FaultKind.GAIN: 0.003,
     FaultKind.STUCK: 0.2,
     FaultKind.NOISE: 0.1,
+    FaultKind.INTERMITTENT: 0.1,
 }
 
 
@@ -41,6 +43,7 @@ class SlotLane:
     hypothesis : index among the hypotheses of the specification
     parameter, input, output : index of what is at fault, or -1
     acts : False while a fault that comes and goes is gone
+    sticks : whether the sensor does not follow the plant while its fault is there
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
         in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
@@ -55,6 +58,7 @@ class SlotLane:
     input: int = -1
     output: int = -1
     acts: bool = True
+    sticks: bool = False
     old: bool = False
     size: float = 0.0
     size_sd: float = 0.0
@@ -88,11 +92,13 @@ class SlotPlan:
 def plan_slots(spec: EngineSpec) -> SlotPlan:
     """Give the lanes with a slot of a specification."""
     singles = [(k, chosen[0]) for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1]
-    from_onset = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
+    found = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
+    found += [lane for k, index in singles for lane in _changes(spec.parameters[index], index, k)]
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
-        make = _sensor_faults if instrument.is_output else _input_faults
-        from_onset += make(instrument.index, k)
-    switched = [lane for k, index in singles for lane in _switching(spec.parameters[index], index, k)]
+        found += (_sensor_faults if instrument.is_output else _input_faults)(instrument.index, k)
+    from_onset = [lane for lane in found if lane.kind is not FaultKind.INTERMITTENT]
+    passing = [lane for lane in found if lane.kind is FaultKind.INTERMITTENT]
+    switched = [lane for there in passing for lane in (there, replace(there, acts=False))]
     lanes = (*from_onset, *switched)
     return SlotPlan(
         lanes=lanes,
@@ -122,11 +128,11 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
         )
 
 
-def _switching(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give pairs of lanes: the fault is there, the fault is gone."""
+def _changes(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the starts of a change that comes and goes."""
     starts = starts_of(item, 1)
     for start in starts:
-        there = SlotLane(
+        yield SlotLane(
             hypothesis=hypothesis,
             kind=FaultKind.INTERMITTENT,
             parameter=index,
@@ -134,42 +140,35 @@ def _switching(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[Slo
             size_sd=start.sd,
             weight=SWITCHING - log(len(starts)),
         )
-        yield there
-        yield replace(there, acts=False)
 
 
 def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give the faults of a sensor."""
-
-    def lanes(kind: FaultKind, *starts: tuple[float, float, float]) -> Iterator[SlotLane]:
-        for size_sd, rate_sd, noise in starts:
-            yield SlotLane(
-                hypothesis=hypothesis,
-                kind=kind,
-                output=index,
-                size_sd=size_sd,
-                rate_sd=rate_sd,
-                noise=noise,
-                weight=log(SENSOR_KINDS[kind] / len(starts)),
-            )
-
-    yield from lanes(FaultKind.BIAS, *((sd, 0.0, 1.0) for sd in BIASES))
-    yield from lanes(FaultKind.DRIFT, (1.0, BIASES[0] / FRESH, 1.0), (BIASES[0], BIASES[0] / OLD, 1.0))
-    yield from lanes(FaultKind.GAIN, (GAIN, 0.0, 1.0))
-    yield from lanes(FaultKind.STUCK, *((sd, 0.0, noise) for sd in STUCK_AT for noise in STUCK_NOISES))
-    yield from lanes(FaultKind.NOISE, *((0.0, 0.0, noise) for noise in NOISES))
+    """Give the faults of a sensor; those that come and go read wrongly by as much each time, or show the same."""
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, output=index)
+    stuck = replace(lane, kind=FaultKind.STUCK, sticks=True)
+    passing = replace(lane, kind=FaultKind.INTERMITTENT)
+    found = [
+        *(replace(lane, size_sd=sd) for sd in BIASES),
+        replace(lane, kind=FaultKind.DRIFT, size_sd=1.0, rate_sd=BIASES[0] / FRESH),
+        replace(lane, kind=FaultKind.DRIFT, size_sd=BIASES[0], rate_sd=BIASES[0] / OLD),
+        replace(lane, kind=FaultKind.GAIN, size_sd=GAIN),
+        *(replace(stuck, size_sd=sd, noise=noise) for sd in STUCK_AT for noise in STUCK_NOISES),
+        *(replace(lane, kind=FaultKind.NOISE, noise=noise) for noise in NOISES),
+        *(replace(passing, size_sd=sd) for sd in BIASES),
+        replace(passing, size_sd=STUCK_AT[-1], sticks=True),
+    ]
+    counts = Counter(item.kind for item in found)
+    for item in found:
+        yield replace(item, weight=log(SENSOR_KINDS[item.kind] / counts[item.kind]))
 
 
 def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of an input."""
     for sd in INPUT_BIASES:
-        yield SlotLane(
-            hypothesis=hypothesis,
-            kind=FaultKind.BIAS,
-            input=index,
-            size_sd=sd,
-            weight=COMMANDED - log(len(INPUT_BIASES)),
-        )
+        lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index, size_sd=sd)
+        weight = COMMANDED - log(len(INPUT_BIASES))
+        yield replace(lane, weight=weight)
+        yield replace(lane, kind=FaultKind.INTERMITTENT, weight=weight + SWITCHING)
 
 
 def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
@@ -183,14 +182,14 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:
-        roles[place["input"] + lane.input] = 1.0
+        roles[place["input"] + lane.input] = float(lane.acts)
     if lane.output >= 0:
         noise = spec.outputs[lane.output].noise
-        roles[place["reads"] + lane.output] = float(lane.kind is not FaultKind.STUCK)
+        roles[place["reads"] + lane.output] = float(not (lane.sticks and lane.acts))
         roles[place["gain"] + lane.output] = float(lane.kind is FaultKind.GAIN)
-        roles[place["bias"] + lane.output] = noise * (lane.kind in _ADDED)
+        roles[place["bias"] + lane.output] = noise * (lane.kind in _ADDED and lane.acts)
         roles[place["noise"] + lane.output] = lane.noise
     return roles
 
 
-_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK)
+_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK, FaultKind.INTERMITTENT)

@@ -108,7 +108,7 @@ def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArra
 def renewed_groups(plan: SlotPlan) -> list[IntArray]:
     """Give the lanes of each drift of a parameter, and of each bias of an input."""
     groups: dict[int, list[int]] = {}
-    for k, lane in enumerate(plan.lanes):
+    for k, lane in enumerate(plan.lanes[: plan.switched]):
         if lane.input >= 0 or (lane.kind is FaultKind.DRIFT and lane.parameter >= 0):
             groups.setdefault(lane.hypothesis, []).append(k)
     return [np.array(group, dtype=np.intp) for group in groups.values()]
@@ -147,7 +147,7 @@ def _settling(spec: EngineSpec, plan: SlotPlan) -> dict[float, list[int]]:
     """Give the lanes of inputs that settle in sight of a sensor that they reach directly, by the time that it takes."""
     seen = {index for output in spec.outputs for index in output.direct_inputs}
     found: dict[float, list[int]] = {}
-    for k, lane in enumerate(plan.lanes):
+    for k, lane in enumerate(plan.lanes[: plan.switched]):
         if lane.input in seen and spec.inputs[lane.input].settling > 0.0:
             found.setdefault(spec.inputs[lane.input].settling, []).append(k)
     return found
@@ -209,7 +209,7 @@ def slot_lanes(
         elif item.input >= 0:
             unit = peak[item.input] or 1.0
         start = item.size * unit
-        if item.kind is FaultKind.STUCK:
+        if item.sticks:
             start = _last_reading(spec, seen, item.output) / spec.outputs[item.output].noise
         lanes[size, column] = start
         lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2

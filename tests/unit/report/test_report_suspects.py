@@ -65,6 +65,10 @@ def test_a_fault_that_comes_and_goes() -> None:
     text = said(leak, FaultKind.INTERMITTENT, there=False)
     assert text == "K6 is 8.32e-5 m^3/s (+700 %) instead of 1.04e-5 while the fault is there; it is gone now"
     assert said(leak, FaultKind.INTERMITTENT).endswith("it is there now")
+    loose = said(wrong("pressure.stuck", None, 0.0, 5.0), FaultKind.INTERMITTENT, there=False)
+    assert loose == "it is stuck at 0.000 kPa while the fault is there; it is gone now"
+    away = said(wrong("u_in.bias", 0.0, -4.5, 0.4), FaultKind.INTERMITTENT)
+    assert away == "it acts 4.5 percent below what is recorded (bias) while the fault is there; it is there now"
 
 
 def test_a_drift_and_when_its_limit_is_reached() -> None:

@@ -118,16 +118,37 @@ def test_a_drift_comes_on_top_of_one_that_was_accepted() -> None:
     assert suspect.forecasts[0].time == (None if expected.time is None else pytest.approx(expected.time, rel=1e-6))
 
 
-def test_a_fault_that_comes_and_goes_is_told_by_the_lane_in_which_it_is_there() -> None:
-    """Gone or there, the value is that of the lane in which the fault is there; only the presence differs."""
-    for lane in lanes_with(FaultKind.INTERMITTENT)[::2]:
-        there, gone = found(lane), found(lane + 1)
+def test_a_fault_that_comes_and_goes_is_told_as_the_lane_remembers_it() -> None:
+    """Gone or there, the value is what the healthy one and the size of the same lane add up to."""
+    for lane in lanes_with(FaultKind.INTERMITTENT):
+        if PLAN.lanes[lane].parameter < 0:
+            continue
+        suspect, present = found(lane)
         value, covariance = in_numbers(lane)
-        assert (there[1], gone[1]) == (True, False)
-        for suspect, _ in (there, gone):
-            assert suspect.estimate == pytest.approx(value[0])
-            assert suspect.sd == pytest.approx(np.sqrt(covariance[0, 0]))
-            assert (suspect.rate, suspect.forecasts) == (None, ())
+        assert present is PLAN.lanes[lane].acts
+        assert suspect.estimate == pytest.approx(value[0])
+        assert suspect.sd == pytest.approx(np.sqrt(covariance[0, 0]))
+        assert (suspect.rate, suspect.forecasts) == (None, ())
+
+
+def test_an_instrument_that_errs_at_times() -> None:
+    """A sensor's bias or the value at which it sticks, an input's bias, as the lane remembers it, there or gone."""
+    words = []
+    for lane in lanes_with(FaultKind.INTERMITTENT):
+        item = PLAN.lanes[lane]
+        if item.parameter >= 0:
+            continue
+        unit = SPEC.outputs[item.output].noise if item.output >= 0 else 1.0
+        name = SPEC.outputs[item.output].name if item.output >= 0 else SPEC.inputs[item.input].name
+        suspect, present = found(lane)
+        assert present is item.acts
+        assert suspect.parameter == f"{name}.{'stuck' if item.sticks else 'bias'}"
+        assert suspect.nominal == (None if item.sticks else 0.0)
+        assert suspect.estimate == pytest.approx(unit * SLOTS[SIZE, lane])
+        spread = unpack(WIDE, SLOTS[WIDE.covariance_slice, lane])[SIZE, SIZE]
+        assert suspect.sd == pytest.approx(unit * np.sqrt(spread))
+        words.append(suspect.parameter)
+    assert sorted(words) == ["V.bias"] * 4 + ["i.bias"] * 4 + ["i.stuck"] * 2 + ["omega.bias"] * 4 + ["omega.stuck"] * 2
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from made import differing, plant, run, samples_of
 
+from faultbond.runtime.accepting import accept
 from faultbond.runtime.history import Candidate
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import BoolArray, FaultKind, FloatArray
 
 NAME = "dc_motor_current"
 DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there
 START = ONSET * DT
 NOISE = {"omega": 0.06, "i": 0.02}  # rad/s, A
-RAMP, PERIOD = 20.0, 2.5  # s
+RAMP, PERIOD, ON = 20.0, 2.5, 0.8  # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,35 @@ def _less_told(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
     u[:, 0] -= 1.5
 
 
+def _at_times(since: FloatArray, off: float = 1.2) -> BoolArray:
+    """Where a fault is there: for as long as `on`, then gone for `off` seconds, again and again."""
+    return np.asarray(since % (ON + off) < ON)
+
+
+def _biased_at_times(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[_at_times(since), 0] += 15.0 * NOISE["omega"]
+
+
+def _biased_now(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[_at_times(since[-1] - since), 0] += 15.0 * NOISE["omega"]
+
+
+def _biased_once(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[since < ON, 1] -= 15.0 * NOISE["i"]
+
+
+def _loose(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[_at_times(since), 1] = 0.0
+
+
+def _less_told_at_times(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[_at_times(since), 0] -= 1.5
+
+
+def _less_told_now(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[_at_times(since[-1] - since), 0] -= 1.5
+
+
 def _switches(last: float) -> tuple[Fault, ...]:
     """R is doubled every other two and a half seconds."""
     moments = np.arange(START, last, PERIOD)
@@ -90,6 +120,22 @@ CASES = {
     "gain": Case(kind=FaultKind.GAIN, component="omega", value=1.2, changed=_amplified),
     "stuck": Case(kind=FaultKind.STUCK, component="i", value=2.5, changed=_stuck),
     "noise": Case(kind=FaultKind.NOISE, component="omega", value=5.0 * NOISE["omega"], changed=_noisy),
+    "bias at times": Case(
+        kind=FaultKind.INTERMITTENT,
+        component="omega",
+        value=15.0 * NOISE["omega"],
+        present=False,
+        changed=_biased_at_times,
+    ),
+    "bias now": Case(kind=FaultKind.INTERMITTENT, component="omega", value=15.0 * NOISE["omega"], changed=_biased_now),
+    "bias once": Case(
+        kind=FaultKind.INTERMITTENT, component="i", value=-15.0 * NOISE["i"], present=False, changed=_biased_once
+    ),
+    "loose": Case(kind=FaultKind.INTERMITTENT, component="i", value=0.0, present=False, changed=_loose),
+    "input at times": Case(
+        kind=FaultKind.INTERMITTENT, component="V", value=1.5, present=False, changed=_less_told_at_times
+    ),
+    "input now": Case(kind=FaultKind.INTERMITTENT, component="V", value=1.5, changed=_less_told_now),
     "input bias": Case(kind=FaultKind.BIAS, component="V", value=1.5, changed=_less_told),
 }
 
@@ -136,7 +182,7 @@ def test_the_kind_and_its_value_are_found(name: str) -> None:
     assert found.present == case.present
     suspect = found.suspects[0]
     assert suspect.estimate == pytest.approx(case.value, abs=3.0 * suspect.sd)
-    assert suspect.sd < 0.1 * case.value
+    assert suspect.sd < (0.1 * abs(case.value) or NOISE["i"])
     if case.rate is None:
         assert suspect.rate is None
     else:
@@ -163,3 +209,23 @@ def test_a_run_saved_with_any_kind_of_alarm_goes_on(name: str) -> None:
     assert not differing(middle, restored)
     again, _ = run(spec, engine, recording(name)[middle.index :], restored)
     assert not differing(again, whole)
+
+
+@pytest.mark.parametrize("name", ["bias at times", "loose", "input at times"])
+def test_what_erred_at_times_and_is_right_now_is_used_on(name: str) -> None:
+    """Accepted while its fault is gone, a sensor is read and an input is believed as before."""
+    state, found = ended(name)[1], best(name)
+    after, _ = accept(plant(NAME)[1], state, found.hypothesis)
+    assert after.alarm < 0
+    assert after.reading_noise.tolist() == [1.0, 1.0]
+    assert after.input_offset.tolist() == [0.0]
+    assert np.all(np.isfinite(after.lane))
+
+
+def test_what_errs_at_times_and_does_so_now() -> None:
+    """Accepted while its fault is there, a sensor is not used any more; an input acts as it does now."""
+    spec = plant(NAME)[1]
+    after, _ = accept(spec, ended("bias now")[1], best("bias now").hypothesis)
+    assert after.reading_noise.tolist() == [np.inf, 1.0]
+    after, _ = accept(spec, ended("input now")[1], best("input now").hypothesis)
+    assert after.input_offset == pytest.approx(best("input now").suspects[0].estimate)
