@@ -72,6 +72,7 @@ class InputSpec:
     suspect: bool = True
     unit: str = ""
     unit_factor: float = 1.0
+    unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
 
     @property
     def percent(self) -> bool:
@@ -297,7 +298,7 @@ class EngineSpec:
             "use": len(self.outputs),  # 1: use this value, 0: it is missing
             "scale": len(self.outputs),  # factor on the measurement variance
             "kick": len(self.slow_errors),  # variance added to a slow error
-            "gap": 1,  # samples before this one of which nothing is known; the states may be anywhere near
+            "gap": len(self.states),  # sd that each state gains, since nobody saw what acted before this sample
             "again": 1,  # 1: update a second time, linearised at the first result
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
         }

@@ -36,7 +36,7 @@ def motor(z: FloatArray, voltage: float) -> tuple[FloatArray, FloatArray]:
 
 
 def predicted(
-    spec: EngineSpec, z: FloatArray, P: FloatArray, voltage: float, dt: float, gap: float = 0.0
+    spec: EngineSpec, z: FloatArray, P: FloatArray, voltage: float, dt: float, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance one step later: ROS2 and its slopes, Jacobian inside the method held."""
     f, D = motor(z, voltage)
@@ -53,7 +53,7 @@ def predicted(
     z_next = z.copy()
     z_next[:2] += dt * (1.5 * k1 + 0.5 * k2)
     z_next[7] = 0.0
-    unknown = [item.noise**2 * (dt > 0.0) + (item.drift * gap) ** 2 for item in spec.states]
+    unknown = [item.noise**2 * (dt > 0.0) + sd**2 for item, sd in zip(spec.states, gap, strict=True)]
     return z_next, F @ P @ F.T + np.diag([*unknown, *[0.0] * 5, NOISE_V**2])
 
 
@@ -94,7 +94,8 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
     samples[:, place["use"]] = generator.random((rows, 2)) > 0.2
     samples[:, place["scale"]] = np.where(generator.random((rows, 2)) > 0.9, 1e4, 1.0)
     samples[60:, place["dt"]] = 0.03  # an irregular grid is allowed
-    samples[70:71, place["gap"]] = 5.0
+    samples[70:71, place["gap"]] = [0.4, 0.7]
+    samples[80:81, place["gap"]] = [0.0, 0.2]
     return samples
 
 
@@ -109,8 +110,8 @@ def test_two_hundred_samples_equal_the_plain_filter(motor_engine: tuple[EngineSp
     total = 0.0
     for sample in samples:
         lane, innovations = engine.advance(lane, sample[None, :])
-        before, dt, gap = (float(sample[place[name]][0]) for name in ("u_before", "dt", "gap"))
-        z, P = predicted(spec, z, P, before, dt, gap)
+        before, dt = (float(sample[place[name]][0]) for name in ("u_before", "dt"))
+        z, P = predicted(spec, z, P, before, dt, sample[place["gap"]])
         y, scale = sample[place["y"]], sample[place["scale"]]
         assert innovations[0, :2, 0] == pytest.approx(y - H @ z, rel=1e-9, abs=1e-9)
         assert innovations[0, 2:, 0] == pytest.approx(np.diag(H @ P @ H.T) + NOISE_Y**2 * scale, rel=1e-9)
@@ -131,7 +132,7 @@ def test_order_of_the_sensors_does_not_matter(motor_engine: tuple[EngineSpec, Vi
     lane = healthy_lane(spec, np.array([1.0, 2.0]), np.array([[0.5, 0.2], [0.2, 0.7]]))
     both, _ = engine.advance(lane, sample[None, :])
     before = unpack(spec, lane[spec.covariance_slice, 0])
-    z, P = predicted(spec, lane[:8, 0], before, float(sample[place["u_before"]][0]), 0.02)
+    z, P = predicted(spec, lane[:8, 0], before, float(sample[place["u_before"]][0]), 0.02, np.zeros(2))
     total = 0.0
     for j in (1, 0):
         z, P, gain = updated(z, P, sample[place["y"]], np.arange(2) == j, np.ones(2))

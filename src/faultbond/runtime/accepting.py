@@ -71,7 +71,7 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         changed, healthy = state, state.steps[:, lane]
     else:
         item = plan_slots(spec).lanes[lane - steps]
-        changed, healthy = _absorbed(spec, state, item, state.slots[:, lane - steps])
+        changed, healthy = _absorbed(spec, state, item, state.slots[:, lane - steps], candidate.suspects[0].estimate)
     last = state.index - 1
     trail = state.trail_lanes.copy()
     trail[last % len(trail)] = healthy
@@ -178,8 +178,13 @@ def is_sure(diagnosis: Diagnosis, level: float) -> bool:
     return best.probability * share >= level and alone and diagnosis.unexplained is None
 
 
-def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) -> tuple[State, FloatArray]:
-    """Give the state and the healthy lane with what a slot holds made part of the plant or its instruments."""
+def _absorbed(
+    spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray, estimate: float
+) -> tuple[State, FloatArray]:
+    """Give the state and the healthy lane with what a slot holds made part of the plant or its instruments.
+
+    `estimate`: value that the diagnosis tells of it, SI.
+    """
     wide = spec.slotted
     size, rate = (float(value) for value in lane[wide.slot_slice])
     if item.parameter >= 0:
@@ -191,11 +196,11 @@ def _absorbed(spec: EngineSpec, state: State, item: SlotLane, lane: FloatArray) 
         held[item.input] += acting  # what acts is not changed by knowing of it
         changed = replace(state, input_offset=offset, held=held)
     elif item.acts:
-        changed = _absorbed_sensor(spec, state, item, size)
+        changed = _absorbed_sensor(spec, state, item, size, estimate)
     return changed, _narrowed(spec, lane, np.zeros(wide.n_joint), -1)
 
 
-def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float) -> State:
+def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float, estimate: float) -> State:
     """Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times."""
     j = item.output
     gain, offset, noise = state.reading_gain.copy(), state.reading_offset.copy(), state.reading_noise.copy()
@@ -205,7 +210,7 @@ def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float
         case FaultKind.GAIN:
             gain[j] *= 1.0 + size
         case FaultKind.NOISE:
-            noise[j] = min(noise[j] * item.noise, MOST_NOISE * spec.thresholds.blank_factor)
+            noise[j] = min((estimate / spec.outputs[j].noise) ** 2, MOST_NOISE * spec.thresholds.blank_factor)
         case _:
             noise[j] = np.inf
     return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise)

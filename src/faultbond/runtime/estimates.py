@@ -1,7 +1,7 @@
 """What a lane has found: values of its suspects with their standard deviations, in SI."""
 
 from dataclasses import dataclass
-from math import sqrt
+from math import log, sqrt
 
 import numpy as np
 
@@ -133,17 +133,24 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane, 
 
 
 def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, known: float) -> tuple[float, float]:
-    """Give the noise sd of a sensor and its spread, from how likely each of the noises tried is beside that known."""
+    """Give the noise sd of a sensor and its spread, from how likely each of the noises tried is beside that known.
+
+    Of n readings with mean square s, the log-likelihood of a variance c is -n (log c + s/c) / 2, largest at c = s, and
+    sqrt(s) is then known to sqrt(s / 2n). The three noises tried about the best one tell n and s.
+    """
     plan = plan_slots(spec)
     chosen = [
         k
         for k, item in enumerate(plan.lanes)
         if item.hypothesis == plan.lanes[lane].hypothesis and item.kind is FaultKind.NOISE
     ]
-    likelihood = slots[-1, chosen]
-    weight = np.exp(likelihood - np.max(likelihood))
-    weight /= weight.sum()
-    noises = known * np.sqrt([plan.lanes[k].noise for k in chosen])
-    mean = float(weight @ noises)
-    step = float(np.min(np.diff(noises))) / sqrt(12.0)  # the grid of noises is coarse
-    return mean, sqrt(float(weight @ (noises - mean) ** 2) + step**2)
+    likelihood, tried = slots[-1, chosen], np.array([plan.lanes[k].noise for k in chosen])
+    best = int(np.argmax(likelihood))
+    first = min(max(best - 1, 0), len(chosen) - 3)
+    (at, *others), (base, *more) = tried[first : first + 3], likelihood[first : first + 3]
+    slopes = -0.5 * np.array([[log(c / at), 1.0 / c - 1.0 / at] for c in others])
+    count, squares = np.linalg.solve(slopes, np.array(more) - base)
+    if not (count > 1.0 and squares > 0.0):  # lanes that have hardly begun, or are no numbers
+        return known * sqrt(tried[best]), known * sqrt(tried[best])
+    sd = known * sqrt(min(max(squares / count, 1.0), 4.0 * tried[-1]))
+    return sd, sd / sqrt(2.0 * count)

@@ -14,7 +14,7 @@ from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained
-from faultbond.runtime.packing import corrected, pack_sample
+from faultbond.runtime.packing import corrected, doubt, pack_sample
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
@@ -52,6 +52,8 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
     packed, changes = pack_sample(spec, state, sample, u)
+    if state.running:
+        packed = _unseen(spec, engine, state.lane, packed, doubt(state, sample, u))
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
@@ -68,6 +70,23 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
         lost = replace(state, index=state.index + 1, begun=-1, running=0, **sums)
         return lost, _silent(spec, Status.LOST)
     return _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
+
+
+def _unseen(spec: EngineSpec, engine: Engine, lane: FloatArray, packed: FloatArray, doubted: FloatArray) -> FloatArray:
+    """Let states be as uncertain as what inputs may have done unseen, (n_inputs,), makes them; by the healthy lane."""
+    if not np.any(doubted):
+        return packed
+    place, n_x = spec.sample_fields, len(spec.states)
+    moved = []
+    for index in np.flatnonzero(doubted):
+        trials = np.repeat(packed[None, :], 2, axis=0)
+        trials[:, place["use"]] = 0.0
+        trials[1, place["u_before"].start + index] += doubted[index]
+        one, other = (engine.advance(lane, trial[None, :])[0][:n_x, 0] for trial in trials)
+        moved.append(np.nan_to_num(other - one, nan=0.0, posinf=0.0, neginf=0.0))
+    packed = packed.copy()
+    packed[place["gap"]] = np.hypot(packed[place["gap"]], np.linalg.norm(moved, axis=0))
+    return packed
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -118,12 +137,16 @@ def _all_seen(spec: EngineSpec, state: State) -> bool:
 def _remembered(state: State, lane: FloatArray) -> Changes:
     lanes = state.trail_lanes.copy()
     lanes[state.index % len(lanes)] = lane[:, 0]
+    kept: Changes = {"lane": lane, "trail_lanes": lanes}
+    if not np.any(state.astray):  # else the states are not known well enough to tell where the plant has been
+        x = lane[: state.travel.shape[1], 0]
+        kept["travel"] = np.stack([np.minimum(state.travel[0], x), np.maximum(state.travel[1], x)])
     number, rest = divmod(state.index - _learned_from(state), SNAPSHOT_EVERY)
     if rest or number < 0:
-        return {"lane": lane, "trail_lanes": lanes}
+        return kept
     snapshots = state.snapshots.copy()
     snapshots[number % len(snapshots)] = lane[:, 0]
-    return {"lane": lane, "trail_lanes": lanes, "snapshots": snapshots}
+    return kept | {"snapshots": snapshots}
 
 
 def _learned_from(state: State) -> int:

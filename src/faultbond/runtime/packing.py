@@ -1,4 +1,7 @@
-"""A sample as the engine takes it: inputs held, steps blanked, missing values off, accepted faults corrected."""
+"""A sample as the engine takes it: inputs held, steps blanked, missing values off, accepted faults corrected.
+
+After a gap, and after values of inputs that are missing, states are uncertain: docs/method.md, "The joint filter".
+"""
 
 from dataclasses import replace
 
@@ -9,6 +12,9 @@ from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 GAP = 3  # samples without any value from which on the states are uncertain after them,
+FAR = 20  # samples of a gap in which a state may go as far as it has ever been
+AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
+LONGEST = 50  # intervals of inputs that were not seen, after which the plant has felt most of what they do
 UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples
 PAUSES = 20  # rows over which the usual number is a mean; longer pauses do not count as more
 UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
@@ -25,7 +31,8 @@ def corrected(state: State, sample: Sample) -> Sample:
 def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
     """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
 
-    Gives the packed sample, and what changes in the state.
+    Gives the packed sample, and what changes in the state. What inputs may have done that were not seen is allowed for
+    by `unseen`.
     """
     first = not np.all(np.isfinite(state.held))
     before = u if first else state.held
@@ -54,12 +61,46 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
     absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(state, dt)
     gap = absent if absent > GAP - 1 + UNUSUAL * usual and not silent else 0
-    packed[place["gap"]] = gap
+    astray = _wandered(spec, state, gap)
+    packed[place["gap"]] = astray
     begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
+    told = np.isfinite(sample.u)
     seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause}
-    return packed, {"held": u, "peak": peak, "since_step": since, "change": change} | seen
+    inputs = {
+        "lowest": np.where(told, np.minimum(state.lowest, u), state.lowest),
+        "highest": np.where(told, np.maximum(state.highest, u), state.highest),
+        "leap": np.where(told & (state.guessed == 0.0), np.maximum(state.leap, np.abs(moved)), state.leap),
+        "guessed": state.guessed + 1.0 if silent else np.where(told, 0.0, 1.0),
+        "astray": state.astray if silent else astray,
+    }
+    return packed, {"held": u, "peak": peak, "since_step": since, "change": change} | seen | inputs
+
+
+def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
+    """Give the sd that states gain by a gap of so many samples before this one: by chance, or to where they have been.
+
+    From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
+    each of them a step of Newton's method, down to what counts as nothing.
+    """
+    travel = np.maximum(state.travel[1] - state.travel[0], 0.0)
+    drift, noise = (np.array([getattr(item, name) for item in spec.states]) for name in ("drift", "noise"))
+    found = np.maximum.reduce([gap * drift, min(gap / FAR, 1.0) * travel, AGAIN * state.astray])
+    return np.asarray(np.where(found > np.maximum(noise, NOTHING * travel), found, 0.0))
+
+
+def doubt(state: State, sample: Sample, u: FloatArray) -> FloatArray:
+    """Give by how much each input may have been off over the intervals before a sample, times their number, SI.
+
+    An input whose value is missing is held. When it is seen again, it may have changed at any sample since; while it is
+    not, it may have moved by as much as it ever did from one sample to the next.
+    """
+    told = np.isfinite(sample.u)
+    if not np.any(told) and not np.any(np.isfinite(sample.y)):
+        return np.zeros(len(u))
+    size = np.where(told, np.abs(u - state.held), state.leap)
+    return np.where(state.guessed > 0.0, np.minimum(state.guessed, LONGEST) * size, 0.0)
 
 
 def _empty_points(state: State, _: float) -> tuple[float, float, float]:

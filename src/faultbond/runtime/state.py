@@ -72,6 +72,14 @@ class State:
     time: float
     held: FloatArray  # last input values
     peak: FloatArray  # largest size of each input
+    lowest: FloatArray  # least value of each input that was seen; inf: none yet
+    highest: FloatArray
+    leap: FloatArray  # largest change of each input from one sample to the next
+    guessed: (
+        FloatArray  # intervals before now over which the held value of an input was not seen, and nothing allowed for
+    )
+    travel: FloatArray  # (2, n_states): least and greatest value of each state
+    astray: FloatArray  # sd of each state that is left of a gap
     since_step: FloatArray  # s since the last step of each input
     change: FloatArray  # change of each input that is still felt
     lane: FloatArray  # healthy filter
@@ -136,6 +144,12 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         time=t0,
         held=np.full(n_u, np.nan),
         peak=np.zeros(n_u),
+        lowest=np.full(n_u, np.inf),
+        highest=np.full(n_u, -np.inf),
+        leap=np.zeros(n_u),
+        guessed=np.zeros(n_u),
+        travel=np.array([[np.inf], [-np.inf]]) * np.ones(len(spec.states)),
+        astray=np.zeros(len(spec.states)),
         since_step=np.full(n_u, np.inf),
         change=np.zeros(n_u),
         lane=np.zeros((spec.n_numbers, 1)),

@@ -134,8 +134,7 @@ def _time_update(
     noise = ca.SX(n, n)
     moves = dt > 0  # the first sample has no step before it
     for k, state in enumerate(spec.states):
-        if state.noise > 0 or state.drift > 0:
-            noise[k, k] = state.noise**2 * moves + (state.drift * fields["gap"]) ** 2
+        noise[k, k] = state.noise**2 * moves + fields["gap"][k] ** 2
     for k, error in enumerate(spec.slow_errors):
         decay = ca.exp(-dt / error.memory)
         transition[n_x + k, n_x + k] = decay

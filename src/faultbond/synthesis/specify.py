@@ -200,6 +200,7 @@ def _input(item: Input) -> InputSpec:
         suspect=item.suspect,
         unit=item.unit.text,
         unit_factor=item.unit.factor,
+        unit_offset=item.unit.offset,
     )
 
 

@@ -193,22 +193,30 @@ def test_a_fault_of_an_input_is_in_si() -> None:
         assert suspect.sd == pytest.approx(np.sqrt(SLOTS[covariance_place(WIDE, SIZE, SIZE), lane]))
 
 
-def test_noise_is_that_of_the_lanes_that_are_likely() -> None:
-    """The noise of a sensor is the mean over the noises tried, as likely as their lanes; no finer than these lie."""
+@pytest.mark.parametrize("ratio", [1.6, 4.0, 6.5**2, 14.0**2, 1000.0, 2500.0])
+def test_noise_is_found_between_those_tried(ratio: float) -> None:
+    """From lanes as likely as n readings make them, the very noise and its spread are told, wherever it lies."""
+    count = 400.0
     for output, item in enumerate(SPEC.outputs):
         own = [k for k in lanes_with(FaultKind.NOISE) if PLAN.lanes[k].output == output]
-        noises = item.noise * np.sqrt([PLAN.lanes[k].noise for k in own])
+        tried = np.array([PLAN.lanes[k].noise for k in own])
         slots = SLOTS.copy()
-        slots[-1, own] = -1e4
-        slots[-1, own[1]] = -50.0
-        sharp, _ = found(own[1], slots)
-        assert (sharp.parameter, sharp.nominal) == (f"{item.name}.noise", item.noise)
-        assert sharp.estimate == pytest.approx(noises[1])
-        assert sharp.sd == pytest.approx(np.min(np.diff(noises)) / np.sqrt(12.0))
-        slots[-1, own[2]] = -50.0 + np.log(3.0)
-        split, _ = found(own[2], slots)
-        assert split.estimate == pytest.approx(0.25 * noises[1] + 0.75 * noises[2])
-        assert split.sd**2 == pytest.approx(sharp.sd**2 + 0.25 * 0.75 * (noises[2] - noises[1]) ** 2)
+        slots[-1, own] = -0.5 * count * (np.log(tried) + ratio / tried)
+        suspect, _ = found(own[int(np.argmax(slots[-1, own]))], slots)
+        assert (suspect.parameter, suspect.nominal) == (f"{item.name}.noise", item.noise)
+        assert suspect.estimate == pytest.approx(item.noise * np.sqrt(ratio), rel=1e-6)
+        assert suspect.sd == pytest.approx(suspect.estimate / np.sqrt(2.0 * count), rel=1e-6)
+
+
+def test_noise_of_lanes_that_say_nothing_yet() -> None:
+    """Lanes that are alike, or no numbers, give the best one's noise, and that it may be anything."""
+    own = [k for k in lanes_with(FaultKind.NOISE) if PLAN.lanes[k].output == 0]
+    for likelihoods in (np.zeros(len(own)), np.full(len(own), np.nan), np.linspace(0.0, 5.0, len(own))):
+        slots = SLOTS.copy()
+        slots[-1, own] = likelihoods
+        suspect, _ = found(own[0], slots)
+        assert suspect.sd == suspect.estimate
+        assert suspect.estimate >= 2.0 * SPEC.outputs[0].noise
 
 
 def test_a_value_stays_in_its_range() -> None:

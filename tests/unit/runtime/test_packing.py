@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made import plant, recorded
 
-from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, corrected, pack_sample
+from faultbond.runtime.packing import AGAIN, FAR, GAP, LONGEST, PAUSES, UNUSUAL, corrected, doubt, pack_sample
 from faultbond.runtime.state import Sample, State, init
 from faultbond.spec import EngineSpec
 
@@ -25,10 +25,11 @@ def gaps(pattern: str) -> list[int]:
 
 
 def packed(spec: EngineSpec, state: State, sample: Sample) -> tuple[State, int]:
-    """Pack a sample, and give the gap that it tells of."""
+    """Pack a sample, and give the gap that it tells of, without what is left of one before."""
     u = np.where(np.isfinite(sample.u), sample.u, state.held)
-    row, changes = pack_sample(spec, state, sample, u)
-    return replace(state, index=state.index + 1, **changes), int(row[spec.sample_fields["gap"]][0])
+    row, changes = pack_sample(spec, replace(state, astray=np.zeros_like(state.astray)), sample, u)
+    gap = row[spec.sample_fields["gap"]][0] / spec.states[0].drift
+    return replace(state, index=state.index + 1, **changes), round(gap)
 
 
 def test_a_sample_after_a_gap_tells_how_long_it_was() -> None:
@@ -67,6 +68,46 @@ def test_rows_that_are_absent_from_a_variable_grid() -> None:
     assert found[41] == 99
     assert found[42:45] == [0, 0, 0]  # one of four intervals is no gap, nor does one long one change what is usual much
     assert state.pause == pytest.approx(2.0, rel=1.5)
+
+
+def test_states_may_be_where_they_have_been_after_a_gap() -> None:
+    """Up to twenty samples in proportion, then all the way; what is left is added again, ever less, down to nothing."""
+    spec = plant("dc_motor")[1]
+    whole, size = recorded("dc_motor", 1)[0], np.array([400.0, 600.0])
+    away = replace(init(spec), travel=np.stack([-0.25 * size, 0.75 * size]), held=whole.u)
+    none = replace(whole, u=np.full_like(whole.u, np.nan), y=np.full_like(whole.y, np.nan))
+    for rows, part in ((2, 0.0), (5, 0.25), (10, 0.5), (FAR, 1.0), (40, 1.0)):
+        state = away
+        for _ in range(rows):
+            state = replace(state, **pack_sample(spec, state, none, state.held)[1])
+        found = []
+        for _ in range(12):
+            row, changes = pack_sample(spec, state, whole, whole.u)
+            state = replace(state, **changes)
+            found.append(row[spec.sample_fields["gap"]])
+        assert found[0] == pytest.approx(part * size)
+        assert found[1] == pytest.approx(AGAIN * part * size)
+        assert found[2] == pytest.approx(AGAIN**2 * part * size)
+        assert not np.any(found[-1])
+        assert not np.any(state.astray)
+
+
+def test_what_inputs_may_have_done_unseen() -> None:
+    """Seen again, an input moved at any sample since; unseen while sensors go on, by no more than it ever did at once."""
+    spec = plant("dc_motor")[1]
+    whole = replace(recorded("dc_motor", 1)[0], y=np.zeros(len(spec.outputs)))
+    state, found = init(spec), []
+    told = "8 8 3 3 ? ? 5 - - - 9 9 - 9".split()  # `?`: only sensors have values, `-`: nothing has
+    for word in told:
+        u = np.array([np.nan if word in "?-" else float(word)])
+        sample = replace(whole, u=u, y=np.full(len(spec.outputs), np.nan if word == "-" else 0.0))
+        held = np.where(np.isfinite(u), u, state.held)
+        found.append(float(doubt(state, sample, held)[0]))
+        state = replace(state, **pack_sample(spec, state, sample, held)[1])
+    assert found == [0, 0, 0, 0, 0, 5, 2, 0, 0, 0, 12, 0, 0, 0]
+    assert (state.leap.tolist(), state.lowest.tolist(), state.highest.tolist()) == ([5.0], [3.0], [9.0])
+    long = replace(state, guessed=np.array([1e6]))
+    assert doubt(long, replace(whole, u=np.array([7.0])), np.array([7.0])).tolist() == [2.0 * LONGEST]
 
 
 def test_accepted_faults_of_instruments_are_corrected() -> None:
