@@ -28,9 +28,11 @@ class Batch:
         for n, buffer, evaluate in self.blocks:
             while count - done >= n:
                 for k, argument in enumerate(arguments):
-                    buffer.set_arg(k, argument[done : done + n].data)
+                    if argument.size:  # an empty one is anywhere in memory, even where CasADi works; null it may be
+                        buffer.set_arg(k, argument[done : done + n].data)
                 for k, result in enumerate(results):
-                    buffer.set_res(k, result[done : done + n].data)
+                    if result.size:
+                        buffer.set_res(k, result[done : done + n].data)
                 evaluate()
                 done += n
         return [result.transpose(0, 2, 1) for result in results]
