@@ -6,9 +6,9 @@ from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.trail import Trail
 from faultbond.spec import EngineSpec
 
-DENSE = 40  # samples before the alarm of which each is tried
-RATIO = 1.05  # of the distances of neighbouring onsets from the alarm further back
-LARGE_BANK = 1_000_000  # numbers of the covariances of all lanes beyond which few are tried
+DENSE, RATIO = 40, 1.05  # samples before the alarm of which each is tried; ratio of their distances further back
+MANY, MANY_DENSE, MANY_RATIO = 200_000, 8, 1.25  # the same with so many numbers in the covariances of all lanes
+LARGE_BANK = 1_000_000  # numbers beyond which only those near the estimated onset are tried
 SPARSE_BACK = (1, 2, 4, 8, 16, 32)  # samples about the estimated onset at which a large bank tries
 
 
@@ -16,8 +16,8 @@ def onsets(spec: EngineSpec, trail: Trail, change: int) -> list[tuple[int, float
     """Give places for the onset, and the samples for which each stands; dense before the alarm, sparse far from it.
 
     Where the innovations became wild is tried too: what happens within a few samples, as a jump does whose trace the
-    plant soon loses, only fits a lane that begins there. A bank with very many lanes would take too long to begin at
-    all places; it tries few, about `change`.
+    plant soon loses, only fits a lane that begins there. A bank with many lanes would take too long to begin at all
+    places; it tries fewer, and one with very many only some about `change`.
 
     Parameters
     ----------
@@ -27,21 +27,23 @@ def onsets(spec: EngineSpec, trail: Trail, change: int) -> list[tuple[int, float
     """
     alarm, end = trail.alarmed, len(trail.samples) - 1
     places = {change, *(burst - late for burst in trail.bursts for late in (0, 1))}
-    if plan_lanes(spec).n_lanes * spec.n_packed > LARGE_BANK:
+    numbers = plan_lanes(spec).n_lanes * spec.n_packed
+    if numbers > LARGE_BANK:
         places |= {change + side * back for back in SPARSE_BACK for side in (-1, 1) if change + side * back <= end}
     else:
-        places |= {alarm, *_before(alarm), *_after(alarm, end)}
+        dense, ratio = (MANY_DENSE, MANY_RATIO) if numbers > MANY else (DENSE, RATIO)
+        places |= {alarm, *_before(alarm, dense, ratio), *_after(alarm, end)}
     chosen = sorted(place for place in places if place >= 1) or [end]
     edges = [chosen[0] - 0.5, *(0.5 * (a + b) for a, b in pairwise(chosen)), chosen[-1] + 0.5]
     return [(place, right - left) for place, (left, right) in zip(chosen, pairwise(edges), strict=True)]
 
 
-def _before(alarm: int) -> set[int]:
-    """Give places before the alarm."""
+def _before(alarm: int, dense: int, ratio: float) -> set[int]:
+    """Give places before the alarm: all of the last `dense`, further back ones with this ratio of their distances."""
     places, back = set(), 1
     while back < alarm:
         places.add(alarm - back)
-        back = back + 1 if back < DENSE else round(back * RATIO)
+        back = back + 1 if back < dense else round(back * ratio)
     return places
 
 

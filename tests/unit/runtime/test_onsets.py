@@ -62,6 +62,18 @@ def test_onsets_are_dense_before_the_alarm_and_stand_for_all_samples() -> None:
     assert max(onsets(SPEC, trail_of(330), 240))[0] == 329  # the last sample is that of the alarm
 
 
+def test_a_bank_of_many_lanes_tries_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last eight samples, then ever farther apart, with the estimated onset, and as widely spread in all."""
+    all_places = dict(onsets(SPEC, trail_of(330, alarm=250), 193))
+    monkeypatch.setattr(module, "MANY", 0)
+    found = dict(onsets(SPEC, trail_of(330, alarm=250), 193))
+    assert {193, *range(242, 251), 251, 252, 254, 258, 266, 282, 314} <= set(found)
+    assert len(found) < 0.4 * len(all_places)
+    back = np.array(sorted(250 - place for place in found if place <= 250))
+    assert np.all(np.diff(back) <= 0.25 * back[:-1] + 1.0)
+    assert sum(found.values()) == pytest.approx(max(found) - min(found) + 1)
+
+
 @pytest.mark.parametrize("large", [False, True])
 def test_bursts_are_tried(large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where innovations became wild, and one sample before it, in banks of any size; never before the trail."""
