@@ -145,7 +145,8 @@ class Course:
             return f"no row has a value of the input {absent}"
         if samples - self.found.waiting <= self._watcher.asleep:
             off = self._watcher.asleep
-            return f"the recording ended after {samples} samples, and the alarms are off for the first {off}"
+            many = f"{samples} sample{'s' * (samples != 1)}"
+            return f"the recording ended after {many}, and the alarms are off for the first {off}"
         if self._lost:
             return "the filter lost the plant again and again; check units, noise and accuracies in the model file"
         silent = [item.name for item, read in zip(spec.outputs, self._read, strict=True) if not read]

@@ -101,12 +101,18 @@ def _chart_json(chart: Chart, start: float, points: int) -> Json:
                 "width": trace.width,
                 "stepped": trace.stepped,
                 "factor": trace.factor,
-                "y": _numbers(trace.values[rows] / shrink),
-                "sd": None if trace.sd is None else _numbers(trace.sd[rows] / shrink),
+                "y": _numbers(_over(trace.values[rows], shrink)),
+                "sd": None if trace.sd is None else _numbers(_over(trace.sd[rows], shrink)),
             }
             for trace in chart.traces
         ],
     }
+
+
+def _over(values: FloatArray, shrink: float) -> FloatArray:
+    """Divide; a spread that dwarfs the values may lie beyond all numbers."""
+    with np.errstate(over="ignore"):
+        return np.asarray(values / shrink)
 
 
 def _axis_exponent(chart: Chart) -> int:

@@ -29,16 +29,15 @@ class Figure:
     exponent: int
 
     def number(self, notation: Notation) -> str:
-        """Give the value alone."""
-        return with_power(self.value, self.exponent, notation)
+        """Give the value alone; zero has no power of ten."""
+        return self.value.strip("-") if not self.value.strip("-0.") else with_power(self.value, self.exponent, notation)
 
     def both(self, notation: Notation) -> str:
         """Give value ± standard deviation."""
         if not self.sd:
             return self.number(notation)
         if notation is Notation.FILE or self.exponent == 0:
-            parts = (with_power(part, self.exponent, notation) for part in (self.value, self.sd))
-            return " ± ".join(parts)
+            return f"{self.number(notation)} ± {with_power(self.sd, self.exponent, notation)}"
         return with_power(f"({self.value} ± {self.sd})", self.exponent, notation)
 
 

@@ -19,6 +19,7 @@ from faultbond.types import FaultKind
 UNDETERMINED = "not determined by the data"
 UNDETERMINED_SHARE = 0.9  # of the sd that a faulty value has before the data are seen
 SIGNIFICANT = 2.0  # standard deviations
+WILD = 0.1  # of its value, or of the nominal, by which a drift may move in a sample
 OTHERWISE = 0.1  # a kind with at least this share is told beside the likeliest one
 PACE_WORDS = {"s": "second", "min": "minute", "h": "hour", "d": "day"}
 KIND_WORDS = {
@@ -189,6 +190,8 @@ def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation
     nominal, estimate, after, change = _values(graph, suspect, notation)
     if not _is_off(suspect) and not _is_moving(suspect):
         return f"{suspect.parameter} may still be {nominal}{after}, or move at a rate that is not known yet"
+    if _is_wild(graph, suspect):
+        return f"{suspect.parameter} is {estimate}{after} now{change}, and moves too fast to be a drift"
     text = f"{suspect.parameter} is {estimate}{after} now{change} and {_moving(graph, suspect, notation)}"
     limits = (_limit(graph, suspect, item, now, notation) for item in suspect.forecasts)
     return "; ".join((text, *filter(None, limits)))
@@ -199,6 +202,12 @@ def _moving(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     if not _is_moving(suspect):
         return "moves at a rate that is not known yet"
     return f"{'rises' if (suspect.rate or 0.0) > 0.0 else 'falls'} by {_rate(graph, suspect, notation)}"
+
+
+def _is_wild(graph: BondGraph, suspect: Suspect) -> bool:
+    """Tell whether a value would move by much of itself in a sample: then it has come to an end of its range."""
+    step = abs(suspect.rate or 0.0) * (graph.sample_time or 0.0)
+    return step > WILD * max(abs(suspect.nominal or 0.0), abs(suspect.estimate)) > 0.0
 
 
 def _is_moving(suspect: Suspect) -> bool:

@@ -26,7 +26,7 @@ from faultbond.report.numbers import (
         (1.1e-5, 2.1e-5, "1.1e-5 ± 2.1e-5"),
         (0.0, 0.5, "0.0 ± 0.5"),
         (-3.14159, 0.26, "-3.14 ± 0.26"),
-        (-4e-8, 8.1e-7, "0e-7 ± 8e-7"),
+        (-4e-8, 8.1e-7, "0 ± 8e-7"),
     ],
 )
 def test_digits_follow_the_standard_deviation(value: float, sd: float, text: str) -> None:
@@ -121,3 +121,11 @@ def test_durations_may_have_fewer_digits() -> None:
     """A forecast has no use for three digits."""
     assert duration_text(551.0, digits=2) == "9.2 min"
     assert duration_text(98765.0, digits=2) == "27 h"
+
+
+def test_zero_alone_has_no_power_of_ten() -> None:
+    """What is zero to the digits that are known reads as zero, alone and beside its spread in plain text."""
+    found = figure(-1e-7, 7e-5)
+    assert found.number(Notation.FILE) == found.number(Notation.PRINT) == "0"
+    assert found.both(Notation.FILE) == "0 ± 7e-5"
+    assert figure(3e-5, 1e-6).number(Notation.FILE) == "3.00e-5"

@@ -89,6 +89,14 @@ def test_a_drift_and_when_its_limit_is_reached() -> None:
     )
 
 
+def test_a_drift_that_has_nowhere_to_go() -> None:
+    """A value at the end of its range, that would move by a tenth of its nominal in each sample, has no rate told."""
+    found = said(moving(GRAPH, "K1", 0.02, -3e10), FaultKind.DRIFT)
+    assert found.startswith("K1 is 5e9 Pa*s^2/m^6 now (")
+    assert found.endswith("), and moves too fast to be a drift")
+    assert "falls by" in said(moving(GRAPH, "K1", 0.02, -2e10), FaultKind.DRIFT)
+
+
 @pytest.mark.parametrize(
     ("factor", "forecast", "text"),
     [

@@ -1,12 +1,13 @@
 """The charts of estimates and forecasts."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
 
-from faultbond.report.chart import Chart, payload
+from faultbond.report.chart import Chart, Trace, payload
 from faultbond.report.charts import sections
 from faultbond.report.tracks import estimate_charts, forecast_charts
 from faultbond.runtime.history import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
@@ -101,9 +102,9 @@ def test_a_forecast_goes_from_now_to_the_limit() -> None:
         assert np.isnan(lines[label][0])
         assert np.isnan(lines[label][end + 1 :]).all()
     assert np.isnan(lines["estimate"][2:]).all()
-    json = payload(RUN, [chart])["charts"]
-    assert isinstance(json, list)
-    assert json[0]["now"] == 1180
+    drawn = payload(RUN, [chart])["charts"]
+    assert isinstance(drawn, list)
+    assert drawn[0]["now"] == 1180
 
 
 @pytest.mark.parametrize(
@@ -143,3 +144,11 @@ def test_time_that_nothing_explains_is_shaded() -> None:
     shades = [chart.shade for chart in sections(GRAPH, run)[0].charts]
     assert shades == [None, (1000.0, 1180.0, "not explained")]
     assert [chart.shade for chart in sections(GRAPH, run_of(drift))[0].charts] == [None, None]
+
+
+def test_a_spread_beyond_all_numbers() -> None:
+    """Beside a value that is next to nothing, a spread may be too large for any number; it is left out."""
+    trace = Trace(label="estimate", values=np.full(3, 1e-297), color="line0", sd=np.full(3, 1e12))
+    chart = Chart(title="K1", unit="", time=np.arange(3.0), traces=(trace,))
+    text = json.dumps(payload(RUN, [chart])["charts"], allow_nan=False)
+    assert '"y": [1, 1, 1], "sd": [null, null, null]' in text

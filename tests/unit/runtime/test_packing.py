@@ -93,12 +93,11 @@ def test_states_may_be_where_they_have_been_after_a_gap() -> None:
 
 
 def test_what_inputs_may_have_done_unseen() -> None:
-    """Seen again, an input moved at any sample since; unseen while sensors go on, by no more than it ever did at once."""
+    """Seen again, an input moved at any sample since; while only sensors are, by as much as it ever did at once."""
     spec = plant("dc_motor")[1]
     whole = replace(recorded("dc_motor", 1)[0], y=np.zeros(len(spec.outputs)))
     state, found = init(spec), []
-    told = "8 8 3 3 ? ? 5 - - - 9 9 - 9".split()  # `?`: only sensors have values, `-`: nothing has
-    for word in told:
+    for word in "8833??5---99-9":  # ?: only sensors have values, -: nothing has
         u = np.array([np.nan if word in "?-" else float(word)])
         sample = replace(whole, u=u, y=np.full(len(spec.outputs), np.nan if word == "-" else 0.0))
         held = np.where(np.isfinite(u), u, state.held)
