@@ -76,6 +76,7 @@ bench: $(DEV)
 	@$(BIN)/python -m benchmarks.figures
 	@echo "faultbond: speed"
 	@$(BIN)/python -m benchmarks.speed
+	@$(BIN)/python -m benchmarks.large_bank
 	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.equations
 	@echo "faultbond: structural diagnosis"; $(BIN)/python -m benchmarks.structure
 	@echo "faultbond: routes"; $(BIN)/python -m benchmarks.routes
