@@ -201,7 +201,7 @@ class _Writer:
         )
 
     def slow_error(self, item: SlowError) -> str:
-        unit = next((sensor.unit for sensor in self.graph.sensors if sensor.name == item.target), Unit(""))
+        unit = next((sensor.unit for sensor in self.graph.sensors if sensor.name == item.target), item.unit)
         if item.relative:
             sd = f"{text_of(item.sd, lambda number: number / 100) or number_text(item.sd * 100)} %"
         else:

@@ -185,8 +185,8 @@ class Sensor:
 class SlowError:
     """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or, with `is_sensor`, of a sensor (its name).
 
-    `sd` is relative (0.02) when `relative`, else SI. After a change of an input in `after` by D (SI) the sd is larger
-    by `each` * D for a while. `memory` in seconds.
+    `sd` is relative (0.02) when `relative`, else SI; `unit` is the one that the model file states. After a change of an
+    input in `after` by D (SI) the sd is larger by `each` * D for a while. `memory` in seconds.
     """
 
     target: str
@@ -196,6 +196,7 @@ class SlowError:
     after: tuple[str, ...] = ()
     each: float = 0.0
     is_sensor: bool = False
+    unit: Unit = Unit("")
     line: int = 0
 
 

@@ -193,6 +193,7 @@ class MeasuredReader:
             problem = "`after` and `each` belong together; write `after: [inflow], each: 0.005 cm/(cm^3/s)`"
             raise self.source.error(entry, f"{what}: {problem}")
         after = self._after(fields["after"], what) if "after" in fields else ()
+        stated = default if sd.quantity is None else sd.quantity.measure or default
         return SlowError(
             target=target,
             sd=sd.ratio if sd.is_relative else sd.difference(),
@@ -201,6 +202,7 @@ class MeasuredReader:
             after=after,
             each=self._each(fields["each"], what, after, sd, default) if "each" in fields else 0.0,
             is_sensor=target in self.sensor_measures,
+            unit=Unit("") if stated is None or sd.is_relative else stated.unit,
             line=entry.line,
         )
 

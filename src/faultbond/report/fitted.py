@@ -317,7 +317,7 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
     tests = {item.sensor: item.words for item in fitted.found.whiteness}
     for item in fitted.noises:
         is_sensor = isinstance(item.of, Sensor)
-        unit = _unit_of(fitted.graph, item.of)
+        unit = _unit_of(item.of)
         declared = figure(item.declared / unit.factor, digits=3).number(Notation.FILE)
         both = figure(item.found / unit.factor, item.sd / unit.factor).both(Notation.FILE)
         if item.found > AT_MOST * item.declared and not is_sensor:
@@ -328,14 +328,13 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
         yield name, declared, both, unit_text(unit.text, Notation.FILE), tests[item.name] if is_sensor else ""
 
 
-def _unit_of(graph: BondGraph, item: Sensor | SlowError) -> Unit:
+def _unit_of(item: Sensor | SlowError) -> Unit:
     """Give the unit in which a size is told: SI where a signal has none."""
     if isinstance(item, Sensor):
         return item.unit
     if item.relative:
         return Unit("%", 0.01)
-    own = [sensor.unit for sensor in graph.sensors if item.is_sensor and sensor.name == item.target]
-    return own[0] if own else Unit("SI")
+    return item.unit if item.unit.text else Unit("SI")
 
 
 def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:

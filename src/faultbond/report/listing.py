@@ -230,7 +230,7 @@ def _print_signals(console: Console, seen: Understanding) -> None:
     if graph.slow_errors:
         title(console, "Slow errors")
         rows = [
-            (error.target, _slow_size(graph, error), duration_text(error.memory), "yes" if known.alarms else "no")
+            (error.target, _slow_size(error), duration_text(error.memory), "yes" if known.alarms else "no")
             for error, known in zip(graph.slow_errors, seen.spec.slow_errors, strict=True)
         ]
         table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
@@ -277,9 +277,9 @@ def _step(seen: Understanding, k: int) -> str:
     return " and ".join(parts)
 
 
-def _slow_size(graph: BondGraph, error: SlowError) -> str:
-    units = {item.name: item.unit for item in graph.sensors}
-    size = f"{100 * error.sd:g} %" if error.relative else _spread(units.get(error.target, Unit("SI")), error.sd)
+def _slow_size(error: SlowError) -> str:
+    unit = error.unit if error.unit.text else Unit("SI")
+    size = f"{100 * error.sd:g} %" if error.relative else _spread(unit, error.sd)
     return f"{size}, more after a change of {', '.join(error.after)}" if error.after else size
 
 

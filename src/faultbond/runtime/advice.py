@@ -109,15 +109,22 @@ def _moves(spec: EngineSpec, state: State, rivals: Sequence[_Rival]) -> Iterator
 
 
 def _values(spec: EngineSpec, state: State, index: int, check: CheckSpec | None) -> list[float]:
-    """Give the values to which an input may be moved, the nearest first: up and down, not beyond where it has been."""
-    item, now, peak = spec.inputs[index], float(state.held[index]), float(state.peak[index])
-    least, most = float(state.lowest[index]), float(state.highest[index])
-    full = 100.0 if item.percent else most - least if item.unit_offset else peak
-    stated = check is not None and check.move is not None
-    sizes = [check.move or 0.0] if check is not None and stated else [part * full for part in MOVES]
-    low, high = (
-        (0.0, 100.0) if item.percent else (least, most) if item.unit_offset else (min(least, 0.0), max(most, 0.0))
-    )
+    """Give the values to which an input may be moved, the nearest first: up and down, not beyond where it has been.
+
+    Zero counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0
+    to 100; how far a stated move may go is left to whoever stated it.
+    """
+    item, now = spec.inputs[index], float(state.held[index])
+    low, high = float(state.lowest[index]), float(state.highest[index])
+    full = high - low
+    if not item.unit_offset:
+        low, high, full = min(low, 0.0), max(high, 0.0), float(state.peak[index])
+    if item.percent:
+        low, high, full = 0.0, 100.0, 100.0
+    sizes = [part * full for part in MOVES]
+    if check is not None and check.move is not None:
+        sizes = [check.move]
+        low, high = (low, high) if item.percent else (-np.inf, np.inf)
     wanted = dict.fromkeys(float(np.clip(now + sign * size, low, high)) for size in sizes for sign in (1.0, -1.0))
     return [value for value in wanted if abs(value - now) > 0.5 * sizes[0] > 0.0]
 

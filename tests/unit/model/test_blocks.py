@@ -79,6 +79,7 @@ def test_a_block_may_have_several_laws() -> None:
 def test_slow_errors_of_signals_and_of_sensors() -> None:
     """A name without a dot is a signal or a sensor, whichever there is."""
     first, second = parse_model(TANKS).slow_errors
+    assert (first.unit.text, second.unit.text) == ("", "cm")
     assert (first.target, first.is_sensor, first.relative) == ("q1", False, True)
     assert (second.target, second.is_sensor, second.sd) == ("upper_level", True, 0.01)
     assert all(not error.is_sensor for error in load_model(EXAMPLES.parent / "tank" / "model.yaml").slow_errors)

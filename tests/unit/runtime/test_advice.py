@@ -10,10 +10,10 @@ import pytest
 from made import TANK_START, plant, recorded, run, samples_of
 
 from faultbond.model.text import parse_model
-from faultbond.runtime.advice import APART, LEAST, WORTH, advise
+from faultbond.runtime.advice import APART, LEAST, WORTH, _values, advise
 from faultbond.runtime.history import Advice, Candidate, Diagnosis
 from faultbond.runtime.monitor import conclude
-from faultbond.runtime.state import State
+from faultbond.runtime.state import State, init
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.spec import CheckSpec, Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
@@ -107,6 +107,31 @@ def test_a_stated_move_is_the_one_that_is_tried() -> None:
         stated = replace(spec, checks=(CheckSpec(name="u_out", kind=CheckKind.INPUT, cost=1.0, move=size),))
         moves = [item for item in advise(stated, engine, state, made) if item.kind is CheckKind.INPUT]
         assert [abs((item.value or 0.0) - state.held[1]) for item in moves] == ([40.0] if size > 1.0 else [])
+
+
+@pytest.mark.parametrize(
+    ("unit", "offset", "seen", "now", "move", "expected"),
+    [
+        ("percent", 0.0, (20.0, 30.0), 30.0, None, [50.0, 10.0, 70.0, 0.0, 90.0]),
+        ("V", 0.0, (2.0, 10.0), 10.0, None, [8.0, 6.0, 4.0]),  # never beyond 10, never turned round
+        ("V", 0.0, (-10.0, 10.0), 4.0, None, [6.0, 2.0, 8.0, 0.0, 10.0, -2.0]),
+        ("degC", 273.15, (280.0, 300.0), 290.0, None, [294.0, 286.0, 298.0, 282.0, 300.0, 280.0]),
+        ("degC", 273.15, (290.0, 290.0), 290.0, None, []),  # where it has never moved nobody knows how far it may
+        ("degC", 273.15, (290.0, 290.0), 290.0, 5.0, [295.0, 285.0]),
+        ("percent", 0.0, (20.0, 30.0), 85.0, 20.0, [100.0, 65.0]),
+        ("percent", 0.0, (20.0, 30.0), 95.0, 20.0, [75.0]),  # to the end it would be a quarter of the move only
+    ],
+)
+def test_where_an_input_may_be_moved(
+    unit: str, offset: float, seen: tuple[float, float], now: float, move: float | None, expected: list[float]
+) -> None:
+    """Within where it has been and zero, but for degC; of a stated move as far as stated; percentages from 0 to 100."""
+    spec = plant("dc_motor")[1]
+    spec = replace(spec, inputs=(replace(spec.inputs[0], unit=unit, unit_offset=offset),))
+    low, high = (np.array([value]) for value in seen)
+    state = replace(init(spec), lowest=low, highest=high, peak=np.maximum(abs(low), abs(high)), held=np.array([now]))
+    check = None if move is None else CheckSpec(name="V", kind=CheckKind.INPUT, cost=1.0, noise=0.0, move=move)
+    assert _values(spec, state, 0, check) == pytest.approx(expected)
 
 
 def test_a_measurement_by_hand_parts_what_expects_other_values() -> None:
