@@ -114,7 +114,7 @@ def _motor() -> Iterator[Case]:
 def _sensors() -> Iterator[Case]:
     tank, motor = partial(healthy, "tank", TANK_SECONDS), partial(healthy, "dc_motor", MOTOR_SECONDS)
     current = partial(healthy, "dc_motor_current", MOTOR_SECONDS)
-    for kind in (FaultKind.BIAS, FaultKind.NOISE, FaultKind.GAIN, FaultKind.STUCK):
+    for kind in (FaultKind.BIAS, FaultKind.NOISE, FaultKind.GAIN, FaultKind.STUCK, FaultKind.INTERMITTENT):
         word = kind.value
         for sensor in ("flow", "pressure"):
             yield Case(key=f"{word}.{sensor}", make=partial(misread, tank, sensor, kind), looks=_TANK_LOOKS)

@@ -28,6 +28,7 @@ MOTOR = ("R", "L", "K", "J", "C")
 NEVER = float("inf")
 BOUNDS, SWING = (4000.0, 10000.0), (5000.0, 9000.0)  # Pa: levels between which valves that move keep the tank
 BIAS, GAIN, NOISE = 5.0, 1.15, 3.0  # of a sensor: declared sd, factor of the reading, factor of the sd
+PASSING, ON, OFF = 10.0, 30, 90  # of a sensor that is wrong at times: in its noise, and for how many samples
 INPUT_BIAS = 0.15  # of an input, in its largest value
 NONE: Mapping[str, float] = {}
 
@@ -190,7 +191,8 @@ def misread(make: Make, sensor: str, kind: FaultKind, seed: int) -> Played:
     make : the healthy run of a seed
     sensor : which one
     kind : BIAS, `BIAS` of its noise too much or too little; GAIN, `GAIN` times the value; NOISE, `NOISE` times the
-        noise; STUCK, at what it read last
+        noise; STUCK, at what it read last; INTERMITTENT, `PASSING` of its noise too much or too little for `ON`
+        samples, then right for `OFF`, again and again
     seed : as everywhere
     """
     found = make(seed)
@@ -199,11 +201,13 @@ def misread(make: Make, sensor: str, kind: FaultKind, seed: int) -> Played:
     outputs, wrong, sd = found.outputs.copy(), found.time >= onset, sensors[index].noise
     right = outputs[wrong, index]
     generator = np.random.default_rng([seed, 19])
+    sign = 1.0 if seed % 4 < 2 else -1.0
     outputs[wrong, index] = {
-        FaultKind.BIAS: right + (1.0 if seed % 4 < 2 else -1.0) * BIAS * sd,
+        FaultKind.BIAS: right + sign * BIAS * sd,
         FaultKind.GAIN: right * GAIN,
         FaultKind.NOISE: right + np.sqrt(NOISE**2 - 1.0) * sd * generator.standard_normal(right.size),
         FaultKind.STUCK: np.full_like(right, outputs[~wrong, index][-1]),
+        FaultKind.INTERMITTENT: right + sign * PASSING * sd * (np.arange(right.size) % (ON + OFF) < ON),
     }[kind]
     return replace(found, outputs=outputs, suspects=frozenset({sensor}), onset=onset)
 

@@ -22,7 +22,12 @@ _DISTURBANCE = {
     "late": "live, 5 % of the rows 1 to 5 samples late",
     "restored": "watching interrupted twice, state kept in a file",
 }
-_WRONG = {"noise": "noise x3", "gain": "reading 15 % too high", "stuck": "stuck"}
+_WRONG = {
+    "noise": "noise x3",
+    "gain": "reading 15 % too high",
+    "stuck": "stuck",
+    "intermittent": "10 sd off for 30 of 120 samples",
+}
 
 
 def cells(bank: Runs, classic: Runs) -> list[tuple[str, str, str, str, str]]:
