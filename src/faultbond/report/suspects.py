@@ -190,7 +190,7 @@ def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation
     nominal, estimate, after, change = _values(graph, suspect, notation)
     if not _is_off(suspect) and not _is_moving(suspect):
         return f"{suspect.parameter} may still be {nominal}{after}, or move at a rate that is not known yet"
-    if _is_wild(graph, suspect):
+    if _is_moving(suspect) and _is_wild(graph, suspect):
         return f"{suspect.parameter} is {estimate}{after} now{change}, and moves too fast to be a drift"
     text = f"{suspect.parameter} is {estimate}{after} now{change} and {_moving(graph, suspect, notation)}"
     limits = (_limit(graph, suspect, item, now, notation) for item in suspect.forecasts)

@@ -34,7 +34,7 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
         cusum, fast = np.where(use, cusum, state.cusum), np.where(use, fast, state.fast)
         scatter = np.where(use, scatter, state.scatter)
         scatter[2, :, present & ~settled] = np.nan
-    if np.any(packed[place["gap"]] > 0.0):
+    if np.any(state.astray > 0.0):  # after a gap
         scatter = state.scatter.copy()
         scatter[2] = np.nan
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began

@@ -145,8 +145,10 @@ def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, known: float) -> tu
         if item.hypothesis == plan.lanes[lane].hypothesis and item.kind is FaultKind.NOISE
     ]
     likelihood, tried = slots[-1, chosen], np.array([plan.lanes[k].noise for k in chosen])
+    finite = np.isfinite(likelihood)
+    likelihood, tried = (likelihood[finite], tried[finite]) if finite.sum() > 2 else (np.zeros(len(tried)), tried)
     best = int(np.argmax(likelihood))
-    first = min(max(best - 1, 0), len(chosen) - 3)
+    first = min(max(best - 1, 0), len(tried) - 3)
     (at, *others), (base, *more) = tried[first : first + 3], likelihood[first : first + 3]
     slopes = -0.5 * np.array([[log(c / at), 1.0 / c - 1.0 / at] for c in others])
     count, squares = np.linalg.solve(slopes, np.array(more) - base)

@@ -14,11 +14,21 @@ from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained
-from faultbond.runtime.packing import corrected, doubt, pack_sample
+from faultbond.runtime.packing import corrected, doubt, pack_sample, travelled
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import SNAPSHOT_EVERY, Changes, Report, Sample, State, Status, bank_fields, no_scatter
+from faultbond.runtime.state import (
+    SNAPSHOT_EVERY,
+    Changes,
+    Report,
+    Sample,
+    State,
+    Status,
+    bank_fields,
+    init,
+    no_scatter,
+)
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
 from faultbond.spec import Engine, EngineSpec
@@ -53,7 +63,7 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
     packed, changes = pack_sample(spec, state, sample, u)
     if state.running:
-        packed = _unseen(spec, engine, state.lane, packed, doubt(state, sample, u))
+        packed = _unseen(spec, engine, state, packed, doubt(state, sample, u))
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, sample.time
@@ -67,25 +77,35 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     if not np.all(np.isfinite(lane)):
         zero = np.zeros_like(state.cusum)
         sums: Changes = {"cusum": zero, "fast": zero, "scatter": no_scatter(len(spec.outputs))}
-        lost = replace(state, index=state.index + 1, begun=-1, running=0, **sums)
+        nowhere = init(spec).travel  # where a lost filter believed the plant is no place where it has been
+        lost = replace(state, index=state.index + 1, begun=-1, running=0, travel=nowhere, **sums)
         return lost, _silent(spec, Status.LOST)
     return _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
 
 
-def _unseen(spec: EngineSpec, engine: Engine, lane: FloatArray, packed: FloatArray, doubted: FloatArray) -> FloatArray:
-    """Let states be as uncertain as what inputs may have done unseen, (n_inputs,), makes them; by the healthy lane."""
-    if not np.any(doubted):
+def _unseen(
+    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, doubted: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Let states be as uncertain as what inputs may have done unseen makes them, by one step of the healthy filter.
+
+    `doubted`: by how much each input may have been off, and over how many samples, (n_inputs,) each. No state goes
+    farther by that than it ever has, unless one step takes it there.
+    """
+    change, count = doubted
+    if not np.any(change):
         return packed
-    place, n_x = spec.sample_fields, len(spec.states)
-    moved = []
-    for index in np.flatnonzero(doubted):
-        trials = np.repeat(packed[None, :], 2, axis=0)
-        trials[:, place["use"]] = 0.0
-        trials[1, place["u_before"].start + index] += doubted[index]
-        one, other = (engine.advance(lane, trial[None, :])[0][:n_x, 0] for trial in trials)
-        moved.append(np.nan_to_num(other - one, nan=0.0, posinf=0.0, neginf=0.0))
+    place, n_x, far = spec.sample_fields, len(spec.states), travelled(state)
+    blind = packed.copy()
+    blind[place["use"]] = 0.0
+    base = engine.advance(state.lane, blind[None, :])[0][:n_x, 0]
+    total = np.square(packed[place["gap"]])
+    for index in np.flatnonzero(change):
+        trial = blind.copy()
+        trial[place["u_before"].start + index] += change[index]
+        step = np.abs(engine.advance(state.lane, trial[None, :])[0][:n_x, 0] - base)
+        total += np.where(np.isfinite(step), np.minimum(count[index] * step, np.maximum(far, step)), far) ** 2
     packed = packed.copy()
-    packed[place["gap"]] = np.hypot(packed[place["gap"]], np.linalg.norm(moved, axis=0))
+    packed[place["gap"]] = np.sqrt(total)
     return packed
 
 

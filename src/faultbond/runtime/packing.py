@@ -14,7 +14,12 @@ from faultbond.types import BoolArray, FloatArray
 GAP = 3  # samples without any value from which on the states are uncertain after them,
 FAR = 20  # samples of a gap in which a state may go as far as it has ever been
 AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
-LONGEST = 50  # intervals of inputs that were not seen, after which the plant has felt most of what they do
+LONGEST = 50  # samples without an input, after which the plant has felt most of what it does
+MOVES, HABIT, RARELY = (
+    300.0,
+    50.0,
+    0.5,
+)  # samples over which moves and presence of inputs are means; presence that is rare
 UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples
 PAUSES = 20  # rows over which the usual number is a mean; longer pauses do not count as more
 UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
@@ -31,8 +36,7 @@ def corrected(state: State, sample: Sample) -> Sample:
 def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
     """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
 
-    Gives the packed sample, and what changes in the state. What inputs may have done that were not seen is allowed for
-    by `unseen`.
+    Gives the packed sample, and what changes in the state. What inputs may have done unseen is told by `doubt`.
     """
     first = not np.all(np.isfinite(state.held))
     before = u if first else state.held
@@ -53,7 +57,7 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     packed[place["y"]] = np.where(present, sample.y, 0.0)
     packed[place["use"]] = present
     packed[place["scale"]] = np.where(
-        _blanked(spec, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
+        _blanked(spec, state, sample, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
     )
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
@@ -61,21 +65,17 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
     absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(state, dt)
     gap = absent if absent > GAP - 1 + UNUSUAL * usual and not silent else 0
-    astray = _wandered(spec, state, gap)
-    packed[place["gap"]] = astray
+    sought = bool(gap) or bool(np.any(present))  # else the states are not looked for
+    astray = _wandered(spec, state, gap) if sought else state.astray
+    packed[place["gap"]] = astray if sought else 0.0
     begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
     told = np.isfinite(sample.u)
-    seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause}
-    inputs = {
-        "lowest": np.where(told, np.minimum(state.lowest, u), state.lowest),
-        "highest": np.where(told, np.maximum(state.highest, u), state.highest),
-        "leap": np.where(told & (state.guessed == 0.0), np.maximum(state.leap, np.abs(moved)), state.leap),
-        "guessed": state.guessed + 1.0 if silent else np.where(told, 0.0, 1.0),
-        "astray": state.astray if silent else astray,
-    }
-    return packed, {"held": u, "peak": peak, "since_step": since, "change": change} | seen | inputs
+    seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause, "astray": astray}
+    inputs = {"held": u, "peak": peak, "since_step": since, "change": change}
+    known = replace(state, held=before)  # of the first sample nothing was held
+    return packed, inputs | seen | _watched(known, told, moved, gap, silent=bool(silent))
 
 
 def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
@@ -84,23 +84,47 @@ def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
     From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
     each of them a step of Newton's method, down to what counts as nothing.
     """
-    travel = np.maximum(state.travel[1] - state.travel[0], 0.0)
+    far = travelled(state)
     drift, noise = (np.array([getattr(item, name) for item in spec.states]) for name in ("drift", "noise"))
-    found = np.maximum.reduce([gap * drift, min(gap / FAR, 1.0) * travel, AGAIN * state.astray])
-    return np.asarray(np.where(found > np.maximum(noise, NOTHING * travel), found, 0.0))
+    again = np.where(AGAIN * state.astray > np.maximum(noise, NOTHING * far), AGAIN * state.astray, 0.0)
+    return np.asarray(np.maximum.reduce([gap * drift, min(gap / FAR, 1.0) * far, again]))
 
 
-def doubt(state: State, sample: Sample, u: FloatArray) -> FloatArray:
-    """Give by how much each input may have been off over the intervals before a sample, times their number, SI.
+def travelled(state: State) -> FloatArray:
+    """Give how far each state has ever moved."""
+    return np.asarray(np.maximum(state.travel[1] - state.travel[0], 0.0))
 
-    An input whose value is missing is held. When it is seen again, it may have changed at any sample since; while it is
-    not, it may have moved by as much as it ever did from one sample to the next.
+
+def _watched(state: State, told: BoolArray, moved: FloatArray, gap: float, *, silent: bool) -> Changes:
+    """Give what is known of the inputs after a sample in which some were told and moved by so much.
+
+    An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
+    """
+    whole = told & (state.guessed == 0.0) & (gap == 0.0)  # both ends of the move were seen
+    size = state.leap**2 + (moved**2 - state.leap**2) / MOVES
+    habit = state.habit + (told - state.habit) / HABIT
+    return {
+        "lowest": np.where(told, np.minimum(state.lowest, state.held + moved), state.lowest),
+        "highest": np.where(told, np.maximum(state.highest, state.held + moved), state.highest),
+        "leap": np.where(whole, np.sqrt(size), state.leap),
+        "guessed": np.where(told, 0.0, state.guessed + 1.0),
+        "habit": state.habit if silent else habit,
+    }
+
+
+def doubt(state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give by how much each input may have been off before a sample, SI, and over how many samples.
+
+    An input whose value is missing is held. When it is told again, it may have changed at any sample since; while it is
+    not, and sensors are, it may be off by as much as it usually moves.
     """
     told = np.isfinite(sample.u)
     if not np.any(told) and not np.any(np.isfinite(sample.y)):
-        return np.zeros(len(u))
-    size = np.where(told, np.abs(u - state.held), state.leap)
-    return np.where(state.guessed > 0.0, np.minimum(state.guessed, LONGEST) * size, 0.0)
+        return np.zeros(len(u)), np.zeros(len(u))
+    doubted = (state.guessed > 0.0) & (state.habit > RARELY)
+    size = np.where(told, u - state.held, state.leap)
+    count = np.where(told, np.minimum(state.guessed, LONGEST), 1.0)
+    return np.where(doubted, size, 0.0), np.where(doubted, count, 0.0)
 
 
 def _empty_points(state: State, _: float) -> tuple[float, float, float]:
@@ -115,8 +139,9 @@ def _absent_rows(state: State, dt: float) -> tuple[float, float, float]:
     return dt / state.pause - 1.0, 1.0, state.pause + (min(dt, PAUSES * state.pause) - state.pause) / PAUSES
 
 
-def _blanked(spec: EngineSpec, since_step: FloatArray) -> BoolArray:
-    """Whether a step of an input that reaches a sensor directly is still settling, per output."""
+def _blanked(spec: EngineSpec, state: State, sample: Sample, since_step: FloatArray) -> BoolArray:
+    """Whether an input that reaches a sensor directly is still settling after a step, or not known, per output."""
     settling = np.array([item.settling for item in spec.inputs])
-    moving = since_step < settling
+    unknown = ~np.isfinite(sample.u) & (state.leap > 0.0) & (state.habit > RARELY)
+    moving = (since_step < settling) | unknown
     return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)

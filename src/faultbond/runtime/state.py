@@ -74,10 +74,9 @@ class State:
     peak: FloatArray  # largest size of each input
     lowest: FloatArray  # least value of each input that was seen; inf: none yet
     highest: FloatArray
-    leap: FloatArray  # largest change of each input from one sample to the next
-    guessed: (
-        FloatArray  # intervals before now over which the held value of an input was not seen, and nothing allowed for
-    )
+    leap: FloatArray  # usual change of each input from one sample to the next, root of a mean of squares
+    guessed: FloatArray  # samples since each input was told
+    habit: FloatArray  # part of the samples with any value in which each input is told
     travel: FloatArray  # (2, n_states): least and greatest value of each state
     astray: FloatArray  # sd of each state that is left of a gap
     since_step: FloatArray  # s since the last step of each input
@@ -148,6 +147,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         highest=np.full(n_u, -np.inf),
         leap=np.zeros(n_u),
         guessed=np.zeros(n_u),
+        habit=np.ones(n_u),
         travel=np.array([[np.inf], [-np.inf]]) * np.ones(len(spec.states)),
         astray=np.zeros(len(spec.states)),
         since_step=np.full(n_u, np.inf),

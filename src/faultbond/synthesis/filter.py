@@ -77,10 +77,12 @@ class View:
         own[:, place] = self.roles["bias"] + self.roles["gain"] * plain
         return reading, ca.diag(factor) @ slope + own, implicit
 
-    def noise(self, output: int) -> ca.SX:
-        """Give the noise variance of an output."""
-        declared = self.spec.outputs[output].noise ** 2
-        return declared * self.roles["noise"][output] if self.roles else ca.SX(declared)
+    def noise(self, output: int, scale: ca.SX) -> ca.SX:
+        """Give the noise variance of an output at a sample; while it is blanked, whatever noise it has is nothing."""
+        declared = self.spec.outputs[output].noise ** 2 * scale[output]
+        if not self.roles:
+            return declared
+        return declared * ca.if_else(scale[output] < self.spec.thresholds.blank_factor, self.roles["noise"][output], 1)
 
     @property
     def is_linear(self) -> bool:
@@ -199,7 +201,7 @@ def _marginal_innovations(
     variances = []
     for j in range(len(view.spec.outputs)):
         row = slope[j, :]
-        variances.append(row @ covariance @ row.T + view.noise(j) * fields["scale"][j])
+        variances.append(row @ covariance @ row.T + view.noise(j, fields["scale"]))
     return ca.vertcat(fields["y"] - expected, *variances)
 
 
@@ -207,7 +209,7 @@ def _foretold(view: View, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX
     """Give the variance of what is expected of the sensors that are used, in that of their noise; the largest."""
     n_y, found = len(view.spec.outputs), ca.SX(0)
     for j in range(n_y):
-        noise = view.noise(j) * fields["scale"][j]
+        noise = view.noise(j, fields["scale"])
         found = ca.fmax(found, fields["use"][j] * (innovations[n_y + j] / noise - 1))
     return found
 
@@ -227,7 +229,7 @@ def _sequential(
     for j, output in enumerate(view.spec.outputs):
         row = slope[j, :]
         cross = covariance @ row.T
-        variance = row @ cross + view.noise(j) * fields["scale"][j]
+        variance = row @ cross + view.noise(j, fields["scale"])
         innovation = fields["y"][j] - expected[j] - row @ shift
         use = fields["use"][j]
         weight = cross * (use / variance)

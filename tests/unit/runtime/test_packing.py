@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from made import plant, recorded
 
-from faultbond.runtime.packing import AGAIN, FAR, GAP, LONGEST, PAUSES, UNUSUAL, corrected, doubt, pack_sample
+from faultbond.runtime.packing import (
+    AGAIN,
+    FAR,
+    GAP,
+    LONGEST,
+    MOVES,
+    PAUSES,
+    UNUSUAL,
+    corrected,
+    doubt,
+    pack_sample,
+)
 from faultbond.runtime.state import Sample, State, init
 from faultbond.spec import EngineSpec
 
@@ -92,21 +103,75 @@ def test_states_may_be_where_they_have_been_after_a_gap() -> None:
         assert not np.any(state.astray)
 
 
-def test_what_inputs_may_have_done_unseen() -> None:
-    """Seen again, an input moved at any sample since; while only sensors are, by as much as it ever did at once."""
-    spec = plant("dc_motor")[1]
-    whole = replace(recorded("dc_motor", 1)[0], y=np.zeros(len(spec.outputs)))
+def told(words: str, spec: EngineSpec) -> tuple[State, list[tuple[float, float]]]:
+    """Tell a motor's voltage word by word, and what is doubted; `?`: only the sensor has a value, `-`: nothing has."""
+    whole = recorded("dc_motor", 1)[0]
     state, found = init(spec), []
-    for word in "8833??5---99-9":  # ?: only sensors have values, -: nothing has
+    for word in words:
         u = np.array([np.nan if word in "?-" else float(word)])
         sample = replace(whole, u=u, y=np.full(len(spec.outputs), np.nan if word == "-" else 0.0))
         held = np.where(np.isfinite(u), u, state.held)
-        found.append(float(doubt(state, sample, held)[0]))
+        change, count = doubt(state, sample, held)
+        found.append((float(change[0]), float(count[0])))
         state = replace(state, **pack_sample(spec, state, sample, held)[1])
-    assert found == [0, 0, 0, 0, 0, 5, 2, 0, 0, 0, 12, 0, 0, 0]
-    assert (state.leap.tolist(), state.lowest.tolist(), state.highest.tolist()) == ([5.0], [3.0], [9.0])
-    long = replace(state, guessed=np.array([1e6]))
-    assert doubt(long, replace(whole, u=np.array([7.0])), np.array([7.0])).tolist() == [2.0 * LONGEST]
+    return state, found
+
+
+def test_what_inputs_may_have_done_unseen() -> None:
+    """Told again, an input changed at any sample since; while only sensors are seen, it is off by its usual move."""
+    spec = plant("dc_motor")[1]
+    state, found = told("8833??2---99-9", spec)
+    usual = 5.0 * np.sqrt(1.0 / MOVES) * np.sqrt(1.0 - 1.0 / MOVES)  # one move by 5, and a sample without any
+    assert found[:5] == [(0.0, 0.0)] * 5
+    assert found[5] == pytest.approx((usual, 1.0))
+    assert found[6] == (-1.0, 2.0)
+    assert found[7:10] == [(0.0, 0.0)] * 3
+    assert found[10] == (7.0, 3.0)
+    assert found[11:] == [(0.0, 0.0), (0.0, 0.0), (0.0, 1.0)]
+    assert (state.lowest.tolist(), state.highest.tolist()) == ([2.0], [9.0])
+    assert told("12" + 200 * "-" + "9", spec)[1][-1] == (7.0, LONGEST)
+    jumped, _ = told("2222" + 200 * "-" + "9999", spec)
+    assert jumped.leap.tolist() == [0.0]  # nobody knows in how many steps it went over a gap
+
+
+def test_an_input_that_is_logged_when_it_changes_is_known_between() -> None:
+    """Where an input is told in few samples only, its empty cells are no doubt; where it mostly is, they are."""
+    spec = plant("dc_motor")[1]
+    _, found = told("12" + "?????????3?????????1" * 12, spec)
+    assert found[11] == (1.0, 9.0)
+    assert found[-30:] == [(0.0, 0.0)] * 30
+    _, found = told("12" + "1212121?2" * 20, spec)
+    assert (1.0, 1.0) in found[-9:]
+
+
+def test_a_sensor_whose_input_is_unknown_says_nothing() -> None:
+    """What a sensor feels of an input at once is not held against the model while that input is missing."""
+    spec = plant("tank")[1]
+    flow = [item.name for item in spec.outputs].index("flow")
+    whole, state = recorded("tank", 1)[0], init(spec)
+    for value in (50.0, 51.0, 51.0):
+        state = replace(state, **pack_sample(spec, state, whole, np.array([value, 20.0]))[1])
+    state = replace(state, since_step=np.full(2, np.inf))
+    missing = replace(whole, u=np.array([np.nan, 20.0]))
+    row, _ = pack_sample(spec, state, missing, np.array([51.0, 20.0]))
+    blank = row[spec.sample_fields["scale"]] == spec.thresholds.blank_factor
+    assert [k for k, item in enumerate(blank) if item] == [flow]
+
+
+def test_nothing_is_added_while_nothing_is_measured() -> None:
+    """Between two gaps with a row between them, states do not stray farther at each sample without any value."""
+    spec = plant("dc_motor")[1]
+    whole, far = recorded("dc_motor", 1)[0], np.array([[0.0, 0.0], [400.0, 600.0]])
+    none = replace(whole, u=np.full_like(whole.u, np.nan), y=np.full_like(whole.y, np.nan))
+    blind = replace(whole, y=np.full_like(whole.y, np.nan))
+    state, found = replace(init(spec), travel=far, held=whole.u), []
+    for sample in [none] * 40 + [whole] + [none] * 30 + [blind] * 3 + [whole] * 2:
+        row, changes = pack_sample(spec, state, sample, whole.u)
+        state = replace(state, **changes)
+        found.append(row[spec.sample_fields["gap"]][1] / 600.0)
+    assert found[40:41] == pytest.approx([1.0])
+    assert not any(found[41:71])
+    assert found[71:76] == pytest.approx([1.0, 0.0, 0.0, AGAIN, AGAIN**2])
 
 
 def test_accepted_faults_of_instruments_are_corrected() -> None:

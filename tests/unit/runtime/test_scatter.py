@@ -27,7 +27,7 @@ def fed(scores: FloatArray, state: State | None = None) -> State:
         packed = np.zeros(SPEC.n_sample)
         packed[place["use"]] = [not np.isnan(score), 1.0]
         packed[place["scale"]] = [SPEC.thresholds.blank_factor if score == np.inf else 1.0, 1.0]
-        packed[place["gap"]] = 1.0 if score == -np.inf else 0.0
+        state = replace(state, astray=np.full_like(state.astray, float(score == -np.inf)))
         value = float(score) if np.isfinite(score) else 0.0
         state = replace(state, **accumulated(SPEC, state, packed, np.array([value, 0.0, 1.0, 1.0])))
         state = replace(state, index=state.index + 1)

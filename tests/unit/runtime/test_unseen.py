@@ -8,7 +8,7 @@ import pytest
 from made import run, samples_of
 
 from faultbond.model.text import parse_model
-from faultbond.runtime.monitor import finish
+from faultbond.runtime.monitor import _unseen, finish
 from faultbond.runtime.state import Sample, State
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
@@ -88,3 +88,39 @@ def test_a_fault_is_found_behind_what_was_not_seen(lost: range) -> None:
     best = diagnosis.candidates[0]
     assert (best.parameters, best.kind.value) == (("Kv",), "step")
     assert best.suspects[0].estimate == pytest.approx(0.75 * 5e-8, rel=0.03)
+
+
+def moved_by(change: float, count: float, travel: float) -> np.ndarray:
+    """What states are uncertain by after a doubt of the valve, the second input; with how far they have ever moved."""
+    state = run(SPEC, ENGINE, made(5)[:200])[0]
+    reach = np.stack([np.zeros(2), np.full(2, travel)])
+    packed = state.trail_samples[199 % len(state.trail_times)].copy()
+    doubted = (np.array([0.0, change]), np.array([0.0, count]))
+    found = _unseen(SPEC, ENGINE, replace(state, travel=reach), packed, doubted)
+    rest = np.delete(np.arange(SPEC.n_sample), SPEC.sample_fields["gap"])
+    assert np.array_equal(found[rest], packed[rest])
+    return np.asarray(found[SPEC.sample_fields["gap"]])
+
+
+@pytest.mark.parametrize("change", [20.0, -20.0])
+def test_what_an_unseen_move_does_to_the_states(change: float) -> None:
+    """As far as one step takes the accumulator under the move, times the samples, at most as far as it ever moved."""
+    one = moved_by(change, 1.0, 1e3)
+    state = run(SPEC, ENGINE, made(5)[:200])[0]
+    gas = state.lane[1, 0]
+    pressure = 4e5 * ((0.02 / (0.02 - gas)) ** 1.2 - 1.0)
+    assert one[1] == pytest.approx(5e-8 * abs(change) * np.sqrt(pressure) * 0.05, rel=0.1)
+    assert moved_by(change, 7.0, 1e3) == pytest.approx(7.0 * one)
+    assert moved_by(change, 7.0, 3.0 * one[1])[1] == pytest.approx(3.0 * one[1])
+    assert moved_by(change, 7.0, 0.0) == pytest.approx(one)
+    assert not np.any(moved_by(0.0, 3.0, 1e3))
+
+
+def test_scatter_is_found_where_rows_come_slowly() -> None:
+    """A row at every fifth sample, between which inputs move, does not keep the sum of the scatter from filling."""
+    generator, samples = np.random.default_rng(8), list(made(6))
+    for k in range(800, ROWS):
+        samples[k] = replace(samples[k], y=samples[k].y + np.array([0.0, 9e3]) * generator.standard_normal())
+    lost = [k for k in range(ROWS) if k % 5]
+    state = alarmed(blind(samples, lost, sensors=False))
+    assert 800 < state.alarm < 1600
