@@ -12,6 +12,7 @@ from math import isfinite, log, sqrt
 import numpy as np
 
 from faultbond.runtime.history import Detection
+from faultbond.runtime.packing import unknown_inputs
 from faultbond.runtime.state import Changes, State
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
@@ -20,12 +21,15 @@ SQRT2 = sqrt(2.0)  # standard deviation of a difference of innovations as declar
 
 
 def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
-    """CUSUMs of the normalised innovations and of their scatter; missing and blanked values leave them as they are."""
+    """CUSUMs of the normalised innovations and of their scatter; missing and blanked values leave them as they are.
+
+    So do all while an input is unknown for several samples: it may stand elsewhere, and then errs to one side.
+    """
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     whole = innovations[:n_y] / np.sqrt(innovations[n_y:])
     score = np.minimum(np.maximum(whole, -settings.cusum_clip), settings.cusum_clip)
     present, settled = packed[place["use"]] > 0, packed[place["scale"]] < settings.blank_factor
-    use = present & settled
+    use = present & settled & ~np.any(unknown_inputs(state))
     sides = np.array([score, -score])
     cusum = np.maximum(state.cusum + (sides - settings.cusum_drift), 0.0)
     fast = np.maximum(state.fast + (sides - settings.fast_drift), 0.0)

@@ -90,7 +90,9 @@ def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArra
         bank,
         steps=steps,
         slots=slots,
-        misfit=add_misfit(spec, bank.misfit, packed, innovations, index),
+        misfit=add_misfit(
+            spec, bank.misfit, packed, innovations, index, switched=one.shape[1] + plan_slots(spec).switched
+        ),
     )
 
 

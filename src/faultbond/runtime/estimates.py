@@ -152,7 +152,7 @@ def _scatter(spec: EngineSpec, slots: FloatArray, lane: int, known: float) -> tu
     (at, *others), (base, *more) = tried[first : first + 3], likelihood[first : first + 3]
     slopes = -0.5 * np.array([[log(c / at), 1.0 / c - 1.0 / at] for c in others])
     count, squares = np.linalg.solve(slopes, np.array(more) - base)
-    if not (count > 1.0 and squares > 0.0):  # lanes that have hardly begun, or are no numbers
-        return known * sqrt(tried[best]), known * sqrt(tried[best])
+    if not (count > 1.0 and squares > 0.0):  # what is no noise, or too short to tell: no finer than those tried lie
+        return known * sqrt(tried[best]), known * sqrt(tried[best]) / 3.0
     sd = known * sqrt(min(max(squares / count, 1.0), 4.0 * tried[-1]))
     return sd, sd / sqrt(2.0 * count)

@@ -2,6 +2,7 @@
 
 A model that explains the plant has white innovations, whatever it is a model of. So a lane whose sums cross the limit
 that raises alarms is contradicted by the data, and if the best lane is, none of the modelled faults explains them.
+A fault that comes and goes is always right while it is gone; so what has once contradicted it does so from then on.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,14 @@ def no_misfit(spec: EngineSpec, n_lanes: int, index: int) -> Misfit:
     return Misfit(sums=np.zeros(shape), since=np.full(shape, float(index)))
 
 
-def add_misfit(spec: EngineSpec, misfit: Misfit, packed: FloatArray, innovations: FloatArray, index: int) -> Misfit:
+def add_misfit(
+    spec: EngineSpec,
+    misfit: Misfit,
+    packed: FloatArray,
+    innovations: FloatArray,
+    index: int,
+    switched: int | None = None,
+) -> Misfit:
     """Give the sums after one more sample.
 
     Parameters
@@ -40,6 +48,7 @@ def add_misfit(spec: EngineSpec, misfit: Misfit, packed: FloatArray, innovations
     innovations : float array, shape (2 * n_outputs, n_lanes)
         Of each lane, see `Engine.advance`.
     index : number of the sample
+    switched : the first of the lanes whose fault comes and goes; these come last. None: there are none
     """
     settings, fields, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -49,6 +58,9 @@ def add_misfit(spec: EngineSpec, misfit: Misfit, packed: FloatArray, innovations
     sums = np.maximum(
         misfit.sums + np.where(use[:, None], [score, -score], settings.cusum_drift) - settings.cusum_drift, 0.0
     )
+    comes_and_goes = np.arange(score.shape[1]) >= (score.shape[1] if switched is None else switched)
+    contradicted = comes_and_goes & (misfit.sums > settings.cusum_limit)
+    sums = np.where(contradicted, np.maximum(sums, misfit.sums), sums)
     return Misfit(sums=sums, since=np.where(sums <= 0.0, float(index), misfit.since))
 
 

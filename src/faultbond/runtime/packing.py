@@ -12,17 +12,14 @@ from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 GAP = 3  # samples without any value from which on the states are uncertain after them,
-FAR = 20  # samples of a gap in which a state may go as far as it has ever been
-AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
-LONGEST = 50  # samples without an input, after which the plant has felt most of what it does
-MOVES, HABIT, RARELY = (
-    300.0,
-    50.0,
-    0.5,
-)  # samples over which moves and presence of inputs are means; presence that is rare
 UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples
 PAUSES = 20  # rows over which the usual number is a mean; longer pauses do not count as more
 UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
+FAR = 20  # samples of a gap in which a state may go as far as it has ever been
+AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
+LONGEST = 50  # samples without an input, after which the plant has felt most of what it does
+MOVES, HABIT = 300.0, 1000.0  # samples over which the moves, and the presence, of inputs are means
+RARELY = 0.5  # presence of an input that is logged when it changes
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
@@ -110,6 +107,11 @@ def _watched(state: State, told: BoolArray, moved: FloatArray, gap: float, *, si
         "guessed": np.where(told, 0.0, state.guessed + 1.0),
         "habit": state.habit if silent else habit,
     }
+
+
+def unknown_inputs(state: State) -> BoolArray:
+    """Tell which inputs have been missing for some samples, though they usually are told and do move; (n_inputs,)."""
+    return np.asarray((state.guessed >= GAP) & (state.leap > 0.0) & (state.habit > RARELY))
 
 
 def doubt(state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:

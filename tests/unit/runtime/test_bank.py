@@ -71,7 +71,8 @@ def test_a_sample_takes_all_lanes_further() -> None:
     bank = advance_bank(SPEC, ENGINE, before.bank, packed, 200)
     steps, one = advance_steps(SPEC, ENGINE, before.steps, packed)
     slots, two = advance_slots(SPEC, ENGINE, before.slots, packed)
-    misfit = add_misfit(SPEC, before.bank.misfit, packed, np.concatenate([one, two], axis=1), 200)
+    pairs = one.shape[1] + plan_slots(SPEC).switched
+    misfit = add_misfit(SPEC, before.bank.misfit, packed, np.concatenate([one, two], axis=1), 200, switched=pairs)
     for found in (bank, after.bank):
         assert np.array_equal(found.steps, steps)
         assert np.array_equal(found.slots, slots)

@@ -88,3 +88,22 @@ def test_the_true_fault_leaves_nothing_unexplained() -> None:
     assert diagnosis.unexplained is None
     assert state.misfit.shape == (2, N_Y, state.steps.shape[1] + state.slots.shape[1])
     assert np.sum(state.misfit.max(axis=(0, 1)) > spec.thresholds.cusum_limit) > 10
+
+
+def test_what_comes_and_goes_stays_contradicted() -> None:
+    """A sum that has crossed the limit does not fall again in lanes that come and go; below the limit it does."""
+    settings, wild = SPEC.thresholds, np.concatenate([np.full((N_Y, 3), 9.0), np.ones((N_Y, 3))])
+    quiet = np.concatenate([np.zeros((N_Y, 3)), np.ones((N_Y, 3))])
+    misfit, sample = no_misfit(SPEC, 3, 0), packed(SPEC, [1.0, 1.0], [1.0, 1.0])
+    rows = int(settings.cusum_limit / (settings.cusum_clip - settings.cusum_drift)) + 2
+    for index in range(rows):
+        found = wild.copy()
+        found[:N_Y, 2] *= float(index < 3)  # the last lane is contradicted for three samples only
+        misfit = add_misfit(SPEC, misfit, sample, found, index, switched=1)
+    peak = misfit.sums[0, :, 1].copy()
+    assert peak.min() > settings.cusum_limit
+    for index in range(rows, rows + 400):
+        misfit = add_misfit(SPEC, misfit, sample, quiet, index, switched=1)
+    assert np.all(misfit.sums[0, :, 0] == 0.0)
+    assert np.array_equal(misfit.sums[0, :, 1], peak)
+    assert np.all(misfit.sums[0, :, 2] == 0.0)

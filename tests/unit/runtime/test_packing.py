@@ -137,7 +137,7 @@ def test_what_inputs_may_have_done_unseen() -> None:
 def test_an_input_that_is_logged_when_it_changes_is_known_between() -> None:
     """Where an input is told in few samples only, its empty cells are no doubt; where it mostly is, they are."""
     spec = plant("dc_motor")[1]
-    _, found = told("12" + "?????????3?????????1" * 12, spec)
+    _, found = told("12" + "?????????3?????????1" * 60, spec)
     assert found[11] == (1.0, 9.0)
     assert found[-30:] == [(0.0, 0.0)] * 30
     _, found = told("12" + "1212121?2" * 20, spec)

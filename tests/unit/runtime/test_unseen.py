@@ -124,3 +124,19 @@ def test_scatter_is_found_where_rows_come_slowly() -> None:
     lost = [k for k in range(ROWS) if k % 5]
     state = alarmed(blind(samples, lost, sensors=False))
     assert 800 < state.alarm < 1600
+
+
+def test_an_input_that_is_missing_for_long_raises_no_alarm() -> None:
+    """While sensors are seen and the pump is not, it moves; the sums stand still, and go on when it is told again."""
+    samples = list(made(2))
+    lost = range(1000, 1120)
+    assert np.ptp([samples[k].u[0] for k in lost]) > 5.0
+    for k in lost:
+        samples[k] = replace(samples[k], u=np.array([np.nan, samples[k].u[1]]))
+    assert alarmed(samples).alarm < 0
+    state = run(SPEC, ENGINE, tuple(samples[:1002]))[0]
+    later = run(SPEC, ENGINE, tuple(samples[1002:1110]), state)[0]
+    assert np.array_equal(later.cusum, state.cusum)
+    fault = Fault(parameter="Kv", factor=0.75, start=52.0)
+    broken = [replace(item, u=was.u) for item, was in zip(made(2, fault), samples, strict=True)]
+    assert 1120 <= alarmed(broken).alarm < 1300
