@@ -95,6 +95,8 @@ def test_a_drift_that_has_nowhere_to_go() -> None:
     assert found.startswith("K1 is 5e9 Pa*s^2/m^6 now (")
     assert found.endswith("), and moves too fast to be a drift")
     assert "falls by" in said(moving(GRAPH, "K1", 0.02, -2e10), FaultKind.DRIFT)
+    unsure = replace(moving(GRAPH, "K1", 0.02, -3e10), rate_sd=5e10)
+    assert said(unsure, FaultKind.DRIFT).endswith("moves at a rate that is not known yet")
 
 
 @pytest.mark.parametrize(

@@ -229,3 +229,11 @@ def test_what_errs_at_times_and_does_so_now() -> None:
     assert after.reading_noise.tolist() == [np.inf, 1.0]
     after, _ = accept(spec, ended("input now")[1], best("input now").hypothesis)
     assert after.input_offset == pytest.approx(best("input now").suspects[0].estimate)
+
+
+def test_noise_is_accepted_as_it_was_told() -> None:
+    """Not as the noise of the lane, which is one of a few that are tried."""
+    after, _ = accept(plant(NAME)[1], ended("noise")[1], best("noise").hypothesis)
+    told = best("noise").suspects[0].estimate
+    assert after.reading_noise[0] == pytest.approx((told / NOISE["omega"]) ** 2, rel=1e-12)
+    assert after.reading_noise[1] == 1.0

@@ -132,6 +132,12 @@ def test_what_inputs_may_have_done_unseen() -> None:
     assert told("12" + 200 * "-" + "9", spec)[1][-1] == (7.0, LONGEST)
     jumped, _ = told("2222" + 200 * "-" + "9999", spec)
     assert jumped.leap.tolist() == [0.0]  # nobody knows in how many steps it went over a gap
+    loose, rows = replace(spec, sample_time=None), recorded("dc_motor", 1)[0]
+    state = init(loose)
+    for dt, value in ((0.0, 2.0), *((1.0, 2.0),) * 9, (90.0, 9.0)):  # rows are the grid, and one comes late
+        u = np.array([value])
+        state = replace(state, **pack_sample(loose, state, replace(rows, u=u, dt=dt), u)[1])
+    assert state.leap.tolist() == [0.0]
 
 
 def test_an_input_that_is_logged_when_it_changes_is_known_between() -> None:

@@ -64,3 +64,15 @@ def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
     assert [report.status for report in reports[:20]].count(Status.STARTING) == 19
     assert all(report.detection is None for report in reports)
     assert abs(reports[20].expected[0] - healthy[later + 20].y[0]) < 6.0 * np.sqrt(reports[20].variance[0])
+
+
+def test_where_a_filter_strayed_is_no_place_where_the_plant_has_been(accepted: State) -> None:
+    """Lost, it forgets how far the states moved; while it seeks them after a gap, it learns nothing of that."""
+    assert np.all(np.isfinite(accepted.travel))
+    assert np.all(np.isinf(lost(accepted).travel))
+    far = replace(accepted, astray=np.full_like(accepted.astray, 1e3), lane=accepted.lane.copy())
+    far.lane[0] += 1e3
+    seeking, _ = run(SPEC, ENGINE, SAMPLES[500:501], far)
+    assert np.array_equal(seeking.travel, accepted.travel)
+    found, _ = run(SPEC, ENGINE, SAMPLES[500:501], replace(far, astray=np.zeros_like(far.astray)))
+    assert found.travel[1, 0] > accepted.travel[1, 0]

@@ -210,6 +210,12 @@ def test_noise_counts_by_its_role(plant: Built) -> None:
     n_y = len(spec.outputs)
     assert noisy[:n_y] == pytest.approx(plain[:n_y], rel=1e-14)
     assert noisy[n_y:] - plain[n_y:] == pytest.approx((times - 1.0) * spec.output_noise**2, rel=1e-6)
+    sample[:, spec.sample_fields["scale"]] = spec.thresholds.blank_factor
+    one, other = (
+        plant.slot.advance(with_roles(spec, correlated(spec), **roles)[:, None], sample)[1][0, :, 0]
+        for roles in ({}, {"noise": times})
+    )
+    assert np.array_equal(one, other)  # so that a lane of noise does not count what says nothing
 
 
 def test_what_the_slot_adds_stays_in_the_range(plant: Built) -> None:
