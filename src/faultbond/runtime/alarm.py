@@ -29,7 +29,9 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     whole = innovations[:n_y] / np.sqrt(innovations[n_y:])
     score = np.minimum(np.maximum(whole, -settings.cusum_clip), settings.cusum_clip)
     present, settled = packed[place["use"]] > 0, packed[place["scale"]] < settings.blank_factor
-    use = present & settled & ~np.any(unknown_inputs(state))
+    use = present & settled
+    if unknown_inputs(state).any():
+        use = np.zeros_like(use)
     sides = np.array([score, -score])
     cusum = np.maximum(state.cusum + (sides - settings.cusum_drift), 0.0)
     fast = np.maximum(state.fast + (sides - settings.fast_drift), 0.0)
@@ -38,7 +40,7 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
         cusum, fast = np.where(use, cusum, state.cusum), np.where(use, fast, state.fast)
         scatter = np.where(use, scatter, state.scatter)
         scatter[2, :, present & ~settled] = np.nan
-    if np.any(state.astray > 0.0):  # after a gap
+    if state.astray.any():  # after a gap
         scatter = state.scatter.copy()
         scatter[2] = np.nan
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began

@@ -62,7 +62,7 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
     packed, changes = pack_sample(spec, state, sample, u)
-    if state.running:
+    if state.running and state.guessed.any():
         packed = _unseen(spec, engine, state, packed, doubt(state, sample, u))
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
@@ -158,9 +158,9 @@ def _remembered(state: State, lane: FloatArray) -> Changes:
     lanes = state.trail_lanes.copy()
     lanes[state.index % len(lanes)] = lane[:, 0]
     kept: Changes = {"lane": lane, "trail_lanes": lanes}
-    if not np.any(state.astray):  # else the states are not known well enough to tell where the plant has been
-        x = lane[: state.travel.shape[1], 0]
-        kept["travel"] = np.stack([np.minimum(state.travel[0], x), np.maximum(state.travel[1], x)])
+    x, (low, high) = lane[: state.travel.shape[1], 0], state.travel
+    if ((x < low) | (x > high)).any() and not state.astray.any():  # else the states are sought, and not known well
+        kept["travel"] = np.stack([np.minimum(low, x), np.maximum(high, x)])
     number, rest = divmod(state.index - _learned_from(state), SNAPSHOT_EVERY)
     if rest or number < 0:
         return kept

@@ -71,8 +71,7 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     told = np.isfinite(sample.u)
     seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause, "astray": astray}
     inputs = {"held": u, "peak": peak, "since_step": since, "change": change}
-    known = replace(state, held=before)  # of the first sample nothing was held
-    return packed, inputs | seen | _watched(known, told, moved, gap, silent=bool(silent))
+    return packed, inputs | seen | _watched(state, told, u, moved, gap, silent=bool(silent))
 
 
 def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
@@ -81,6 +80,8 @@ def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
     From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
     each of them a step of Newton's method, down to what counts as nothing.
     """
+    if not gap and not state.astray.any():
+        return state.astray
     far = travelled(state)
     drift, noise = (np.array([getattr(item, name) for item in spec.states]) for name in ("drift", "noise"))
     again = np.where(AGAIN * state.astray > np.maximum(noise, NOTHING * far), AGAIN * state.astray, 0.0)
@@ -92,8 +93,8 @@ def travelled(state: State) -> FloatArray:
     return np.asarray(np.maximum(state.travel[1] - state.travel[0], 0.0))
 
 
-def _watched(state: State, told: BoolArray, moved: FloatArray, gap: float, *, silent: bool) -> Changes:
-    """Give what is known of the inputs after a sample in which some were told and moved by so much.
+def _watched(state: State, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool) -> Changes:
+    """Give what is known of the inputs `u` after a sample in which some were told and moved by so much.
 
     An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
     """
@@ -101,8 +102,8 @@ def _watched(state: State, told: BoolArray, moved: FloatArray, gap: float, *, si
     size = state.leap**2 + (moved**2 - state.leap**2) / MOVES
     habit = state.habit + (told - state.habit) / HABIT
     return {
-        "lowest": np.where(told, np.minimum(state.lowest, state.held + moved), state.lowest),
-        "highest": np.where(told, np.maximum(state.highest, state.held + moved), state.highest),
+        "lowest": np.where(told, np.minimum(state.lowest, u), state.lowest),
+        "highest": np.where(told, np.maximum(state.highest, u), state.highest),
         "leap": np.where(whole, np.sqrt(size), state.leap),
         "guessed": np.where(told, 0.0, state.guessed + 1.0),
         "habit": state.habit if silent else habit,
@@ -144,6 +145,8 @@ def _absent_rows(state: State, dt: float) -> tuple[float, float, float]:
 def _blanked(spec: EngineSpec, state: State, sample: Sample, since_step: FloatArray) -> BoolArray:
     """Whether an input that reaches a sensor directly is still settling after a step, or not known, per output."""
     settling = np.array([item.settling for item in spec.inputs])
-    unknown = ~np.isfinite(sample.u) & (state.leap > 0.0) & (state.habit > RARELY)
-    moving = (since_step < settling) | unknown
+    moving = since_step < settling
+    missing = ~np.isfinite(sample.u)
+    if missing.any():
+        moving = moving | (missing & (state.leap > 0.0) & (state.habit > RARELY))
     return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)
