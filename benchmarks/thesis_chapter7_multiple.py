@@ -10,7 +10,8 @@ WITH_PIPE = ("K1, K8", "K1, K2", "K1, K7", "K1, K3", "K1, K4", "K1, K6")
 SINGLES = ("K1", "K8", "K2", "K7", "K6", "K4", "K3")
 FOUR = ("K1, K6", "K1, K4", "K3, K8", "K6, K8")  # of figure 7.40, in the order of the thesis
 PRINTED_RULE = (
-    "erratum: by the printed sum a single is always below every pair as long as all indices are below a quarter"
+    "erratum: by the printed sum the lowest single is always below every pair "
+    "as long as all indices are below a quarter"
 )
 
 

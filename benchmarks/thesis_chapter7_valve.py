@@ -118,7 +118,8 @@ def figure_7_5() -> Figure:
                 "16 l/sec",
                 f"largest flow {tank.recording('healthy').outputs[:, 0].max() / tank.LITRE:.2f} l/s",
                 same=False,
-                remark="erratum: 16 l/min is meant; this model reaches 0.29 l/s, 17.6 l/min, at most",
+                otherwise="this model reaches 0.29 l/s, 17.6 l/min, at most, "
+                "so the recordings do not show which unit is meant",
             ),
         ),
     )

@@ -126,7 +126,8 @@ def section_6_5() -> Table:
                 "all five faulty, with the current",
                 "can be told",
                 "can be told" if whole.testable else "explain anything",
-                "erratum: their values can be found, but nothing could contradict them; hence 30 and not 31",
+                "differs: the rank counts what another linear motor could show; "
+                "dry friction or a bias of the speed contradict them",
             ),
             number("sets that have to be tested with the current", "5", len(largest(large))),
         ),
@@ -148,7 +149,7 @@ def _part(count: int, total: int) -> str:
 def section_6_1_2() -> Table:
     """Give all solutions of each hypothesis on the smallest number of samples."""
     printed = {"R": "one", "L": "one", "J": "one", "C": "one", "K": "one", "RL": "one", "JK": "two"}
-    remarks = {"K": "erratum: a single fault can have two solutions, too"}
+    remarks = {"K": "differs: on three samples; in lumped parameters, and on a long record, a single has one"}
     lines = [_roots(names, printed.get("".join(names), ""), remarks.get("".join(names), "")) for names in HYPOTHESES]
     return Table(
         title="Section 6.1.2: solutions on the smallest number of samples",

@@ -44,14 +44,14 @@ def table_3_1() -> Table:
     laws = {item.name: to_text(in_frame(item, 0)) + " = 0" for item in network.equations}
     printed = ("I_R = I_C = I_source", "V + V_R + V_C = 0", "V_R = I_R R", "V_C = 1/C integral of I_C dt")
     ours = ("one signal: loop.f", laws["loop"], laws["R"], f"{laws['C']}, {laws['C.sum']}")
-    remark = "erratum: with the half arrows of figure 3.2 it is V - V_R - V_C = 0"
+    remark = "each voltage is counted round the loop; with the half arrows of figure 3.2 two signs turn"
     return Table(
         title="Table 3.1: structure and function of the R-C circuit",
         source="3.1, figures 3.1 and 3.2, page 19",
         words="`examples/thesis/rc.yaml`. `_0` is the newest sample, `_1` the one before; backward Euler. "
         "R.e is V_R, loop.f the current.",
         lines=tuple(
-            words(f"equation {k}", *texts, remark if k == 2 else "")
+            equal(f"equation {k}", *texts, remark, same=True) if k == 2 else words(f"equation {k}", *texts)
             for k, texts in enumerate(zip(printed, ours, strict=True), start=1)
         ),
     )
