@@ -66,6 +66,7 @@ trust: $(DEV)
 	  else for name in skab watersafe; do measure $$name --markdown $$page; done; fi; \
 	  page=docs/figures.md; \
 	  measure figures --seeds $(SEEDS) --first-seed 23000 --markdown $$page; \
+	  measure consistency --markdown $$page; \
 	  measure three_tank --seeds $(SEEDS) --first-seed 3000 --markdown $$page; \
 	  measure rivals --seeds $(SEEDS) --first-seed 1000 --markdown $$page
 	@git --no-pager diff --stat -- docs

@@ -16,6 +16,7 @@ LEVELS = {
     "errors": 0,
     "types": 0,
     "sets": 0,
+    "starting": 0,
     "spec": 1,
     "model": 2,
     "runtime": 2,

@@ -1,5 +1,9 @@
 """Exceptions: each message names the user's thing, what was expected, and what to do."""
 
+import unicodedata
+
+CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode
+
 
 class FaultbondError(Exception):
     """Base of every error that a user can cause and mend."""
@@ -23,3 +27,23 @@ class GenerationError(FaultbondError):
 
 class RecordingError(FaultbondError):
     """A recording cannot be read, or lacks a column that the model needs."""
+
+
+class NoVerdictError(RecordingError):
+    """A recording can be read, and nothing that was asked for can be said from it."""
+
+
+class CacheError(FaultbondError):
+    """Others may write the folder of compiled engines, so what is in it may be anybody's."""
+
+
+def plain(text: str) -> str:
+    """Give a text that cannot steer a terminal: controls, and marks that turn a text around, are `?`."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join("?" if unicodedata.category(letter) in CONTROLS and letter != "\n" else letter for letter in text)
+
+
+def one_line(message: str) -> str:
+    """Give a message on one line, as `plain` gives it."""
+    return plain(" ".join(message.split()))

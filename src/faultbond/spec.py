@@ -73,6 +73,7 @@ class InputSpec:
     unit: str = ""
     unit_factor: float = 1.0
     unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
+    ranged: bool = False  # whether the model states what it can be, so that nothing else is called wild
 
     @property
     def percent(self) -> bool:
@@ -91,6 +92,7 @@ class OutputSpec:
     unit_factor: float
     unit_offset: float
     suspect: bool = True
+    ranged: bool = False  # as of an input
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,7 +291,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound."""
+        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # held since the previous sample
@@ -301,13 +303,14 @@ class EngineSpec:
             "gap": len(self.states),  # sd that each state gains, since nobody saw what acted before this sample
             "again": 1,  # 1: update a second time, linearised at the first result
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
+            "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
         }
         return _fields(sizes, 0)
 
     @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
-        return int(self.sample_fields["bound"].stop)
+        return int(self.sample_fields["nis"].stop)
 
 
 class Engine(Protocol):

@@ -70,6 +70,14 @@ class Method(Enum):
     CLASSIC = "classic"  # that of the thesis
 
 
+class Verdict(Enum):
+    """What a run says of its plant."""
+
+    HEALTHY = "healthy"
+    FAULT = "fault"  # one was detected, or stands open from before
+    NONE = "none"  # nothing could be judged
+
+
 class EngineChoice(Enum):
     """Which engine runs the filters."""
 

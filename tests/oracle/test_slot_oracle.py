@@ -94,12 +94,13 @@ def predicted(
 
 
 def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatArray, FloatArray, float]:
-    """Mean, covariance and log-likelihood: if the sample says much, it updates again at the result."""
+    """Mean, covariance and log-likelihood: if the sample says much, it updates again at the faults that it found."""
     guess, spread, gained = z, P, []
     for _ in range(2):
-        factor = acts.reads + acts.gain * guess[SIZE]
-        h = np.array([factor, 0.0, 0.0, acts.gain * guess[VOLTAGE] + acts.added, 0.0, 0.0])
-        expected = factor * guess[VOLTAGE] + acts.added * guess[SIZE] + h @ (z - guess)
+        size = guess[SIZE]
+        factor = acts.reads + acts.gain * size
+        h = np.array([factor, 0.0, 0.0, acts.gain * z[VOLTAGE] + acts.added, 0.0, 0.0])
+        expected = factor * z[VOLTAGE] + acts.added * size + h[SIZE] * (z[SIZE] - size)
         S = h @ P @ h + NOISE_Y**2 * acts.scatter
         off = float(np.clip((y - expected) / np.sqrt(S), -MOST, MOST))  # what is farther off counts as no farther
         gained.append(-0.5 * (off**2 + np.log(2.0 * np.pi * S / NOISE_Y**2)))

@@ -170,8 +170,9 @@ def gates(draw: st.DrawFn) -> Mapping:
 def inputs(draw: st.DrawFn) -> Mapping:
     """An input in volts."""
     unit = draw(st.sampled_from(["V", "mV", "kV"]))
-    optional = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
+    optional: dict[str, object] = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
     optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
+    optional["range"] = draw(st.sampled_from(["any", [f"-1 {unit}", "inf"]]))
     return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
 
 

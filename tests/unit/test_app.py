@@ -184,7 +184,7 @@ def test_no_verdict(edit: Edit, reason: str, folder: Path, tmp_path: Path, capsy
     """A recording that tells nothing of the plant is not called healthy, neither in text nor page nor record."""
     poor = edited(folder / "healthy.csv", tmp_path / "poor.csv", edit)
     page, target = tmp_path / "page.html", tmp_path / "records.jsonl"
-    assert main(["run", str(MODEL), poor, "--report", str(page), "--json", str(target)]) == 0
+    assert main(["run", str(MODEL), poor, "--report", str(page), "--json", str(target)]) == 4
     shown = capsys.readouterr()
     assert f"No verdict: {reason}." in shown.out
     assert shown.err == f"faultbond: no verdict: {reason}.\n"
@@ -206,7 +206,7 @@ def test_a_plant_without_a_sensor_in_use_has_no_verdict(
     assert main(["accept", str(MODEL), str(state), "V_C"]) == 0
     before = records(target)[-1]["watched"]
     later = edited(folder / "faulty.csv", tmp_path / "later.csv", lambda rows: [shifted(row) for row in rows])
-    assert main(["run", str(MODEL), later, "--state", str(state), "--json", str(target)]) == 0
+    assert main(["run", str(MODEL), later, "--state", str(state), "--json", str(target)]) == 4
     assert "no verdict: no row has a value of a sensor that is in use" in capsys.readouterr().err
     assert records(target)[-1]["watched"] == before
 

@@ -4,17 +4,19 @@ import json
 import os
 import subprocess
 import sys
+import unicodedata
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli import main
-from faultbond.errors import ModelError
+from faultbond.errors import CONTROLS, ModelError, NoVerdictError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
-from faultbond.types import EngineChoice
+from faultbond.types import EngineChoice, Verdict
 
 PROGRAM = [sys.executable, "-m", "faultbond"]
 
@@ -70,10 +72,11 @@ class Spy:
         self.seen |= {"imperfections": imperfections, "start": start}
         self.do(out)
 
-    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
+    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
         """Note a call of `run`."""
         self.seen = {"model": model, "recording": recording, "engine": wanted.engine, "wanted": wanted}
-        return bool(self.do(out))
+        found = self.do(out)
+        return Verdict.NONE if found is None else Verdict.FAULT if found else Verdict.HEALTHY
 
     def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
         """Note a call of `accept`."""
@@ -85,10 +88,10 @@ class Spy:
         self.seen = {"verb": "reject", "model": model, "state": state, "names": names}
         self.do(out)
 
-    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
+    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> bool:
         """Note a call of `analyse`."""
         self.seen = {"model": model, "wishes": wishes}
-        self.do(out)
+        return self.do(out) is not False
 
     def print_code(self, model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
         """Note a call of `print_code`."""
@@ -193,7 +196,7 @@ def test_arguments_reach_the_verb(
     """Each verb gets its arguments, typed, with the defaults that the help names."""
     monkeypatch.delenv("FAULTBOND_ENGINE", raising=False)
     spy = Spy()
-    assert main(arguments, spy) == 0
+    assert main(arguments, spy) == (4 if arguments[0] == "run" else 0)  # the spy has no verdict
     assert spy.seen == {"engine": EngineChoice.AUTO} | seen
 
 
@@ -238,9 +241,10 @@ def test_the_plant_of_simulate() -> None:
 
 
 def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:
-    """`run` gives 1 for a fault; `demo`, which finds one too, gives 0."""
+    """`run` gives 1 for a fault, 0 for none, 4 where it cannot tell; `demo`, which finds one too, gives 0."""
     assert main(["run", "m.yaml", "r.csv"], Spy(speak)) == 1
     assert main(["run", "m.yaml", "r.csv"], Spy(lambda out: False)) == 0
+    assert main(["run", "m.yaml", "r.csv"], Spy()) == 4
     assert main(["demo"], Spy(speak)) == 0
 
 
@@ -291,6 +295,12 @@ def test_bad_usage_is_one_line_and_exit_code_2(
     assert (shown.out, shown.err.count("\n")) == ("", 1)
 
 
+def test_an_analysis_that_tells_nothing_is_exit_code_4() -> None:
+    """`analyse` without a part that could be told, and a recording from which nothing follows, have no verdict."""
+    assert main(["analyse", "m.yaml"], Spy(lambda out: False)) == 4
+    assert main(["fit", "m.yaml", "r.csv"], Spy(failing(NoVerdictError("r.csv: too short")))) == 4
+
+
 @pytest.mark.parametrize(
     ("error", "message"),
     [
@@ -308,7 +318,8 @@ def test_mistakes_of_the_user(error: Exception, message: str, capsys: pytest.Cap
 def test_a_json_file_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder that is not there is named."""
     assert main(["check", "m", "--json", str(tmp_path / "no" / "x.json")], Spy()) == 2
-    assert capsys.readouterr().err == f"{tmp_path / 'no' / 'x.json'}: No such file or directory.\n"
+    path = tmp_path / "no" / "x.json"
+    assert capsys.readouterr().err == f"{path}: there is no folder {path.parent}. Create it, or name another file.\n"
 
 
 def test_an_internal_error(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -390,3 +401,33 @@ def test_the_command_line_starts_fast() -> None:
     code = f"import sys, faultbond.cli; sys.exit([name for name in {heavy} if name in sys.modules] or 0)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
+
+
+def test_no_name_steers_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Controls in headers, paths and model texts, and marks that turn a text around, are shown as `?`, or refused."""
+    evil = "\x1b[31m\x9b2J\x07\u202e\r\x00".replace("\x00", "")
+    folder = tmp_path / f"a{evil}b\nc"
+    folder.mkdir()
+    example = Path(__file__).parents[2] / "examples" / "rc"
+    model = folder / "model.yaml"
+    model.write_text((example / "model.yaml").read_text())
+    (folder / "r.csv").write_text(f"time,V{evil},V_C\n0,1,1\n")
+    output = str(folder / "o.csv")
+    commands = (
+        ["check", str(model)],
+        ["run", str(model), str(folder / "r.csv")],
+        ["run", str(model), str(folder / "none.csv")],
+        ["run", str(model), str(example / "healthy.csv"), "--report", str(folder / "r.html"), "--engine", "vm"],
+        ["simulate", str(model), "--inputs", str(example / "healthy.csv"), "-o", output],
+        ["nosuch" + evil],
+    )
+    for command in commands:
+        with suppress(SystemExit):
+            main(command)
+        shown = capsys.readouterr()
+        written = (shown.out + shown.err).replace("\n", "")
+        assert all(unicodedata.category(letter) not in CONTROLS for letter in written), command
+        assert shown.err.count("\n") <= 1
+    model.write_text((example / "model.yaml").read_text().replace("name: ", 'name: "\\e[31m"  # '))
+    assert main(["check", str(model)]) == 2
+    assert "character U+001B cannot stand in a model" in capsys.readouterr().err

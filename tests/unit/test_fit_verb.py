@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from faultbond.cli import DONE, main
-from faultbond.cli.program import USER_MISTAKE
+from faultbond.cli.program import NO_VERDICT, USER_MISTAKE
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model
 
@@ -174,21 +174,21 @@ def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "message"),
+    ("rows", "message", "code"),
     [
-        ([], "there is no row below the header"),
-        (["0,1,2"], "1 readings can be used, and 3 values are to be found"),
-        (["0,1,", "0.02,1,", "0.04,1,x"], "no row has a value of the sensor i"),
-        (["0,,1", "0.02,,1", "0.04,,1"], "no row has a value of the input V"),
+        ([], "there is no row below the header", USER_MISTAKE),
+        (["0,1,2"], "1 readings can be used, and 3 values are to be found", NO_VERDICT),
+        (["0,1,", "0.02,1,", "0.04,1,x"], "no row has a value of the sensor i", NO_VERDICT),
+        (["0,,1", "0.02,,1", "0.04,,1"], "no row has a value of the input V", NO_VERDICT),
     ],
 )
 def test_recordings_with_too_little(
-    rows: list[str], message: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rows: list[str], message: str, code: int, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A recording that tells nothing is refused in one line."""
+    """A recording that tells nothing is refused in one line, and is no mistake where it has rows."""
     recording = tmp_path / "bad.csv"
     recording.write_text("\n".join(["time,V,i", *rows]) + "\n", encoding="utf-8")
-    assert main(["fit", str(model), str(recording)]) == USER_MISTAKE
+    assert main(["fit", str(model), str(recording)]) == code
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

@@ -1,6 +1,7 @@
 """`run` on networks without time: records and text, from the thesis' figures and a circuit of two gates."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -89,7 +90,7 @@ def test_what_was_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     _, records = run("fig_6_13", tmp_path / "some.csv", capsys)
     assert (records[-1]["samples"], records[-1]["missing"], records[-1]["watched"]) == (3, 3, 2)
     (tmp_path / "none.csv").write_text("Vi,Vo\n4,\n3,\n")
-    assert main(["run", str(THESIS / "fig_6_1.yaml"), str(tmp_path / "none.csv")]) == 0
+    assert main(["run", str(THESIS / "fig_6_1.yaml"), str(tmp_path / "none.csv")]) == 4
     shown = capsys.readouterr()
     assert "No verdict: no row has a value of a sensor." in shown.out
     assert "Nothing contradicts" not in shown.out
@@ -160,3 +161,25 @@ def test_a_scenario_with_missing_values(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["run", str(tmp_path / "pair.xml"), str(tmp_path / "s.scn"), "--json", "-"]) == 0
     end = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (end["samples"], end["missing"], end["watched"]) == (2, 2, 1)
+
+
+@pytest.mark.parametrize("nominal", ["1e300", "-1e-300", "1e307"])
+def test_nominal_values_of_any_size(nominal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Sets whose solutions lie beyond all measure from nominal are told as any other, in a few digits."""
+    model = tmp_path / "m.yaml"
+    model.write_text((THESIS / "fig_6_1.yaml").read_text().replace("nominal: 4,", f"nominal: {nominal},"))
+    assert main(["run", str(model), str(THESIS / "fig_6_1.csv")]) == 1
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    assert "3 sets of 2 suspects explain every observation" in shown.out or "suspect explains" in shown.out
+    assert not re.search(r"\d{20}", shown.out)
+
+
+def test_readings_of_any_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A product of readings beyond floating point is no value, and nothing ends in an internal error."""
+    for figure in ("fig_6_13", "fig_3_14", "fig_6_1"):
+        header, first, *rest = (THESIS / f"{figure}.csv").read_text().splitlines()
+        wild = ",".join(["1e300"] * len(first.split(",")))
+        (tmp_path / "r.csv").write_text("\n".join([header, wild, first, *rest]) + "\n")
+        assert main(["run", str(THESIS / f"{figure}.yaml"), str(tmp_path / "r.csv")]) in (0, 1)
+        assert capsys.readouterr().err.count("\n") <= 1

@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 STEP = 0.02
 ROWS = 900
 FAULT = 12.0  # s
-DEFECTS = ("missing", "late", "duplicate", "untimed", "unused", "clock_jumps", "saturated", "frozen")
+DEFECTS = ("missing", "late", "duplicate", "untimed", "unused", "clock_jumps", "saturated", "frozen", "wild")
 
 Rows = list[list[str]]
 Edit = Callable[[Rows], Iterable[list[str]]]

@@ -18,7 +18,8 @@ from faultbond.analysis.rest import Stand, at_rest, reference, reference_levels,
 from faultbond.dynamics.step import StepModel
 from faultbond.errors import RecordingError, StructureError
 from faultbond.runtime.monitor import START_PATIENCE, step
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.state import Sample, State, init
 from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import BoolArray, FloatArray
 
@@ -141,7 +142,7 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
         spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
     )  # only as much history as the start may need
     watched = replace(spec, thresholds=quiet)
-    state = init(watched)
+    state = _begun(watched, engine)
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     for sample in samples:
         state, report = step(watched, engine, state, sample)
@@ -161,6 +162,15 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
         spread=spread,
         warm=max(state.begun + spec.thresholds.warm_up_samples - first, 0),
     )
+
+
+def _begun(spec: EngineSpec, engine: Engine) -> State:
+    """Give the state before the first sample; where every start is known, the filter runs from there on."""
+    state = init(spec)
+    if any(item.start_sd is None for item in spec.states):
+        return state
+    start = solve_start(spec, engine, np.zeros((0, spec.n_sample)))
+    return replace(state, lane=healthy_lane(spec, *start), running=1)
 
 
 def _slopes(

@@ -16,7 +16,7 @@ import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity
 from faultbond.dynamics.step import StepModel
-from faultbond.errors import RecordingError
+from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.types import FloatArray, IntArray
 
 MOST_SAMPLES = 600
@@ -133,7 +133,7 @@ def _held(model: StepModel, inputs: FloatArray) -> FloatArray:
     here = np.isfinite(inputs)
     for k, item in enumerate(graph.inputs):
         if not here[:, k].any():
-            raise RecordingError(f"no row has a value of the input {item.name}; check its column `{item.column}`")
+            raise NoVerdictError(f"no row has a value of the input {item.name}; check its column `{item.column}`")
     last = np.maximum.accumulate(np.where(here, np.arange(len(inputs))[:, None], -1), axis=0)
     last = np.where(last < 0, np.argmax(here, axis=0), last)
     return np.take_along_axis(inputs, last, axis=0)

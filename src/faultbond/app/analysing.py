@@ -34,8 +34,8 @@ class Wishes:
     preference: str = "fewest frames"
 
 
-def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
-    """Tell what can be found and told apart, how small, by which routes, and what would help."""
+def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
+    """Tell what can be found and told apart, how small, by which routes, and what would help; False: nothing."""
     graph, network = _plant(model)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
@@ -53,6 +53,7 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
     from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads casadi
 
+    told = False
     with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
         for title, work in sections(graph, network, wishes):
             try:
@@ -62,11 +63,13 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> None:
                 if console is not None:
                     print_refusal(console, title, str(error))
                 continue
+            told = True
             record |= section.record
             if console is not None:
                 section.show(console)
                 console.file.flush()
     out.record(record)
+    return told
 
 
 def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:

@@ -15,9 +15,9 @@ from faultbond.io.saved import Found, Saved
 from faultbond.runtime.history import Decider, Decision, Detection, Diagnosis
 from faultbond.runtime.records import decision_record, detection_record, diagnosis_record, end_record
 from faultbond.runtime.rule import watch
-from faultbond.runtime.state import Sample, Status
+from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import Trace
-from faultbond.types import Method
+from faultbond.types import Method, Verdict
 
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
 ALARMS_ON = (Status.WATCHING, Status.DIAGNOSING)
@@ -64,7 +64,7 @@ class Course:
             self._watcher.resume()
         report = self._watcher.step(sample)
         self._time = point.time
-        self._count(sample, report.status)
+        self._count(sample, report)
         if self._trace is not None:
             self._trace.add(sample, report)
         if report.detection is not None:
@@ -100,6 +100,7 @@ class Course:
                 time=self._time if counts.samples else None,
                 watched=self.found.watched,
                 detections=self.found.detections,
+                wild=self.found.wild,
                 **asdict(counts),
             )
         )
@@ -129,10 +130,17 @@ class Course:
         return Counts(**{name: getattr(now, name) - getattr(before, name) for name in Counts.__slots__})
 
     @property
-    def detected(self) -> bool:
-        """Whether there was a detection in this run, or stood open at its beginning."""
+    def wild(self) -> int:
+        """How many values were refused since this run began."""
+        return self.found.wild - (self._began.found.wild if self._began is not None else 0)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether there was a detection in this run, or stood open at its beginning; else whether it could judge."""
         before = self._began.found if self._began is not None else Found()
-        return self.found.detections > before.detections or before.open is not None
+        if self.found.detections > before.detections or before.open is not None:
+            return Verdict.FAULT
+        return Verdict.NONE if self.no_verdict() else Verdict.HEALTHY
 
     def no_verdict(self) -> str:
         """Say why this run says nothing about the plant; empty where it does."""
@@ -154,16 +162,22 @@ class Course:
             return f"no row has a value of the sensor {silent[0]}, and the start still waited for one"
         return "no row has a value of a sensor that is in use once the alarms are on"
 
-    def _count(self, sample: Sample, status: Status) -> None:
+    def _count(self, sample: Sample, report: Report) -> None:
+        status = report.status
         self._seen |= np.isfinite(sample.u)
         read = np.isfinite(sample.y)
         self._read |= read
         watched = status in ALARMS_ON and bool(np.any(read & self._watcher.in_use))
         self._lost += status is Status.LOST
         waiting = status is Status.WAITING
-        if watched or waiting:
+        if watched or waiting or report.wild:
             found = self.found
-            self.found = replace(found, watched=found.watched + watched, waiting=found.waiting + waiting)
+            self.found = replace(
+                found,
+                watched=found.watched + watched,
+                waiting=found.waiting + waiting,
+                wild=found.wild + report.wild,
+            )
 
     def _detected(self, detection: Detection) -> None:
         self.found = self.found.with_detection(detection)

@@ -7,6 +7,7 @@ from faultbond.app.keeping import read_before
 from faultbond.app.methods import Watcher, build_method
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.out import Out
+from faultbond.io.record_file import holds
 from faultbond.io.saved import Found, Saved, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -34,7 +35,7 @@ class _Opened:
 
 def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
     """Take a candidate of a kept run, without names the best, as the new healthy model."""
-    opened = _opened(model, state)
+    opened = _opened(model, state, out)
     best = opened.diagnosis.candidates[0].hypothesis
     candidate = opened.watcher.accept(find_hypothesis(opened.watcher.spec, names) if names else best)
     accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
@@ -48,7 +49,7 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
 
 def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
     """Rule a candidate of a kept run out, and with it all sets that contain it."""
-    opened = _opened(model, state)
+    opened = _opened(model, state, out)
     chosen = find_hypothesis(opened.watcher.spec, names)
     rejected = Decision(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
     opened.write(state, opened.saved.found.with_rejected(rejected))
@@ -62,7 +63,7 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
         out.say(ranking_text(opened.graph, left))
 
 
-def _opened(model: Path, state: Path) -> _Opened:
+def _opened(model: Path, state: Path, out: Out) -> _Opened:
     """Read model and file, and let the method stand as it stood."""
     graph = load_model(model)
     if graph.grid is TimeGrid.NONE:
@@ -70,6 +71,8 @@ def _opened(model: Path, state: Path) -> _Opened:
     saved = read_before(state, graph)
     if saved is None:
         raise RecordingError(f"{state}: there is no such file. `faultbond run MODEL REC --state {state}` writes it.")
+    if out.replaces is not None and saved.records is not None and holds(out.replaces, saved.records):
+        raise FaultbondError(f"{out.replaces}: there are the records of the run in {state}. Name another file.")
     watcher = build_method(graph, saved.method, EngineChoice.AUTO, saved.numbers)
     diagnosis = watcher.finish()
     if diagnosis is None or not diagnosis.candidates:

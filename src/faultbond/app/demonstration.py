@@ -10,13 +10,14 @@ from faultbond.io.examples import example
 from faultbond.io.out import Out
 from faultbond.types import EngineChoice
 
+DEMO = "tank"
 DEMO_RECORDING = "fault_pipe.csv"
 DEMO_TRUTH = "What was made: at 1500 s the resistance K1 of the pipe rose to 1.85 times its value."
 
 
 def demo(*, report: Path, engine: EngineChoice, out: Out) -> None:
     """Find a fault in the built-in water tank and write the report."""
-    folder = example("tank")
+    folder = example(DEMO)
     model, recording = (_near(folder / name) for name in ("model.yaml", DEMO_RECORDING))
     out.say(f"The built-in water tank: {recording}, 82 minutes, in which a fault was made at 1500 s.")
     out.say(f"Engine: {engine_title(engine)}.")

@@ -27,7 +27,7 @@ def engine_title(choice: EngineChoice) -> str:
 
     compiler = None if choice is EngineChoice.MACHINE else find_compiler()
     if compiler is not None:
-        return f"compiled C ({compiler[0]}), built at the first run and kept in {cache_folder()}"
+        return f"compiled C ({' '.join(compiler)}), built at the first run and kept in {cache_folder()}"
     if choice is EngineChoice.COMPILED:
         raise GenerationError(NO_COMPILER)
     return "CasADi virtual machine (no C compiler used)"

@@ -11,6 +11,7 @@ from typing import Any
 from faultbond.app.engines import NO_COMPILER, build_watcher
 from faultbond.app.rows import no_time, sample_of
 from faultbond.errors import GenerationError, ModelError, RecordingError
+from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
@@ -70,8 +71,12 @@ def fit(
             plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
         )
     fitted = Fitted(graph=graph, found=found, version=spec.version)
-    if output is not None:
-        output.write_text(fitted.model_text(model.read_text(encoding="utf-8")), encoding="utf-8")
+    refused: OSError | None = None
+    try:
+        if output is not None:
+            _write(output, fitted.model_text(model.read_text(encoding="utf-8")))
+    except OSError as error:  # what was found is told all the same
+        output, refused = None, error
     out.record(fit_record(fitted, output))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
@@ -80,8 +85,15 @@ def fit(
     if report is not None:
         from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
 
-        report.write_text(render_fit(fitted), encoding="utf-8")
+        _write(report, render_fit(fitted))
         out.say(f"Report: {report}")
+    if refused is not None:
+        raise refused
+
+
+def _write(path: Path, text: str) -> None:
+    with replaced_text(path) as stream:
+        stream.write(text)
 
 
 def check_data(
@@ -153,7 +165,7 @@ def likelihood_engine(step_model: Any, choice: EngineChoice) -> Engine:
         if choice is EngineChoice.COMPILED:
             raise
         return VirtualMachine(function)
-    return load_engine(library, function.numel_out(1), compiler[0])
+    return load_engine(library, function.numel_out(1), " ".join(compiler))
 
 
 def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:

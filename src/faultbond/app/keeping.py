@@ -2,11 +2,14 @@
 
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from faultbond.app.course import Course
 from faultbond.errors import RecordingError
-from faultbond.io.saved import Saved, read_saved, write_saved
+from faultbond.io.out import Out
+from faultbond.io.record_file import Mark
+from faultbond.io.saved import Saved, read_saved, refuse_strange, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.types import Method
 
@@ -19,7 +22,7 @@ def read_before(path: Path | None, graph: BondGraph, method: Method | None = Non
     Raises
     ------
     RecordingError
-        Where the file is of another model or method, or cannot be written at the end.
+        Where the file is of another model or method, is damaged, or cannot be written at the end.
     """
     if path is None:
         return None
@@ -27,8 +30,11 @@ def read_before(path: Path | None, graph: BondGraph, method: Method | None = Non
         raise RecordingError(f"{path}: there is no folder {path.parent}. Create it, or name another file.")
     if not path.exists():
         return None
+    if not path.is_file():
+        raise RecordingError(f"{path}: this is no file, so no run can be kept in it. Name a file.")
     saved = read_saved(path)
     _refuse_other_model(path, saved, graph)
+    refuse_strange(path, saved, graph)
     if method not in (None, saved.method):
         raise RecordingError(
             f"{path}: it was saved by --method {saved.method.value}. Give that method, or name another file."
@@ -54,20 +60,39 @@ class Keeper:
     path : the file
     course : the run
     method : its method
+    out : where its records are written
+    records : up to where a file held the records of the run before
     """
 
-    def __init__(self, path: Path, course: Course, method: Method) -> None:
-        self._path, self._course, self._method = path, course, method
+    def __init__(self, path: Path, course: Course, method: Method, out: Out, records: Mark | None = None) -> None:
+        self._path, self._course, self._method, self._out, self._records = path, course, method, out, records
+        self._failing = False
         self._written = time.monotonic()
         self._stamp = _stamp(path)
         self._found = course.found
 
     def write(self) -> None:
-        """Write the run as it is now, if it has begun."""
+        """Write the run as it is now, if it has begun; where that cannot be, say so once and go on."""
         saved = self._course.saved(self._method)
         if saved is not None:
-            write_saved(self._path, saved)
+            self._write(saved)
         self._written, self._stamp, self._found = time.monotonic(), _stamp(self._path), self._course.found
+
+    def _write(self, saved: Saved) -> None:
+        """Write the file; the records that it stands behind are on the disk before it is."""
+        try:
+            self._records = self._out.mark() or self._records
+            write_saved(self._path, replace(saved, records=self._records))
+        except OSError as error:
+            if not self._failing:
+                other = error.filename not in (None, str(self._path))  # the file of records
+                reason = f"{error.filename}: {error.strerror}" if other else error.strerror or str(error)
+                self._out.warn(f"{self._path}: the run cannot be kept ({reason}); it goes on and tries again.")
+            self._failing = True
+            return
+        if self._failing:
+            self._out.warn(f"{self._path}: the run is kept again.")
+        self._failing = False
 
     def look(self) -> None:
         """Of a live run: heed what a person decided in the file; write it at an alarm, and if that was long ago."""

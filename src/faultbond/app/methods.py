@@ -12,6 +12,7 @@ from faultbond.errors import RecordingError, StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
+from faultbond.runtime.allowed import BEGIN_ANEW, fitting
 from faultbond.runtime.classic import deciding
 from faultbond.runtime.classic import state as classic
 from faultbond.runtime.classic import watch as classic_watch
@@ -19,8 +20,8 @@ from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.runtime.classic.ranking import current_limits
 from faultbond.runtime.classic.state import ClassicState
 from faultbond.runtime.history import Candidate, Diagnosis
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Report, Sample, State, init
+from faultbond.runtime.monitor import START_PATIENCE, finish, step
+from faultbond.runtime.state import Report, Sample, State, allowed_of, init
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, EngineChoice, FloatArray, Method
 
@@ -100,12 +101,14 @@ class Bank:
 
     def step(self, sample: Sample) -> Report:
         """Take one sample."""
-        self._state, report = step(self.spec, self._engine, self._state, sample)
-        return replace(report, diagnosis=self._advised(report.diagnosis))
+        with np.errstate(all="ignore"):  # of filters that run away, numbers without end are a defined outcome
+            self._state, report = step(self.spec, self._engine, self._state, sample)
+            return replace(report, diagnosis=self._advised(report.diagnosis))
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
-        return self._advised(finish(self.spec, self._state))
+        with np.errstate(all="ignore"):
+            return self._advised(finish(self.spec, self._state))
 
     def _advised(self, diagnosis: Diagnosis | None) -> Diagnosis | None:
         """Add what to do next."""
@@ -144,7 +147,7 @@ class Classic:
         self.in_use: BoolArray = np.ones(len(spec.outputs), dtype=bool)
         self._plan = plan
         fresh = classic.init(spec, plan)
-        self._state = fresh if saved is None else ClassicState.restore(_fitting(fresh.save(), saved))
+        self._state = fresh if saved is None else ClassicState.restore(fitting(fresh.save(), saved, classic.ALLOWED))
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
@@ -196,13 +199,10 @@ def restored(spec: EngineSpec, saved: Numbers) -> State:
     Raises
     ------
     RecordingError
-        Where it does not fit the model.
+        Where it does not fit the model, or has numbers that no run has.
     """
-    return State.restore(_fitting(init(spec).save(), saved))
-
-
-def _fitting(fresh: Numbers, saved: Numbers) -> dict[str, FloatArray]:
-    """Give saved numbers whose names and shapes are those of a fresh state."""
-    if {name: values.shape for name, values in fresh.items()} != {name: saved[name].shape for name in saved}:
-        raise RecordingError("the saved state was made by another version of faultbond. Delete its file to begin anew.")
-    return dict(saved)
+    state = State.restore(fitting(init(spec).save(), saved, allowed_of(spec)))
+    gathering = 0 if state.running or state.begun < 0 else state.index - state.begun
+    if max(state.begun, state.alarm, state.accepted) > state.index or gathering > START_PATIENCE:
+        raise RecordingError(f"the saved state is damaged: its samples are out of order. {BEGIN_ANEW}")
+    return state

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.app.stopping import Stopping
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import read_circuit, read_scenario
 from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
@@ -19,7 +20,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.logic import LogicNetwork, TimedObservation
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.records import detection_record, diagnosis_record, end_record, run_record
-from faultbond.types import Method
+from faultbond.types import Method, Verdict
 
 Event = Detection | Diagnosis
 
@@ -43,13 +44,14 @@ class _Ending:
     time: float
 
 
-def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> bool:
-    """Diagnose the observations of a logic circuit, and tell whether they contradict it."""
+def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
+    """Diagnose the observations of a logic circuit, and give the verdict."""
     _refuse_report(report, str(circuit))
     from faultbond.analysis.static.logic import watch_logic  # noqa: PLC0415 - loads clingo
 
     network, rows = read_circuit(circuit), read_scenario(scenario).observations
     about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
+    out.settle()  # all is read
     return _pass(about, watch_logic(network, rows), lambda: _ending_of(network, rows), method, out)
 
 
@@ -61,31 +63,35 @@ def _ending_of(network: LogicNetwork, rows: tuple[TimedObservation, ...]) -> _En
     return _Ending(counts=Counts(samples=len(rows), missing=missing), watched=watched, time=rows[-1].time)
 
 
-def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> bool:
-    """Diagnose the observations of a static network, and tell whether they contradict it."""
+def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
+    """Diagnose the observations of a static network, and give the verdict."""
     _refuse_report(report, graph.file)
     from faultbond.analysis.static.watch import watch  # noqa: PLC0415 - loads sympy and clingo
 
+    stopping = Stopping()
     grid, last, watched = Grid(None, live=recording == STANDARD_INPUT, steady=True), nan, 0
 
     def points() -> Iterator[GridPoint]:
         nonlocal last, watched
-        for point in on_grid(read_rows(recording, columns_of(graph)), grid):
+        rows = stopping.between(read_rows(recording, columns_of(graph)))
+        for point in on_grid(rows, grid):
+            out.settle()
             last, watched = point.time, watched + bool(np.isfinite(point.y).any())
             yield point
 
     def ending() -> _Ending:
-        if not grid.counts.samples:
+        if not grid.counts.samples and stopping.noted is None:
             raise RecordingError(f"{recording}: no row can be read. Check its columns.")
         return _Ending(counts=grid.counts, watched=watched, time=last)
 
     about = _Network(
         name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
     )
-    return _pass(about, watch(graph, points()), ending, method, out)
+    with stopping:
+        return _pass(about, watch(graph, points()), ending, method, out)
 
 
-def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending], method: Method, out: Out) -> bool:
+def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending], method: Method, out: Out) -> Verdict:
     """Write the records as they come, and the last diagnosis for people."""
     out.record(
         run_record(
@@ -98,14 +104,30 @@ def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending
     )
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
-    for event in events:
-        if isinstance(event, Detection):
-            detection = event
-            out.record(detection_record(event))
-        else:
-            diagnosis = event
-            out.record(diagnosis_record(event))
+    try:
+        for event in events:
+            if isinstance(event, Detection):
+                detection = event
+                out.record(detection_record(event))
+            else:
+                diagnosis = event
+                out.record(diagnosis_record(event))
+    except KeyboardInterrupt:
+        out.settle()
+        _end(ending(), detection, out)
+        raise
     end = ending()
+    _end(end, detection, out)
+    if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it
+        sys.stderr.write("faultbond: no verdict: no row has a value of a sensor.\n")
+    _tell(about, end, detection, diagnosis, out)
+    if detection is not None:
+        return Verdict.FAULT
+    return Verdict.HEALTHY if end.watched else Verdict.NONE
+
+
+def _end(end: _Ending, detection: Detection | None, out: Out) -> None:
+    """Write the last record."""
     out.record(
         end_record(
             time=end.time,
@@ -119,10 +141,6 @@ def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending
             saturated=end.counts.saturated,
         )
     )
-    if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it
-        sys.stderr.write("faultbond: no verdict: no row has a value of a sensor.\n")
-    _tell(about, end, detection, diagnosis, out)
-    return detection is not None
 
 
 def _tell(about: _Network, end: _Ending, detection: Detection | None, diagnosis: Diagnosis | None, out: Out) -> None:

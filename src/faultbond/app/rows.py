@@ -18,7 +18,10 @@ Follow = Callable[[Iterable[Row]], Iterable[Row]]
 
 def no_time(recording: str) -> str:
     """Say that a recording has no time."""
-    return f"{recording}: no row has a time that can be read. Check the column and unit of `time`."
+    return (
+        f"{recording}: no row has a time that can be read, before the year 9999. "
+        "Check the column and unit of `time`: is it in ms or ns?"
+    )
 
 
 def begun(rows: Iterator[Row]) -> Iterator[Row]:
@@ -38,8 +41,7 @@ def resumed(state: State) -> State:
 
 def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:
     """Give a progress bar for a file where somebody sees it."""
-    mixed = out.json is not None and out.json.isatty()
-    if recording == STANDARD_INPUT or mixed or not sys.stderr.isatty():
+    if recording == STANDARD_INPUT or out.is_mixed or not sys.stderr.isatty():
         return nullcontext(iter)
     from faultbond.report.progress import progress_bar  # noqa: PLC0415 - loads rich
 

@@ -10,9 +10,11 @@ from faultbond.app.keeping import Keeper, read_before
 from faultbond.app.methods import Watcher, build_method
 from faultbond.app.observing import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress
+from faultbond.app.stopping import Stopping
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.circuits import is_circuit
-from faultbond.io.grid import Grid, Row, on_grid
+from faultbond.io.files import replaced_text
+from faultbond.io.grid import Grid, GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.io.recording import STANDARD_INPUT, Columns, columns_of, read_rows
 from faultbond.io.saved import Saved
@@ -21,7 +23,7 @@ from faultbond.model.text import load_model
 from faultbond.runtime.records import run_record
 from faultbond.runtime.trace import Trace
 from faultbond.spec import EngineSpec
-from faultbond.types import EngineChoice, Method, TimeGrid
+from faultbond.types import EngineChoice, Method, TimeGrid, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +37,8 @@ class Wanted:
     state: Path | None = None
 
 
-def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
-    """Watch a recording, a path or `-`, and tell whether a fault was detected."""
+def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
+    """Watch a recording, a path or `-`, and give the verdict."""
     if is_circuit(model):
         _refuse_time(wanted, str(model))
         return run_circuit(model, recording, method=wanted.method, report=wanted.report, out=out)
@@ -60,16 +62,17 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
         curves = wanted.report is not None
         trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
         course = Course(watcher, grid, Following(out=out, trace=trace, level=wanted.accept), before)
+        records = before.records if before else None
+        if before is not None:
+            out.go_on(records)
         out.record(_run_record(watcher.spec, wanted.method, before))
-        keeper = Keeper(wanted.state, course, wanted.method) if wanted.state else None
-        _pass(course, follow(rows), grid, keeper, live=live)
+        keeper = Keeper(wanted.state, course, wanted.method, out, records) if wanted.state else None
+        _pass(course, follow(rows), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    if keeper is not None:
-        keeper.write()
     _conclude(graph, watcher, course, trace, wanted, out)
-    return course.detected
+    return course.verdict
 
 
 def _refuse_time(wanted: Wanted, model: str) -> None:
@@ -111,21 +114,37 @@ def _nothing_new(recording: str, before: Saved) -> str:
     )
 
 
-def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None, *, live: bool) -> None:
-    """Pass all rows through the method and write the records as they come."""
-    try:
-        for point in on_grid(rows, grid):
-            course.take(point)
-            if live and keeper is not None:
-                keeper.look()
-    except KeyboardInterrupt:  # the usual end of a live run; of a file, rows are still held back
-        if live and keeper is not None:
-            keeper.look()
-            keeper.write()
-        raise
+def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
+    """Pass all rows through the method and write the records as they come; to be stopped is an end like another."""
+    with Stopping() as stopping:
+        try:
+            for row in stopping.between(rows):
+                _take(course, grid.push(row), out)
+                if live and keeper is not None:  # between rows: the points of one row are kept together
+                    keeper.look()
+        except KeyboardInterrupt:
+            out.settle()
+            _end(course, grid, keeper, out, live=live)
+            raise
+        _end(course, grid, keeper, out, live=live)
+
+
+def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
+    """Pass what was held back, write the last records, and keep the run."""
+    _take(course, grid.finish(), out)
+    if not course.counts.samples and not live:
+        return
     if live and keeper is not None:
         keeper.look()  # what a person decided since the last row
     course.finish()
+    if keeper is not None:
+        keeper.write()
+
+
+def _take(course: Course, points: Iterable[GridPoint], out: Out) -> None:
+    for point in points:
+        out.settle()  # now that there is something to watch
+        course.take(point)
 
 
 def _conclude(
@@ -146,14 +165,24 @@ def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, repo
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
     from faultbond.structure.causality import assign_causality  # noqa: PLC0415
 
-    counts = pages.Counts(**asdict(course.counts), no_verdict=course.no_verdict())
+    counts = pages.Counts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
         console = Console(file=out.text)
         untested = pages.unfalsifiable_text(watcher.spec)
-        pages.print_diagnosis(console, graph, history, engine_title=title, counts=counts, untested=untested)
+        try:
+            pages.print_diagnosis(console, graph, history, engine_title=title, counts=counts, untested=untested)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # the exit code and the report still come
+            out.lose_text(error)
     if report is not None:
         strokes = dict(assign_causality(graph).strokes)
         page = pages.render_report(graph, history, strokes, title, watcher.spec.version, counts)
-        report.write_text(page, encoding="utf-8")
+        try:
+            with replaced_text(report) as stream:
+                stream.write(page)
+        except OSError as error:  # the verdict stands all the same
+            out.warn(f"{report}: the report cannot be written: {error.strerror or error}.")
+            return
         out.say(f"Report: {report}")

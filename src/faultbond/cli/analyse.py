@@ -3,7 +3,7 @@
 import argparse
 
 from faultbond.app import Wishes
-from faultbond.cli.verbs import DONE, Subparsers, Verbs, add_model, add_verb, time
+from faultbond.cli.verbs import DONE, NO_VERDICT, Subparsers, Verbs, add_model, add_verb, time
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 
@@ -76,9 +76,8 @@ def _call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
     )
     if arguments.code is not None:
         verbs.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
-    else:
-        verbs.analyse(arguments.model, wishes=wishes, out=out)
-    return DONE
+        return DONE
+    return DONE if verbs.analyse(arguments.model, wishes=wishes, out=out) else NO_VERDICT
 
 
 def _size(text: str) -> int:

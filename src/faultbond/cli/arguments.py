@@ -7,6 +7,7 @@ from faultbond.app import Imperfections, Wanted
 from faultbond.cli.verbs import (
     DONE,
     FAULT_DETECTED,
+    NO_VERDICT,
     Subparsers,
     Verbs,
     add_engine,
@@ -22,7 +23,9 @@ from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
 from faultbond.model.quantities import quantity
 from faultbond.runtime.accepting import SURE
-from faultbond.types import Method
+from faultbond.types import Method, Verdict
+
+CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}
 
 
 def add_check(verbs: Subparsers) -> None:
@@ -120,7 +123,7 @@ def add_run(verbs: Subparsers) -> None:
     """Add `run`."""
 
     def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        detected = verbs.run(
+        verdict = verbs.run(
             arguments.model,
             arguments.recording,
             wanted=Wanted(
@@ -132,10 +135,10 @@ def add_run(verbs: Subparsers) -> None:
             ),
             out=out,
         )
-        return FAULT_DETECTED if detected else DONE
+        return CODES[verdict]
 
     example = "faultbond run model.yaml faulty.csv --report report.html"
-    summary = "watch a recording, detect a fault and diagnose it; exit code 1 if there is one"
+    summary = "watch a recording, detect a fault and diagnose it; exit code 1: there is one, 4: no verdict"
     parser = add_verb(verbs, "run", call, summary, example)
     add_model(parser)
     parser.add_argument("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")

@@ -2,28 +2,40 @@
 
 import argparse
 import os
+import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Never
 
 from faultbond import app
+from faultbond.app.stopping import Stopped, Stopping
 from faultbond.cli.accept import add_accept, add_reject
 from faultbond.cli.analyse import add_analyse
 from faultbond.cli.arguments import add_check, add_demo, add_run, add_simulate
 from faultbond.cli.fit import add_fit
-from faultbond.cli.verbs import DONE, FAULT_DETECTED, Call, Parser, Verbs
-from faultbond.errors import FaultbondError
-from faultbond.io.out import STANDARD_OUTPUT, open_out
+from faultbond.cli.outputs import check_outputs
+from faultbond.cli.verbs import DONE, FAULT_DETECTED, NO_VERDICT, Call, Parser, Verbs
+from faultbond.errors import FaultbondError, NoVerdictError, one_line
+from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
 from faultbond.io.recording import STANDARD_INPUT
 
 USER_MISTAKE, INTERNAL_ERROR = 2, 3
-INTERRUPTED, NOBODY_READS = 130, 141  # as shells report a program stopped by Ctrl-C or a closed pipe
+SIGNALLED, NOBODY_READS = (
+    128,
+    141,
+)  # as shells report a program stopped by a signal, 128 and its number, or a closed pipe
+GROWING = ("run", "demo")  # verbs whose records are read while they run
 TRACEBACK = "FAULTBOND_TRACEBACK"
+EXIT_CODES = (
+    "Exit codes: 0 done; 1 `run` detected a fault; 2 a mistake in the command, the model or the recording; 3 a "
+    "defect of faultbond; 4 no verdict could be given; 130 stopped by Ctrl-C, 143 and 129 by the signals TERM and HUP."
+)
 
-__all__ = ["DONE", "FAULT_DETECTED", "build_parser", "main"]
+__all__ = ["DONE", "FAULT_DETECTED", "NO_VERDICT", "build_parser", "main"]
 
 
 class _Version(argparse.Action):
@@ -39,7 +51,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="faultbond",
         description="Find and diagnose faults of a plant from a bond graph of it and a recording.",
-        epilog="First steps: `faultbond demo`, then `faultbond VERB --help`.",
+        epilog=f"First steps: `faultbond demo`, then `faultbond VERB --help`. {EXIT_CODES}",
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
@@ -63,12 +75,28 @@ def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
     argv : arguments after the program name; None takes those of the process
     verbs : what carries the verbs out
     """
+    if argv is None and not sys.warnoptions:
+        warnings.filterwarnings("ignore", category=RuntimeWarning)  # of arithmetic; what is not finite is told in words
+    with Stopping() as stopping:
+        try:
+            return _guarded(argv, verbs)
+        except KeyboardInterrupt as stopped:
+            return SIGNALLED + (stopped.number if isinstance(stopped, Stopped) else signal.SIGINT)
+        except Exception as error:  # the last line of defence
+            if stopping.noted is not None:  # what the library made of it that was stopped
+                return SIGNALLED + stopping.noted
+            return _internal(error)
+
+
+def _guarded(argv: Sequence[str] | None, verbs: Verbs) -> int:
+    """Run the command line and give the exit code, also where the user or the system has set a limit."""
+    code = DONE
     try:
         _speak_utf8()
         code = _execute(argv, verbs)
         sys.stdout.flush()
     except FaultbondError as error:
-        return _complain(str(error), USER_MISTAKE)
+        return _complain(str(error), NO_VERDICT if isinstance(error, NoVerdictError) else USER_MISTAKE)
     except BrokenPipeError:
         return _give_up_output()
     except SystemExit as leaving:
@@ -76,11 +104,9 @@ def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
             return _give_up_output()
         raise
     except OSError as error:
-        return _complain(_of_system(error), USER_MISTAKE)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except Exception as error:  # the last line of defence
-        return _internal(error)
+        full = _close_full_output()
+        message = f"standard output: {error.strerror}." if full and not error.filename else _of_system(error)
+        return _complain(message, code or USER_MISTAKE)
     return code
 
 
@@ -95,7 +121,8 @@ def _execute(argv: Sequence[str] | None, verbs: Verbs) -> int:
     target: str | None = arguments.json
     if target is None and getattr(arguments, "recording", None) == STANDARD_INPUT:
         target = STANDARD_OUTPUT
-    with open_out(target) as out:
+    check_outputs(arguments)
+    with open_out(target, grows=arguments.verb in GROWING) as out:
         return call(arguments, verbs, out)
 
 
@@ -108,7 +135,7 @@ def _speak_utf8() -> None:
 
 def _complain(message: str, code: int) -> int:
     """Write one line for the user."""
-    sys.stderr.write(" ".join(message.split()) + "\n")
+    sys.stderr.write(one_line(message) + "\n")
     return code
 
 
@@ -119,8 +146,18 @@ def _of_system(error: OSError) -> str:
 
 def _give_up_output() -> int:
     """Stop quietly when nobody reads standard output any more, as in `faultbond run ... | head`."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else the interpreter complains when it flushes at the end
+    drop_output()
     return NOBODY_READS
+
+
+def _close_full_output() -> bool:
+    """Tell whether standard output cannot be written, as on a full disk, and leave nothing for the interpreter then."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        drop_output()
+        return True
+    return False
 
 
 def _internal(error: Exception) -> int:

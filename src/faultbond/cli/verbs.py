@@ -13,9 +13,9 @@ from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
 from faultbond.model.quantities import duration, spread
 from faultbond.runtime.accepting import SURE
-from faultbond.types import EngineChoice
+from faultbond.types import EngineChoice, Verdict
 
-DONE, FAULT_DETECTED = 0, 1
+DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 ENGINE = "FAULTBOND_ENGINE"
 LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 
@@ -26,8 +26,8 @@ class Verbs(Protocol):
     def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
         """Tell what was understood of a model."""
 
-    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> None:
-        """Tell what can be found and told apart."""
+    def analyse(self, model: Path, *, wishes: Wishes, out: Out) -> bool:
+        """Tell what can be found and told apart, and give whether anything could be told."""
 
     def print_code(self, model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
         """Print the closed forms as code."""
@@ -67,8 +67,8 @@ class Verbs(Protocol):
     ) -> None:
         """Write a recording of the simulated plant; `inputs` is a path or `-`."""
 
-    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> bool:
-        """Watch a recording, a path or `-`, and tell whether a fault was detected."""
+    def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
+        """Watch a recording, a path or `-`, and give the verdict."""
 
     def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
         """Take a candidate of a kept run, without names the best, as the new healthy model."""

@@ -53,7 +53,7 @@ class Plant:
     readings: ca.SX
     gap: ca.SX
     implicit: tuple[str, ...]
-    co_energy: tuple[CoEnergy | None, ...]  # per state: effort of a C, flow of an I, where the law gives it alone
+    co_energy: tuple[CoEnergy | None, ...]  # per state: effort of a C, flow of an I; None: its content is the state
 
 
 def build_plant(graph: BondGraph) -> Plant:
@@ -99,8 +99,14 @@ def build_plant(graph: BondGraph) -> Plant:
 def _co_energy(
     store: Store, graph: BondGraph, network: ConstraintNetwork, steps: tuple[Step, ...], values: dict[str, ca.SX]
 ) -> CoEnergy | None:
-    """Give the co-energy of a store whose law holds nothing but content, co-energy, parameters and constants."""
-    own = {store.name, *(item.name for item in graph.parameters), *(item.name for item in graph.constants)}
+    """Give the co-energy of a store whose law holds nothing but content, co-energy, parameters and constants.
+
+    None where a sensor reads the content itself: docs/decisions/005-filter-states.md.
+    """
+    if any(store.name in names(reading) for reading in network.readings):
+        return None
+    places = {item.name for item in network.states if item.partner is None}  # integrals, such as a position
+    own = {store.name, *places, *(item.name for item in graph.parameters), *(item.name for item in graph.constants)}
     step = next((s for s in steps if isinstance(s, Assignment) and s.signal == store.partner), None)
     if step is None or step.owner != store.component or not set(names(step.expression)) <= own:
         return None

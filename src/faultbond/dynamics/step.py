@@ -91,8 +91,9 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     new = ca.vertcat(contents(x, theta), b, theta)
     rates_, readings, gap = ca.substitute([rates_x, plant.readings, plant.gap], [old, plant.u], [new, held])
     arguments = [v, plant.u, plant.z]
-    rates = _with_slope("rates", rates_, gap, arguments)
-    readings_ = _with_slope("readings", readings, gap, arguments)
+    places = (n_x, n_x + n_b, n_x + n_b + n_p)
+    rates = _with_slope("rates", rates_, gap, arguments, places)
+    readings_ = _with_slope("readings", readings, gap, arguments, places)
     newton = _newton(gap, arguments)
     measure = _measure(readings_, newton, arguments)
     start = _nominal_start(plant, coordinates, v.numel(), scales)
@@ -130,8 +131,7 @@ def _coordinates(plant: Plant) -> tuple[ca.Function, ca.Function, ca.SX]:
         symbols.append(plant.x[k] if co is None else co.symbol)
         contents.append(plant.x[k] if co is None else co.content)
         values.append(plant.x[k] if co is None else co.value)
-        slope = 1 if co is None else ca.gradient(co.value, plant.x)[k]
-        rates.append(slope * plant.rates[k])
+        rates.append(plant.rates[k] if co is None else ca.jacobian(co.value, plant.x) @ plant.rates)
     empty = ca.SX(0, 1)
     column = ca.vertcat(*symbols) if symbols else empty
     return (
@@ -153,12 +153,25 @@ def _nominal_start(plant: Plant, coordinates: ca.Function, n_v: int, scales: Flo
     return v
 
 
-def _with_slope(name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
-    """Give value and its total derivative by v; z follows v through gap = 0."""
+def _with_slope(
+    name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX], places: tuple[int, int, int]
+) -> ca.Function:
+    """Give value and its total derivative by v; z follows v through gap = 0.
+
+    The slopes by parameters are those of a plant without slow errors: see docs/decisions/014-consistent-filters.md.
+
+    Parameters
+    ----------
+    places : where in v the slow errors and the parameters begin, and the parameters end
+    """
     v, _, z = arguments
     slope = ca.jacobian(value, v)
     if z.numel():
         slope = slope - ca.jacobian(value, z) @ eliminate(ca.jacobian(gap, z), ca.jacobian(gap, v))
+    by_states, by_parameters, by_inputs = ca.horzsplit(slope, [0, places[1], places[2], v.numel()])
+    errors = v[places[0] : places[1]]
+    by_parameters = ca.substitute(by_parameters, errors, ca.SX.zeros(errors.shape))
+    slope = ca.horzcat(by_states, by_parameters, by_inputs)
     return ca.Function(name, arguments, [ca.densify(value), ca.densify(slope)], {"cse": True})
 
 

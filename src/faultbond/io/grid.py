@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 
 from faultbond.errors import RecordingError
+from faultbond.io.again import digest, with_first
 from faultbond.io.frozen import Frozen
 from faultbond.types import FloatArray
 
@@ -23,6 +24,7 @@ MAX_WAITING = 100_000  # rows held back for sorting, however short their steps a
 MAX_GAP = 600  # grid points without a row that are given; after more of them the grid begins anew
 MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
 GAP = 1.5  # usual intervals between two rows beyond which one between them is absent
+LATEST = 253402300799.0  # s, in Unix seconds the end of the year 9999; what is beyond was not given in seconds
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
 
 
@@ -30,7 +32,7 @@ CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: th
 class Row:
     """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value.
 
-    saturated: how many sensors were at an end of their range; their values are nan.
+    saturated: how many sensors were at an end of their range, and inputs beyond theirs; their values are nan.
     """
 
     time: float
@@ -88,7 +90,7 @@ class Clock:
 
     counts: what has been passed. placed: the last rows. origin: index and time of the point at which the grid began.
     usual: interval of rows before it began anew. last_index, last_time: of the last point. frozen: what is remembered
-    of values that stay the same, see `Frozen`.
+    of values that stay the same, see `Frozen`. firsts: digests of the rows with which the last recordings began.
     """
 
     counts: Counts
@@ -98,6 +100,7 @@ class Clock:
     last_index: int
     last_time: float
     frozen: FloatArray | None = None
+    firsts: tuple[str, ...] = ()
 
 
 class Grid:
@@ -144,6 +147,8 @@ class Grid:
         self._last_index = -1
         self._last_time = math.nan
         self._passed = -math.inf  # rows up to this time were passed by an earlier grid
+        self._firsts: tuple[str, ...] = clock.firsts if clock else ()
+        self._began = False  # whether a row with a time has come
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         if clock is not None:
             self._go_on(clock)
@@ -154,7 +159,7 @@ class Grid:
         self._placed.extend(clock.placed)
         self._times.extend(row.time for row in clock.placed)
         self._newest = self._times[-1]
-        if not self._live:  # a recording that has grown is given again; a stream is not, there the clock was set back
+        if not self._live:  # a recording that has grown is given again; of a stream, its first row tells that
             self._passed = self._newest
         self._origin, self._usual = clock.origin, clock.usual
         self._last_index, self._last_time = clock.last_index, clock.last_time
@@ -172,6 +177,7 @@ class Grid:
             last_index=self._last_index,
             last_time=self._last_time,
             frozen=self._frozen.memory if self._frozen is not None else None,
+            firsts=self._firsts,
         )
 
     @property
@@ -181,9 +187,11 @@ class Grid:
 
     def push(self, row: Row) -> Iterable[GridPoint]:
         """Take one row and give the points that are complete with it, often none."""
-        if not math.isfinite(row.time):
+        if not abs(row.time) <= LATEST:
             self._tally["untimed"] += 1
             return ()
+        if not self._began:
+            self._begin(row)
         if row.time <= self._passed:
             self._tally["duplicate"] += 1
             return ()
@@ -195,6 +203,13 @@ class Grid:
             self._give_up_behind()
         self._behind.append(row)
         return self._set_back() if len(self._behind) == CLOCK_ROWS else ()
+
+    def _begin(self, row: Row) -> None:
+        """Pass over what earlier grids had if a recording is given again that one of them began with."""
+        self._began, first = True, digest(row.time, row.u, row.y)
+        if first in self._firsts:
+            self._passed = self._newest
+        self._firsts = with_first(self._firsts, first)
 
     def finish(self) -> Iterable[GridPoint]:
         """Give the points that were held back; to be called once, after the last row."""

@@ -8,6 +8,7 @@ import csv
 import difflib
 import io
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -21,6 +22,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from faultbond.errors import RecordingError
+from faultbond.io.files import replaced_text
 from faultbond.io.grid import Row
 from faultbond.model.graph import BondGraph, TimeColumn, Unit
 from faultbond.types import FloatArray
@@ -28,15 +30,17 @@ from faultbond.types import FloatArray
 MAX_LINE = 200_000  # characters
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
+FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
 ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
 STANDARD_INPUT = "-"
+WITH_COMMA = re.compile(r"\s*[+-]?\d*,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)  # a number as half of the world writes it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
     """A column that the model needs: its header, its unit, and what it is, for messages (`sensor flow`).
 
-    lower, upper: ends of its range in SI; a value there or beyond is saturated.
+    lower, upper: ends of its range in SI; a value there or beyond is saturated, of an input only one beyond.
     """
 
     header: str
@@ -81,7 +85,10 @@ def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     """Give the columns that a model needs; without `sensors` only those that drive a simulation."""
     return Columns(
         time=graph.time,
-        inputs=tuple(Column(header=item.column, unit=item.unit, role=f"input {item.name}") for item in graph.inputs),
+        inputs=tuple(
+            Column(header=item.column, unit=item.unit, role=f"input {item.name}", lower=item.lower, upper=item.upper)
+            for item in graph.inputs
+        ),
         outputs=tuple(
             Column(
                 header=item.column,
@@ -108,7 +115,7 @@ def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
     Raises
     ------
     RecordingError
-        When the file cannot be read, is no table, or lacks a column.
+        When the file cannot be read, is no table, lacks a column, or has numbers with decimal commas.
     """
     if str(source) != STANDARD_INPUT and _is_parquet(Path(source)):
         records, title = _parquet_records(Path(source), columns), str(source)
@@ -128,7 +135,13 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
     """
     if Path(path).suffix.lower() in (".parquet", ".pq"):
         raise RecordingError(f"{path}: only CSV is written. Choose a name that ends in .csv.")
-    with Path(path).open("w", encoding="utf-8", newline="") as stream:
+    for name in columns:
+        if name.startswith(FORMULA):
+            raise RecordingError(
+                f"{path}: a spreadsheet would run the column {name!r} as a formula. Name it otherwise, with `column` "
+                "in the model file."
+            )
+    with replaced_text(Path(path)) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         for values in zip(*columns.values(), strict=True):
@@ -147,23 +160,47 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
     if not any(header):
         raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
     place = _locate(columns, header, title)
-    lowest, highest = _ends(columns.outputs)
+    lowest, highest = _ends(columns.outputs, inwards=True)
+    least, most = _ends(columns.inputs, inwards=False)
     clock = _clock(columns, by_number=place.time is None)
     number = 0
     for number, (line, values) in enumerate(records, start=1):
+        if len(values) > len(header):
+            _refuse_more(values, len(header), f"{title}:{line}")
         moment = clock(number - 1, None if place.time is None else _field(values, place.time))
-        y = _numbers(values, place.outputs, columns.outputs)
-        saturated = (y <= lowest) | (y >= highest)
-        y[saturated] = math.nan
+        u, y = (_numbers(values, *of) for of in ((place.inputs, columns.inputs), (place.outputs, columns.outputs)))
+        if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
+            _refuse_commas(values, place, header, f"{title}:{line}")
+        saturated, beyond = (y <= lowest) | (y >= highest), (u < least) | (u > most)
+        y[saturated], u[beyond] = math.nan, math.nan
         yield Row(
             time=moment,
-            u=_numbers(values, place.inputs, columns.inputs),
+            u=u,
             y=y,
-            saturated=int(saturated.sum()),
+            saturated=int(saturated.sum() + beyond.sum()),
             line=line,
         )
     if number == 0:
         raise RecordingError(f"{title}: there is no row below the header.")
+
+
+def _refuse_more(values: Sequence[object], n_columns: int, where: str) -> None:
+    """Refuse a row with more fields than columns, as no field is then sure to be its column's; empty ones are none."""
+    if any(str(value).strip() for value in values[n_columns:]):
+        raise RecordingError(
+            f"{where}: this row has {len(values)} fields, the header {n_columns}. Decimal commas? "
+            "Write numbers with a point; a text that holds a separator needs quotation marks."
+        )
+
+
+def _refuse_commas(values: Sequence[object], place: _Place, header: Sequence[str], where: str) -> None:
+    """Refuse a row in which a needed number has a decimal comma: it would pass for a missing value."""
+    for k in (() if place.time is None else (place.time,)) + place.inputs + place.outputs:
+        text = _field(values, k)
+        if isinstance(text, str) and WITH_COMMA.fullmatch(text):
+            raise RecordingError(
+                f"{where}: {header[k]!r} is {text.strip()!r}. Decimal commas? Write numbers with a point."
+            )
 
 
 def _numbers(values: Sequence[object], places: tuple[int, ...], columns: tuple[Column, ...]) -> FloatArray:
@@ -172,12 +209,12 @@ def _numbers(values: Sequence[object], places: tuple[int, ...], columns: tuple[C
     return np.array([column.unit.to_si(_number(_field(values, place))) for place, column in pairs], dtype=np.float64)
 
 
-def _ends(columns: tuple[Column, ...]) -> tuple[FloatArray, FloatArray]:
-    """Give the ends of the ranges in SI, each of shape (n_columns,), moved inwards by what units may round."""
+def _ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
+    """Give the ends of the ranges in SI, each of shape (n_columns,), moved inwards or outwards by what units round."""
     lower = np.array([column.lower for column in columns], dtype=np.float64)
     upper = np.array([column.upper for column in columns], dtype=np.float64)
     sizes = np.where(np.isfinite(lower), np.abs(lower), 0.0), np.where(np.isfinite(upper), np.abs(upper), 0.0)
-    width = ROUNDING * np.maximum(*sizes)
+    width = (ROUNDING if inwards else -ROUNDING) * np.maximum(*sizes)
     return lower + width, upper - width
 
 

@@ -1,13 +1,12 @@
 """A run kept in a file: the numbers of its method, where its grid stands, and what it has found and was told.
 
-The file is an archive of arrays (`numpy.savez`), the small things in it one JSON text. It is replaced as a whole.
+The file is an archive of arrays, the small things in it one JSON text. It is replaced as a whole, and checked as a
+whole before any of it is used.
 """
 
-import json
-import os
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from enum import Enum
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -15,12 +14,18 @@ from zipfile import BadZipFile
 import numpy as np
 
 from faultbond.errors import RecordingError
-from faultbond.io.grid import Clock, Counts, Row
-from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Forecast, Suspect
+from faultbond.io.archive import read_archive, write_archive
+from faultbond.io.files import replaced
+from faultbond.io.grid import LATEST, LOOK_BACK, MAX_GAP, Clock, Counts, Row
+from faultbond.io.record_file import Mark
+from faultbond.io.typed import Limits, typed
+from faultbond.model.graph import BondGraph
+from faultbond.runtime.allowed import COUNT
+from faultbond.runtime.history import Decision, Detection, Forecast, Suspect
 from faultbond.runtime.rule import Sure
-from faultbond.types import FaultKind, FloatArray, Method
+from faultbond.types import FloatArray, Method
 
-FORMAT = 1  # of the file; one of another format is refused
+FORMAT = 2  # of the file; one of another format is refused
 _NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"
 
 
@@ -29,13 +34,14 @@ class Found:
     """What a run has found so far.
 
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
-    input had a value. open: the detection that nothing was accepted for yet. rejected: candidates that were ruled out
-    since then. sure: what the rule has in mind.
+    input had a value. wild: values that were refused since the plant did not follow them. open: the detection that
+    nothing was accepted for yet. rejected: candidates that were ruled out since then. sure: what the rule has in mind.
     """
 
     detections: int = 0
     watched: int = 0
     waiting: int = 0
+    wild: int = 0
     open: Detection | None = None
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
@@ -56,7 +62,10 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Saved:
-    """A run that can go on. numbers: what the method remembers, by name."""
+    """A run that can go on.
+
+    numbers: what the method remembers, by name. records: up to where its file of records holds them, if there is one.
+    """
 
     model: str
     model_sha256: str
@@ -65,35 +74,53 @@ class Saved:
     numbers: Mapping[str, FloatArray]
     clock: Clock
     found: Found
+    records: Mark | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _About:
+    """What the file tells in JSON. clock: index and time of `origin`, then `usual`, `last_index`, `last_time`."""
+
+    format: int
+    model: str
+    model_sha256: str
+    version: str
+    method: Method
+    counts: Counts
+    clock: tuple[int, float, float, int, float]
+    firsts: tuple[str, ...]
+    found: Found
+    records: Mark | None
+
+
+_LIMITS = Limits(
+    least={Counts: 0, Mark: 0, Found: 0, Detection: 0, _About: 0}, not_finite=frozenset({Suspect, Forecast})
+)
+_MISTAKES = (BadZipFile, EOFError, KeyError, NotImplementedError, OverflowError, RecursionError, TypeError, ValueError)
 
 
 def write_saved(path: Path, saved: Saved) -> None:
     """Write a run to a file, which is replaced as a whole; who reads it meanwhile gets the one before."""
     clock = saved.clock
-    about = {
-        "format": FORMAT,
-        "model": saved.model,
-        "model_sha256": saved.model_sha256,
-        "version": saved.version,
-        "method": saved.method.value,
-        "counts": asdict(clock.counts),
-        "clock": [*clock.origin, clock.usual, clock.last_index, clock.last_time],
-        "found": asdict(saved.found),
-    }
+    about = _About(
+        format=FORMAT,
+        model=saved.model,
+        model_sha256=saved.model_sha256,
+        version=saved.version,
+        method=saved.method,
+        counts=clock.counts,
+        clock=(*clock.origin, clock.usual, clock.last_index, clock.last_time),
+        firsts=clock.firsts,
+        found=saved.found,
+        records=saved.records,
+    )
     arrays = {_NUMBERS + name: values for name, values in saved.numbers.items()}
     for name in ("time", "u", "y"):
         arrays[_ROWS + name] = np.array([getattr(row, name) for row in clock.placed])
     if clock.frozen is not None:
         arrays[_FROZEN] = clock.frozen
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with draft.open("wb") as stream:
-            np.savez(stream, about=np.array(json.dumps(about, default=_word)), **arrays)  # type: ignore[arg-type]
-            stream.flush()
-            os.fsync(stream.fileno())
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    with replaced(path) as stream:
+        write_archive(stream, asdict(about), arrays)
 
 
 def read_saved(path: Path) -> Saved:
@@ -102,83 +129,94 @@ def read_saved(path: Path) -> Saved:
     Raises
     ------
     RecordingError
-        Where the file cannot be read, or is not of this kind.
+        Where the file cannot be read, is not of this kind, or is damaged.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        about = json.loads(str(arrays.pop("about")))
-        return _saved(about, arrays)
+        return _saved(*read_archive(path))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}.") from error
-    except (AttributeError, BadZipFile, EOFError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise RecordingError(
-            f"{path}: this is not a state that this version of faultbond saved. "
-            "Name another file, or delete it to begin anew."
-        ) from error
+    except _MISTAKES as error:
+        raise RecordingError(_strange(path)) from error
 
 
-def _saved(about: dict[str, Any], arrays: dict[str, FloatArray]) -> Saved:
+def refuse_strange(path: Path, saved: Saved, graph: BondGraph) -> None:
+    """Refuse a run that is whole, but cannot be one of this plant.
+
+    Raises
+    ------
+    RecordingError
+        Where it knows other sensors, inputs, parameters or components, or its clock stands where no grid comes to.
+    """
+    clock, names = saved.clock, _names(graph)
+    n_u, n_y = len(graph.inputs), len(graph.sensors)
+    rows_fit = all(row.u.shape == (n_u,) and row.y.shape == (n_y,) for row in clock.placed)
+    frozen_fits = clock.frozen is None or (clock.frozen.shape == (3, n_y) and COUNT.admits(clock.frozen[2]))
+    if not (rows_fit and frozen_fits and _told(saved.found) <= names and _ticks(clock, graph.sample_time)):
+        raise RecordingError(_strange(path))
+
+
+def _strange(path: Path) -> str:
+    return (
+        f"{path}: this is not a state that this version of faultbond saved, or it is damaged. "
+        "Name another file, or delete it to begin anew."
+    )
+
+
+def _saved(told: dict[str, Any], arrays: dict[str, FloatArray]) -> Saved:
     """Put a run together; anything that is missing or of another form raises."""
-    if about["format"] != FORMAT:
-        raise ValueError(about["format"])
-    rows = zip(*(arrays[_ROWS + name] for name in ("time", "u", "y")), strict=True)
-    first, start, usual, last_index, last_time = about["clock"]
+    if told["format"] != FORMAT:
+        raise ValueError(told["format"])
+    about = typed(_About, told, _LIMITS)
+    first, start, usual, last_index, last_time = about.clock
     return Saved(
-        model=about["model"],
-        model_sha256=about["model_sha256"],
-        version=about["version"],
-        method=Method(about["method"]),
+        model=about.model,
+        model_sha256=about.model_sha256,
+        version=about.version,
+        method=about.method,
         numbers={name.removeprefix(_NUMBERS): arrays[name] for name in arrays if name.startswith(_NUMBERS)},
         clock=Clock(
-            counts=Counts(**about["counts"]),
-            placed=tuple(Row(time=float(time), u=u, y=y) for time, u, y in rows),
+            counts=about.counts,
+            placed=_rows(*(arrays[_ROWS + name] for name in ("time", "u", "y"))),
             origin=(first, start),
             usual=usual,
             last_index=last_index,
             last_time=last_time,
             frozen=arrays.get(_FROZEN),
+            firsts=about.firsts,
         ),
-        found=_found(about["found"]),
+        found=about.found,
+        records=about.records,
     )
 
 
-def _found(found: dict[str, Any]) -> Found:
-    return Found(
-        detections=found["detections"],
-        watched=found["watched"],
-        waiting=found["waiting"],
-        open=None if found["open"] is None else _detection(found["open"]),
-        accepted=tuple(_decision(item) for item in found["accepted"]),
-        rejected=tuple(_decision(item) for item in found["rejected"]),
-        sure=Sure(**found["sure"]),
+def _rows(times: FloatArray, inputs: FloatArray, outputs: FloatArray) -> tuple[Row, ...]:
+    """Give the last rows that were placed, in the order of time."""
+    if not (0 < len(times) <= LOOK_BACK and np.all(np.abs(times) <= LATEST) and np.all(np.diff(times) >= 0.0)):
+        raise ValueError("times of rows")
+    return tuple(Row(time=float(time), u=u, y=y) for time, u, y in zip(times, inputs, outputs, strict=True))
+
+
+def _ticks(clock: Clock, step: float | None) -> bool:
+    """Whether a grid with this step, None from row to row, can stand so."""
+    (first, start), last = clock.origin, clock.placed[-1].time
+    counted = 0 <= first <= clock.last_index == clock.counts.samples - 1
+    near = max(abs(start), abs(clock.last_time), abs(last)) <= LATEST and clock.usual >= 0.0
+    if not (counted and near) or step is None:
+        return counted and near
+    expected = start + (clock.last_index - first) * step
+    return (
+        math.isclose(expected, clock.last_time, rel_tol=1e-9, abs_tol=step) and abs(last - expected) <= MAX_GAP * step
     )
 
 
-def _detection(item: dict[str, Any]) -> Detection:
-    return Detection(**(item | {"signals": tuple(item["signals"])}))
+def _told(found: Found) -> set[str]:
+    """Give the names of all that was found and decided."""
+    decided = [item.candidate for item in (*found.accepted, *found.rejected)]
+    named = {name.partition(".")[0] for item in decided for name in (*item.parameters, *item.components)}
+    return named | set(found.open.signals if found.open is not None else ())
 
 
-def _decision(item: dict[str, Any]) -> Decision:
-    return Decision(time=item["time"], candidate=_candidate(item["candidate"]), by=Decider(item["by"]))
-
-
-def _candidate(item: dict[str, Any]) -> Candidate:
-    read = {
-        "suspects": tuple(_suspect(suspect) for suspect in item["suspects"]),
-        "blocks": tuple(item["blocks"]),
-        "kind": FaultKind(item["kind"]),
-        "kinds": tuple((FaultKind(kind), share) for kind, share in item["kinds"]),
-    }
-    return Candidate(**(item | read))
-
-
-def _suspect(item: dict[str, Any]) -> Suspect:
-    return Suspect(**(item | {"forecasts": tuple(Forecast(**forecast) for forecast in item["forecasts"])}))
-
-
-def _word(value: object) -> object:
-    """Give the word of an enumeration."""
-    if isinstance(value, Enum):
-        return value.value
-    raise TypeError(type(value).__name__)
+def _names(graph: BondGraph) -> set[str]:
+    """Give the names of all that can be found in a plant."""
+    parts = {item.name for item in graph.parameters} | {item.name for item in graph.components}
+    return parts | {item.name for item in graph.inputs} | {item.name for item in graph.sensors}

@@ -71,11 +71,12 @@ class ModelBuilder:
         column: str | None = None,
         noise: Value | None = None,
         settling: Value | None = None,
+        range: Value | Sequence[Value] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured or commanded input."""
-        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "suspect": suspect}
-        return self._add("inputs", name, fields)
+        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling}
+        return self._add("inputs", name, {**fields, "range": range, "suspect": suspect})
 
     def component(
         self,

@@ -114,6 +114,7 @@ class _Writer:
                 ("column", self.column(item)),
                 ("noise", self.noise(item)),
                 ("settling", _seconds(item.settling) if has_settling and not self.static else ""),
+                ("range", _range(item) if math.isfinite(item.lower) or math.isfinite(item.upper) else ""),
                 ("suspect", "" if item.suspect or self.static else "no"),
             )
         )
@@ -228,7 +229,7 @@ def shared_factor(units: Iterable[Unit]) -> float:
     return factors.pop() if len(factors) == 1 else 1.0
 
 
-def _range(item: Parameter | Sensor) -> str:
+def _range(item: Parameter | Sensor | Input) -> str:
     """Give a range, `any` where both ends are infinite."""
     if math.isinf(item.lower) and math.isinf(item.upper):
         return "any"

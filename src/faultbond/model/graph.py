@@ -77,6 +77,7 @@ class Constant:
 class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
+    lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
     """
 
@@ -85,6 +86,8 @@ class Input:
     unit: Unit
     noise: float = 0.0
     settling: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
     suspect: bool = True
     line: int = 0
 

@@ -104,6 +104,7 @@ def _input() -> Schema:
         "column": _described(_TEXT, "column of a recording; default its name"),
         "noise": _described(_VALUE, "standard deviation; default 0"),
         "settling": _described(_TEXT, "after a step the model may be off for so long; default `0 s`"),
+        "range": _range("what it can be; a value beyond is not used; default any"),
         "suspect": _yes_or_no("`no` trusts the input"),
     }
     return {"anyOf": [_table(_chosen(INPUT_KEYS, properties)), {"type": "null"}]}

@@ -39,7 +39,7 @@ def load_model(path: str | os.PathLike[str]) -> BondGraph:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ModelError(f"{shown_path(label)}:{line}: not UTF-8 text; save the file as UTF-8") from None
-    return parse_model(text, file=label)
+    return parse_model(text, file=shown_path(label))
 
 
 def parse_model(text: str, file: str = "model.yaml") -> BondGraph:

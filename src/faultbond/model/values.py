@@ -16,7 +16,7 @@ from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
 
 PARAMETER_KEYS = ("nominal", "accuracy", "change", "range", "limit", "suspect")
-INPUT_KEYS = ("unit", "column", "noise", "settling", "suspect")
+INPUT_KEYS = ("unit", "column", "noise", "settling", "range", "suspect")
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
 RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
 
@@ -109,6 +109,7 @@ class ValueReader:
                 self.defaults.add("noise", "0", name)
         if "settling" not in fields and not self.kind.static:
             self.defaults.add("settling", "0 s", name)
+        lower, upper = self._input_range(fields, f"{what}: range", found)
         return Input(
             name=name,
             column=read_column(self.source, fields, what, name, self.defaults),
@@ -117,9 +118,23 @@ class ValueReader:
             settling=read_duration(self.source, fields["settling"], f"{what}: settling")
             if "settling" in fields
             else 0.0,
+            lower=lower,
+            upper=upper,
             suspect=read_instrument(self.source, fields, what, self.kind, self.instruments),
             line=entry.line,
         )
+
+    def _input_range(self, fields: Mapping[str, Entry], what: str, unit: Measure | None) -> tuple[float, float]:
+        """Give the least and greatest SI value of an input; infinite ones by default."""
+        if "range" not in fields:
+            return -math.inf, math.inf
+        entry = fields["range"]
+        if self.kind.logic:
+            raise self.source.error(entry, f"{what}: a logic signal has no range; remove it")
+        lower, upper = (self._end(item, what, Quantity(0.0, unit)) for item in range_ends(self.source, entry, what))
+        if lower >= upper:
+            raise self.source.error(entry, f"{what}: the lowest value must be below the highest; mend one")
+        return lower, upper
 
     def _parameter(self, entry: Entry, owner: Part) -> Parameter:
         what = f"parameter {shown(entry.key)}"

@@ -45,7 +45,7 @@ def read_yaml(text: str, source: Source) -> Table:
     bad = _NOT_TEXT.search(text)
     if bad:
         line = text.count("\n", 0, bad.start()) + 1
-        raise source.error(line, f"character U+{ord(bad[0]):04X} cannot stand in a model; remove it")
+        raise source.error(line, _misplaced(bad[0]))
     try:
         return _Composer(source, yaml.parse(text, Loader=_LOADER)).document()
     except yaml.YAMLError as error:
@@ -54,6 +54,10 @@ def read_yaml(text: str, source: Source) -> Table:
         ) from None
     except (ValueError, OverflowError, RecursionError):
         raise source.error(0, "not YAML: an escape in a quoted text cannot be read; write plain text") from None
+
+
+def _misplaced(letter: str) -> str:
+    return f"character U+{ord(letter):04X} cannot stand in a model; remove it"
 
 
 def _line(event: Event) -> int:
@@ -105,12 +109,19 @@ class _Composer:
         if depth > MAX_DEPTH:
             raise self.source.error(line, f"more than {MAX_DEPTH} levels of nesting; a model needs 5")
         if isinstance(event, ScalarEvent):
-            return Text(str(event.value), line)
+            return Text(self.plain(str(event.value), line), line)
         if isinstance(event, SequenceStartEvent):
             return Items(tuple(self.elements(depth)), line)
         if isinstance(event, MappingStartEvent):
             return Table(tuple(self.entries(depth)), line)
         raise self.source.error(line, "not YAML: a value is missing; check indentation, quotes and brackets")
+
+    def plain(self, text: str, line: int) -> str:
+        """Refuse what escapes in quotation marks may have put into a text."""
+        bad = _NOT_TEXT.search(text)
+        if bad:
+            raise self.source.error(line, _misplaced(bad[0]))
+        return text
 
     def elements(self, depth: int) -> Iterator[Node]:
         count = 0

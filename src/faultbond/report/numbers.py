@@ -9,7 +9,10 @@ from enum import Enum
 TIMES = "\N{MULTIPLICATION SIGN}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
+NO_DATE = 253402300799.0  # s; the calendar ends with the year 9999
 TINY = 1e-300  # smaller numbers are 0
+UNLIKE = 15  # powers of ten between a value and its standard deviation beyond which one of them is all that is known
+VAST = 1e9  # beyond it a change in per cent, or a time, is told by its power of ten
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
 
 
@@ -91,6 +94,8 @@ def figure(value: float, sd: float | None = None, digits: int = 6) -> Figure:
         return _exact(value, digits)
     exponent = exponent_of(max(abs(value), sd))
     place = last_place(sd)
+    if abs(exponent - place) > UNLIKE or exponent > -math.log10(TINY):
+        return _exact(value, digits)
     decimals = max(0, exponent - place)
     shift = 10.0**exponent
     mantissa, error = (f"{round(number, -place) / shift + 0.0:.{decimals}f}" for number in (value, sd))  # no -0
@@ -146,6 +151,8 @@ def change_text(nominal: float, estimate: float, sd: float) -> str:
         return ""
     percent = 100.0 * (estimate - nominal) / abs(nominal)
     relative_sd = 100.0 * sd / abs(nominal)
+    if abs(percent) >= VAST:
+        return f"{_vast(percent)} %"
     coarse = not math.isfinite(relative_sd) or relative_sd >= 1.0 or abs(percent) >= 20.0
     text = f"{percent:+.0f}" if coarse else f"{percent:+.1f}"
     return ("0" if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")) + " %"
@@ -174,7 +181,14 @@ def pace(rate: float, size: float) -> tuple[float, str]:
 
 def _short(value: float, digits: int) -> str:
     text = f"{value:.{digits}g}"
+    if abs(value) >= VAST:
+        return _vast(value).lstrip("+")
     return f"{value:.0f}" if "e" in text and abs(value) >= 1.0 else text
+
+
+def _vast(value: float) -> str:
+    """Give a signed number of which only the size matters."""
+    return f"{value:+.0e}".replace("e+", "e").replace("-", "\N{MINUS SIGN}") if math.isfinite(value) else "unknown"
 
 
 def is_unix(time: float) -> bool:
@@ -184,6 +198,10 @@ def is_unix(time: float) -> bool:
 
 def clock_text(time: float) -> str:
     """Give a reading of the recording's clock: seconds as written, or date and time where they are Unix seconds."""
+    if not math.isfinite(time):
+        return "an unknown time"
+    if abs(time) >= NO_DATE:
+        return f"{figure(time).number(Notation.FILE)} s"
     if not is_unix(time):
         return f"{figure(time, digits=9).number(Notation.FILE)} s" if time < 1e5 else f"{time:.12g} s"
     moment = datetime.fromtimestamp(round(time, 3), UTC)
@@ -193,6 +211,8 @@ def clock_text(time: float) -> str:
 
 def coarse_clock_text(time: float, width: float) -> str:
     """Give a reading of the recording's clock, rounded to a tenth of its uncertainty `width` (s) or finer."""
+    if abs(time) >= NO_DATE or not math.isfinite(time):
+        return clock_text(time)
     if is_unix(time):
         step = max((step for step in (1.0, 60.0, 3600.0) if 10.0 * step <= width), default=1.0)
         text = clock_text(step * round(time / step))

@@ -7,7 +7,7 @@ from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, onsets, packing, ranking, trail
+from faultbond.runtime import lanes, monitor, onsets, packing, ranking, trail, unseen
 from faultbond.spec import EngineSpec
 from faultbond.structure.sequence import Loop
 from faultbond.synthesis.specify import PROCESS_NOISE
@@ -84,10 +84,15 @@ def settings_of(spec: EngineSpec) -> dict[str, object]:
         "last_renewal": monitor.RENEWALS[-1],
         "onset_dense": onsets.DENSE,
         "onset_ratio": onsets.RATIO,
+        "onset_many": onsets.MANY,
         "wild": trail.WILD,
         "process_noise": PROCESS_NOISE,
         "gap": packing.GAP,
         "unknown_gap": packing.UNKNOWN_GAP,
+        "gap_far": unseen.FAR,
+        "unseen_longest": unseen.LONGEST,
+        "unseen_lost": unseen.LOST,
+        "input_rarely": unseen.RARELY,
         "first_start": lanes.FIRST_START,
         "start_spread": lanes.START_SPREAD,
         "reach": lanes.REACH,

@@ -42,11 +42,12 @@ class Counts:
     clock_jumps: int = 0
     saturated: int = 0
     frozen: int = 0
+    wild: int = 0
     no_verdict: str = ""
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
-        names = ("missing", "late", "duplicate", "untimed", "unused", "saturated", "frozen")
+        names = ("missing", "late", "duplicate", "untimed", "unused", "saturated", "frozen", "wild")
         found = [(getattr(self, name), name) for name in names]
         found.append((self.clock_jumps, "clock jump" if self.clock_jumps == 1 else "clock jumps"))
         return ", ".join(f"{number} {name}" for number, name in found if number)

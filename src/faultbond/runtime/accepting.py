@@ -204,6 +204,7 @@ def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float
     """Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times."""
     j = item.output
     gain, offset, noise = state.reading_gain.copy(), state.reading_offset.copy(), state.reading_noise.copy()
+    nis = state.nis.copy()
     match item.kind:
         case FaultKind.BIAS:
             offset[j] += gain[j] * size * spec.outputs[j].noise
@@ -211,9 +212,10 @@ def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float
             gain[j] *= 1.0 + size
         case FaultKind.NOISE:
             noise[j] = min((estimate / spec.outputs[j].noise) ** 2, MOST_NOISE * spec.thresholds.blank_factor)
+            nis[j] = 1.0  # the noise that was found is what squares are now taken in
         case _:
             noise[j] = np.inf
-    return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise)
+    return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise, nis=nis)
 
 
 def _absorbed_parameter(

@@ -12,11 +12,13 @@ from math import isfinite, log, sqrt
 import numpy as np
 
 from faultbond.runtime.history import Detection
-from faultbond.runtime.packing import unknown_inputs
 from faultbond.runtime.state import Changes, State
+from faultbond.runtime.unseen import unknown_inputs
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
+NIS_TRUST, NIS_MEMORY = 1000, 10_000  # samples for which the declaration counts; over which squares are a mean
+NIS_RANGE = (0.25, 4.0)
 SQRT2 = sqrt(2.0)  # standard deviation of a difference of innovations as declared
 
 
@@ -45,7 +47,19 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
         scatter[2] = np.nan
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
     start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
-    return {"cusum": cusum, "cusum_start": start, "fast": fast, "scatter": scatter}
+    nis = state.nis if state.alarm >= 0 else usual_squares(state, np.where(use, score, np.nan))
+    return {"cusum": cusum, "cusum_start": start, "fast": fast, "scatter": scatter, "nis": nis}
+
+
+def usual_squares(state: State, score: FloatArray) -> FloatArray:
+    """Give the usual squares of the normalised innovations after one more, (n_outputs,); nan: not to be counted.
+
+    Declared noises and slow errors are bounds more often than facts. Likelihoods reckon with the squares that are seen
+    while the plant is healthy: else a hypothesis would win by the size of what it foretells, sample by sample.
+    """
+    memory = min(NIS_TRUST + state.index - state.begun, NIS_MEMORY)
+    after = state.nis + (score * score - state.nis) / memory
+    return np.asarray(np.clip(np.where(np.isfinite(score), after, state.nis), *NIS_RANGE))
 
 
 def _scattered(spec: EngineSpec, state: State, score: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import advance_slots, begin_slots, renew_slots
-from faultbond.runtime.stepped import advance_steps, begin_steps, renew_steps
+from faultbond.runtime.stepped import advance_steps, begin_steps, renew_all_steps, renew_steps
 from faultbond.runtime.trail import Trail
 from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
@@ -113,6 +113,8 @@ def renew_bank(
     index: int,
     rejected: FloatArray,
     peak: FloatArray,
+    *,
+    last: bool = False,
 ) -> Bank:
     """Begin lanes again from what the bank has found, and those of the likeliest sets in reserve.
 
@@ -126,10 +128,11 @@ def renew_bank(
         1 for each that a person has ruled out; of the reserve these are not begun.
     peak : float array, shape (n_inputs,)
         Largest size of each input so far, SI.
+    last : whether no renewal follows; then all filters of steps begin again
     """
     own, grown = plan_lanes(spec).n_lanes, bank.grown
     steps = bank.steps.copy()
-    steps[:, :own] = renew_steps(spec, engine, trail, bank.steps[:, :own])
+    steps[:, :own] = (renew_all_steps if last else renew_steps)(spec, engine, trail, bank.steps[:, :own])
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
         out = rejected[spec.n_begun :] > 0

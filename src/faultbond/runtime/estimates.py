@@ -113,17 +113,15 @@ def _instrument(spec: EngineSpec, slots: FloatArray, lane: int, item: SlotLane, 
     rate = rate_sd = nominal = None
     word = FaultKind.BIAS.value
     match item.kind:
-        case FaultKind.BIAS:
-            nominal = 0.0
-        case FaultKind.INTERMITTENT if not item.sticks:
+        case _ if item.sticks:
+            word = "stuck"
+        case FaultKind.BIAS | FaultKind.INTERMITTENT:
             nominal = 0.0
         case FaultKind.DRIFT:
             nominal, rate = 0.0, float(unit * numbers[size + 1])
             rate_sd = float(unit * sqrt(max(numbers[covariance_place(wide, size + 1, size + 1)], 0.0)))
         case FaultKind.GAIN:
             nominal, value, word = 1.0, 1.0 + value, "gain"
-        case FaultKind.STUCK | FaultKind.INTERMITTENT:
-            word = "stuck"
         case FaultKind.NOISE:
             nominal, word = unit, "noise"
             value, sd = _scatter(spec, slots, lane, unit * sqrt(float(absorbed.noise[item.output])))

@@ -14,10 +14,11 @@ from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
 from faultbond.runtime.history import Detection, Diagnosis, Unexplained
-from faultbond.runtime.packing import corrected, doubt, pack_sample, travelled
+from faultbond.runtime.outliers import begin
+from faultbond.runtime.packing import corrected
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.slots import plan_slots
-from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import (
     SNAPSHOT_EVERY,
     Changes,
@@ -31,8 +32,9 @@ from faultbond.runtime.state import (
 )
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
+from faultbond.runtime.wild import admit, judged, seen, surprising, without_spike
 from faultbond.spec import Engine, EngineSpec
-from faultbond.types import FloatArray
+from faultbond.types import BoolArray, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
@@ -61,52 +63,58 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     u = np.where(np.isfinite(sample.u), sample.u, state.held)
     if not np.all(np.isfinite(u)):
         return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
-    packed, changes = pack_sample(spec, state, sample, u)
-    if state.running and state.guessed.any():
-        packed = _unseen(spec, engine, state, packed, doubt(state, sample, u))
-    slot = state.index % len(state.trail_times)
-    samples, times = state.trail_samples.copy(), state.trail_times.copy()
-    samples[slot], times[slot] = packed, sample.time
-    state = replace(state, trail_samples=samples, trail_times=times, time=sample.time, **changes)
     moving = drifting(spec, engine, state.rates, state.wander)
-    if state.alarm >= 0:
-        state = replace(state, **bank_fields(advance_bank(spec, moving, state.bank, packed, state.index)))
+    state, packed, changes, wild = admit(spec, moving, state, sample)
+    changes["time"] = sample.time
     if not state.running:
-        return _gather(spec, engine, state)
+        return _gather(spec, engine, _kept(spec, moving, state, packed, changes))
     lane, innovations = moving.advance(state.lane, packed[None, :])
+    if state.spent.any() or surprising(spec, packed, innovations[0, :, 0]):
+        lane, innovations, packed, more, changes = _mended(spec, moving, state, packed, changes, lane, innovations)
+        wild += more
+    else:
+        changes |= seen(state, *_readings(spec, packed))
+    state = _kept(spec, moving, state, packed, changes)
     if not np.all(np.isfinite(lane)):
         zero = np.zeros_like(state.cusum)
         sums: Changes = {"cusum": zero, "fast": zero, "scatter": no_scatter(len(spec.outputs))}
         nowhere = init(spec).travel  # where a lost filter believed the plant is no place where it has been
-        lost = replace(state, index=state.index + 1, begun=-1, running=0, travel=nowhere, **sums)
-        return lost, _silent(spec, Status.LOST)
-    return _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
+        odd = np.full_like(state.odd, np.nan)
+        lost = replace(state, index=state.index + 1, begun=-1, running=0, travel=nowhere, odd=odd, **sums)
+        return lost, replace(_silent(spec, Status.LOST), wild=wild)
+    state, report = _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
+    return state, replace(report, wild=wild) if wild else report
 
 
-def _unseen(
-    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, doubted: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    """Let states be as uncertain as what inputs may have done unseen makes them, by one step of the healthy filter.
+def _mended(
+    spec: EngineSpec,
+    engine: Engine,
+    state: State,
+    packed: FloatArray,
+    changes: Changes,
+    lane: FloatArray,
+    innovations: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, int, Changes]:
+    """Pass a sample through the healthy filter once more without what is wild in it.
 
-    `doubted`: by how much each input may have been off, and over how many samples, (n_inputs,) each. No state goes
-    farther by that than it ever has, unless one step takes it there.
+    Gives the lane, the innovations, the packed sample, the number of wild values, and what changes in the state.
     """
-    change, count = doubted
-    if not np.any(change):
-        return packed
-    place, n_x, far = spec.sample_fields, len(spec.states), travelled(state)
-    blind = packed.copy()
-    blind[place["use"]] = 0.0
-    base = engine.advance(state.lane, blind[None, :])[0][:n_x, 0]
-    total = np.square(packed[place["gap"]])
-    for index in np.flatnonzero(change):
-        trial = blind.copy()
-        trial[place["u_before"].start + index] += change[index]
-        step = np.abs(engine.advance(state.lane, trial[None, :])[0][:n_x, 0] - base)
-        total += np.where(np.isfinite(step), np.minimum(count[index] * step, np.maximum(far, step)), far) ** 2
-    packed = packed.copy()
-    packed[place["gap"]] = np.sqrt(total)
-    return packed
+    smooth = without_spike(spec, engine, state, packed)
+    if smooth is not packed:
+        lane, innovations = engine.advance(state.lane, smooth[None, :])
+    mended, more, readings = judged(spec, state, changes, smooth, innovations[0, :, 0])
+    if readings:
+        lane, innovations = engine.advance(state.lane, mended[None, :])
+    return lane, innovations, mended, readings + (smooth is not packed), changes | more
+
+
+def _kept(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, changes: Changes) -> State:
+    """Give the state with its changes, a packed sample in its trail, and the bank after it."""
+    slot = state.index % len(state.trail_times)
+    samples, times = state.trail_samples.copy(), state.trail_times.copy()
+    samples[slot], times[slot] = packed, changes["time"]
+    bank = bank_fields(advance_bank(spec, engine, state.bank, packed, state.index)) if state.alarm >= 0 else {}
+    return replace(state, trail_samples=samples, trail_times=times, **changes, **bank)
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -120,24 +128,32 @@ def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Repo
     """Collect the first samples, then solve the start and filter what was collected."""
     count = state.index - state.begun + 1
     again = bool(np.any(state.lane))  # the filter ran before: the start that the model gives is long past
-    needed = START_SAMPLES if again or any(item.start_sd is None for item in spec.states) else 1
-    if count < needed or (needed > 1 and count < START_PATIENCE and not _all_seen(spec, state)):
+    unknown = again or any(item.start_sd is None for item in spec.states)
+    if count < START_SAMPLES or (unknown and count < START_PATIENCE and not _all_seen(spec, state)):
         return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
     if count > START_SAMPLES and all(item.start_sd is None for item in spec.states):
         state = replace(state, begun=_recent(spec, state))
     chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
-    samples = state.trail_samples[chosen]
     known = state.normal if state.accepted >= 0 else None
-    mean, covariance = solve_start(spec, engine, samples, known, again=again)
-    lane = healthy_lane(spec, mean, covariance, known)
-    lanes = state.trail_lanes.copy()
+    found = begin(spec, engine, state, state.trail_samples[chosen], known, again=again)
+    lane = healthy_lane(spec, found.mean, found.covariance, known)
+    samples, lanes = state.trail_samples.copy(), state.trail_lanes.copy()
+    samples[chosen] = found.samples
+    state = replace(found.state, trail_samples=samples, shown=init(spec).shown)
     innovations = np.zeros((1, 2 * len(spec.outputs), 1))
-    for slot, sample in zip(chosen, samples, strict=True):
+    for slot, sample in zip(chosen, found.samples, strict=True):
         lane, innovations = engine.advance(lane, sample[None, :])
         lanes[slot] = lane[:, 0]
+        state = replace(state, **seen(state, *_readings(spec, sample)))
     state = replace(state, lane=lane, trail_lanes=lanes, running=1)
-    report = _report(spec, state, Status.WARMING, samples[-1], innovations[0, :, 0], statistic(spec, state))
-    return replace(state, index=state.index + 1), report
+    last = found.samples[-1]
+    report = _report(spec, state, Status.WARMING, last, innovations[0, :, 0], statistic(spec, state))
+    return replace(state, index=state.index + 1), replace(report, wild=found.wild)
+
+
+def _readings(spec: EngineSpec, packed: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Give the readings of a packed sample and which of them are there, (n_outputs,) each."""
+    return packed[spec.sample_fields["y"]], packed[spec.sample_fields["use"]] > 0
 
 
 def _recent(spec: EngineSpec, state: State) -> int:
@@ -224,7 +240,8 @@ def _judge(
     if alarm >= 0:
         if state.index - alarm in RENEWALS and alarm > state.begun:  # of a filter that was lost, no lanes are kept
             trail, _ = _cut_trail(spec, engine, state, alarm)
-            bank = renew_bank(spec, engine, trail, bank, state.index, state.rejected, state.peak)
+            last = state.index - alarm == RENEWALS[-1]
+            bank = renew_bank(spec, engine, trail, bank, state.index, state.rejected, state.peak, last=last)
     elif warm:
         detection, change = detect(spec, state, peak)
         if detection is not None:
@@ -267,7 +284,7 @@ def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
     bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
     return replace(
-        rank(spec, state.time, bank, Absorbed(rates=state.rates, noise=state.reading_noise)),
+        rank(spec, state.time, bank, Absorbed(rates=state.rates, noise=state.reading_noise * state.nis)),
         unexplained=unexplained,
         untested=untested(spec, bank, state.index, state.rejected, bounded=bounded),
     )

@@ -1,13 +1,11 @@
-"""A sample as the engine takes it: inputs held, steps blanked, missing values off, accepted faults corrected.
-
-After a gap, and after values of inputs that are missing, states are uncertain: docs/method.md, "The joint filter".
-"""
+"""A sample as the engine takes it: inputs held, steps blanked, missing values off, accepted faults corrected."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from faultbond.runtime.state import Changes, Sample, State
+from faultbond.runtime.unseen import is_restless, told_inputs, wandered
 from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
@@ -15,11 +13,6 @@ GAP = 3  # samples without any value from which on the states are uncertain afte
 UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples
 PAUSES = 20  # rows over which the usual number is a mean; longer pauses do not count as more
 UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
-FAR = 20  # samples of a gap in which a state may go as far as it has ever been
-AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
-LONGEST = 50  # samples without an input, after which the plant has felt most of what it does
-MOVES, HABIT = 300.0, 1000.0  # samples over which the moves, and the presence, of inputs are means
-RARELY = 0.5  # presence of an input that is logged when it changes
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
@@ -33,7 +26,8 @@ def corrected(state: State, sample: Sample) -> Sample:
 def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
     """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
 
-    Gives the packed sample, and what changes in the state. What inputs may have done unseen is told by `doubt`.
+    Gives the packed sample, and what changes in the state. What inputs may have done unseen is added by
+    `faultbond.runtime.unseen.allowed`.
     """
     first = not np.all(np.isfinite(state.held))
     before = u if first else state.held
@@ -59,75 +53,20 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
+    packed[place["nis"]] = state.nis
     silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
     absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(state, dt)
     gap = absent if absent > GAP - 1 + UNUSUAL * usual and not silent else 0
     sought = bool(gap) or bool(np.any(present))  # else the states are not looked for
-    astray = _wandered(spec, state, gap) if sought else state.astray
+    astray = wandered(spec, state, gap) if sought else state.astray
     packed[place["gap"]] = astray if sought else 0.0
     begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
     if state.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
     told = np.isfinite(sample.u)
     seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause, "astray": astray}
-    inputs = {"held": u, "peak": peak, "since_step": since, "change": change}
-    return packed, inputs | seen | _watched(state, told, u, moved, gap, silent=bool(silent))
-
-
-def _wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
-    """Give the sd that states gain by a gap of so many samples before this one: by chance, or to where they have been.
-
-    From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
-    each of them a step of Newton's method, down to what counts as nothing.
-    """
-    if not gap and not state.astray.any():
-        return state.astray
-    far = travelled(state)
-    drift, noise = (np.array([getattr(item, name) for item in spec.states]) for name in ("drift", "noise"))
-    again = np.where(AGAIN * state.astray > np.maximum(noise, NOTHING * far), AGAIN * state.astray, 0.0)
-    return np.asarray(np.maximum.reduce([gap * drift, min(gap / FAR, 1.0) * far, again]))
-
-
-def travelled(state: State) -> FloatArray:
-    """Give how far each state has ever moved."""
-    return np.asarray(np.maximum(state.travel[1] - state.travel[0], 0.0))
-
-
-def _watched(state: State, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool) -> Changes:
-    """Give what is known of the inputs `u` after a sample in which some were told and moved by so much.
-
-    An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
-    """
-    whole = told & (state.guessed == 0.0) & (gap == 0.0)  # both ends of the move were seen
-    size = state.leap**2 + (moved**2 - state.leap**2) / MOVES
-    habit = state.habit + (told - state.habit) / HABIT
-    return {
-        "lowest": np.where(told, np.minimum(state.lowest, u), state.lowest),
-        "highest": np.where(told, np.maximum(state.highest, u), state.highest),
-        "leap": np.where(whole, np.sqrt(size), state.leap),
-        "guessed": np.where(told, 0.0, state.guessed + 1.0),
-        "habit": state.habit if silent else habit,
-    }
-
-
-def unknown_inputs(state: State) -> BoolArray:
-    """Tell which inputs have been missing for some samples, though they usually are told and do move; (n_inputs,)."""
-    return np.asarray((state.guessed >= GAP) & (state.leap > 0.0) & (state.habit > RARELY))
-
-
-def doubt(state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Give by how much each input may have been off before a sample, SI, and over how many samples.
-
-    An input whose value is missing is held. When it is told again, it may have changed at any sample since; while it is
-    not, and sensors are, it may be off by as much as it usually moves.
-    """
-    told = np.isfinite(sample.u)
-    if not np.any(told) and not np.any(np.isfinite(sample.y)):
-        return np.zeros(len(u)), np.zeros(len(u))
-    doubted = (state.guessed > 0.0) & (state.habit > RARELY)
-    size = np.where(told, u - state.held, state.leap)
-    count = np.where(told, np.minimum(state.guessed, LONGEST), 1.0)
-    return np.where(doubted, size, 0.0), np.where(doubted, count, 0.0)
+    inputs = {"held": u, "earlier": before, "since_step": since, "change": change}
+    return packed, inputs | seen | told_inputs(state, told, u, moved, gap, silent=bool(silent))
 
 
 def _empty_points(state: State, _: float) -> tuple[float, float, float]:
@@ -148,5 +87,5 @@ def _blanked(spec: EngineSpec, state: State, sample: Sample, since_step: FloatAr
     moving = since_step < settling
     missing = ~np.isfinite(sample.u)
     if missing.any():
-        moving = moving | (missing & (state.leap > 0.0) & (state.habit > RARELY))
+        moving = moving | (missing & is_restless(state))
     return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)

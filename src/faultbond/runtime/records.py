@@ -109,6 +109,7 @@ def end_record(
     clock_jumps: int = 0,
     saturated: int = 0,
     frozen: int = 0,
+    wild: int = 0,
 ) -> Record:
     """Give the last record.
 
@@ -123,6 +124,7 @@ def end_record(
     unused : rows whose grid point is served by another row
     clock_jumps : grid points at which a run goes on after a change of the clock or a long gap
     saturated, frozen : values at an end of their range, or of a sensor that stays the same
+    wild : values far beyond all that was seen, which the plant does not follow
     """
     return {
         "record": "end",
@@ -138,6 +140,7 @@ def end_record(
         "clock_jumps": clock_jumps,
         "saturated": saturated,
         "frozen": frozen,
+        "wild": wild,
     }
 
 

@@ -17,6 +17,8 @@ _SECANTS = 8
 _DOUBLINGS = 12
 _ABSURD = 1e12
 _ASTRAY = 1e3  # sizes of a state that a settled value may lie off; farther ones the plant did not reach by itself
+_PART = 0.1  # of what a parameter may be off, over which slopes are taken
+_RUN_AWAY = 1e6  # misfit, sd of the noise, of a plant that has run away
 _STEEPEST = 1e100  # slope that can still be squared
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _NOTHING = 1e-9  # part of the size of a state below which it is zero but for rounding, which says nothing of its size
@@ -33,11 +35,22 @@ class _Data:
     known: FloatArray | None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Fitted:
+    """States that fit: (n_states,), covariance of the free ones, what a change of the misfits does to them, cost."""
+
+    state: FloatArray
+    covariance: FloatArray
+    gain: FloatArray
+    cost: float
+
+
 def healthy_lane(
     spec: EngineSpec, mean: FloatArray, covariance: FloatArray, known: FloatArray | None = None
 ) -> FloatArray:
     """Give the lane, shape (n_numbers, 1), of a healthy plant with states `mean`, `covariance`.
 
+    `covariance` is that of the states, or of states, slow errors and parameters, as `solve_start` gives it.
     `known` (n_numbers, 1) is a lane whose parameters are taken in place of the nominal ones: those that were accepted.
     """
     n = spec.n_joint
@@ -45,7 +58,6 @@ def healthy_lane(
     full = np.zeros((n, n))
     n_x = len(spec.states)
     joint[:n_x] = mean
-    full[:n_x, :n_x] = covariance
     for k, error in enumerate(spec.slow_errors):
         full[n_x + k, n_x + k] = error.sd**2
     for k, parameter in enumerate(spec.parameters, spec.parameter_slice.start):
@@ -57,13 +69,17 @@ def healthy_lane(
         place = spec.parameter_slice
         joint[place] = known[place, 0]
         full[place, place] = unpack(spec, known[spec.covariance_slice, 0])[place, place]
+    full[: len(covariance), : len(covariance)] = covariance
     return np.concatenate([joint, pack(full), spec.loops, [0.0]])[:, None]
 
 
 def solve_start(
     spec: EngineSpec, engine: Engine, samples: FloatArray, known: FloatArray | None = None, *, again: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Give mean (n_states,) and covariance (n_states, n_states), SI, of the states before the first sample.
+    """Give the states before the first sample, (n_states,), SI, and a covariance.
+
+    The covariance, of shape (n, n), is that of states, slow errors and parameters: a start that was found with
+    parameters that are off is off with them.
 
     Parameters
     ----------
@@ -78,20 +94,57 @@ def solve_start(
     given = np.array([state.start_sd is not None and not again for state in spec.states], dtype=bool)
     mean = np.array([state.start_mean for state in spec.states])
     sd = _stated_sds(spec)
+    data = _Data(spec=spec, engine=engine, samples=samples, known=known)
     unknown = np.flatnonzero(~given)
     if not len(unknown):
-        return mean, np.diag(sd**2)
-    data = _Data(spec=spec, engine=engine, samples=samples, known=known)
+        return mean, _with_parameters(data, np.diag(sd**2))
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are possible, and lose
         centre, size = np.where(given, mean, _settled(data, mean)), np.where(given, sd, 1.0)
         size[unknown] = _sizes(data, mean, centre, unknown)
         centre = np.where(np.abs(centre - mean) > _ASTRAY * size, mean, centre)
         free = np.flatnonzero(size > 0.0)  # what is stated may be off too, and would put the others off
         guesses = _guesses(mean, centre, free, size[free])
-        best = min((_fit(data, guess, centre, free, size[free]) for guess in guesses), key=lambda found: found[2])
+        best = min((_fit(data, guess, centre, free, size[free]) for guess in guesses), key=lambda found: found.cost)
+        led = np.zeros((len(mean), spec.parameter_slice.stop - len(mean)))
+        led[free] = best.gain @ _by_what_is_unknown(data, best.state)
     covariance = np.zeros((len(mean), len(mean)))
-    covariance[np.ix_(free, free)] = _WIDER**2 * best[1]
-    return best[0], covariance
+    covariance[np.ix_(free, free)] = _WIDER**2 * best.covariance
+    return best.state, _with_parameters(data, covariance, led)
+
+
+def _with_parameters(data: _Data, states: FloatArray, led: FloatArray | None = None) -> FloatArray:
+    """Give the covariance of states, slow errors and parameters; `led`: slopes of the fitted states by the latter."""
+    spec, n_x = data.spec, len(states)
+    lane = healthy_lane(spec, np.zeros(n_x), states, data.known)
+    full = unpack(spec, lane[spec.covariance_slice, 0])[: spec.parameter_slice.stop, : spec.parameter_slice.stop]
+    if led is not None:
+        cross = led @ full[n_x:, n_x:]
+        full[:n_x, :n_x] += cross @ led.T
+        full[:n_x, n_x:], full[n_x:, :n_x] = cross, cross.T
+    return full
+
+
+def misfits(
+    spec: EngineSpec, engine: Engine, samples: FloatArray, state: FloatArray, known: FloatArray | None = None
+) -> FloatArray:
+    """Give measured minus predicted, in sd of the noise, of a nominal plant that began at a state; 0 where missing.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    samples : float array, shape (n_samples, n_sample)
+        The first packed samples.
+    state : float array, shape (n_states,), SI
+    known : float array, shape (n_numbers, 1)
+        A lane whose parameters hold; None: the nominal ones do.
+
+    Returns
+    -------
+    float array, shape (n_samples, n_outputs)
+    """
+    data = _Data(spec=spec, engine=engine, samples=samples, known=known)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _misfits(data, state[:, None])[:, 0].reshape(len(samples), len(spec.outputs))
 
 
 def _stated_sds(spec: EngineSpec) -> FloatArray:
@@ -132,18 +185,43 @@ def _settled(data: _Data, mean: FloatArray) -> FloatArray:
 
 def _misfits(data: _Data, states: FloatArray) -> FloatArray:
     """Give measured minus predicted in noise units, shape (n_samples * n_outputs, n_guesses); 0 where missing."""
+    nothing = np.zeros((len(states),) * 2)
+    lanes = [healthy_lane(data.spec, state, nothing, data.known) for state in states.T]
+    return _predicted(data, np.concatenate(lanes, axis=1))
+
+
+def _predicted(data: _Data, lanes: FloatArray) -> FloatArray:
+    """Give the misfits, as `_misfits` does, of lanes (n_numbers, n_guesses)."""
     spec, samples = data.spec, data.samples
     fields, off = spec.sample_fields, samples.copy()
     off[:, fields["use"]] = 0.0
-    n = spec.n_joint
-    nothing = np.zeros((len(states),) * 2)
-    lanes = np.concatenate([healthy_lane(spec, state, nothing, data.known) for state in states.T], axis=1)
-    lanes[n : n + spec.n_packed] = 0.0
-    _, found = data.engine.advance(lanes, off)
+    sure = lanes.copy()
+    sure[spec.covariance_slice] = 0.0
+    _, found = data.engine.advance(sure, off)
     noise = np.array([output.noise for output in spec.outputs])
     weight = samples[:, fields["use"]] / np.sqrt(samples[:, fields["scale"]]) / noise
     misfit = found[:, : len(spec.outputs), :] * weight[:, :, None]
-    return np.asarray(np.nan_to_num(misfit.reshape(-1, states.shape[1]), nan=1e6, posinf=1e6, neginf=-1e6))
+    found = misfit.reshape(-1, lanes.shape[1])
+    return np.asarray(np.nan_to_num(found, nan=_RUN_AWAY, posinf=_RUN_AWAY, neginf=-_RUN_AWAY))
+
+
+def _by_what_is_unknown(data: _Data, state: FloatArray) -> FloatArray:
+    """Give the slopes of the misfits by slow errors and parameters.
+
+    Returns
+    -------
+    float array, shape (n_samples * n_outputs, n_slow_errors + n_parameters)
+    """
+    spec = data.spec
+    lane = healthy_lane(spec, state, np.zeros((len(state),) * 2), data.known)
+    places = np.arange(spec.slow_slice.start, spec.parameter_slice.stop)
+    sds = np.sqrt(np.diag(unpack(spec, lane[spec.covariance_slice, 0]))[places])
+    lanes = np.repeat(lane, len(places) + 1, axis=1)
+    lanes[places, np.arange(1, len(places) + 1)] += _PART * sds
+    misfit = _predicted(data, lanes)
+    slopes = (misfit[:, 1:] - misfit[:, :1]) / np.where(sds > 0.0, _PART * sds, 1.0)
+    near = np.maximum(np.abs(misfit[:, 1:]), np.abs(misfit[:, :1])) < _RUN_AWAY
+    return np.where(near, slopes, 0.0)
 
 
 def _slopes(data: _Data, state: FloatArray, free: IntArray, move: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,10 +252,8 @@ def _sizes(data: _Data, state: FloatArray, centre: FloatArray, free: IntArray) -
     return np.asarray(np.where(effect <= 0.0, unseen, np.where(hidden, usual, size * _REACH)))
 
 
-def _fit(
-    data: _Data, guess: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Levenberg-Marquardt from one guess: state, covariance of its free part, cost.
+def _fit(data: _Data, guess: FloatArray, centre: FloatArray, free: IntArray, size: FloatArray) -> _Fitted:
+    """Levenberg-Marquardt from one guess.
 
     Free states count in units of `size`, in which what is known of them beforehand is a unit matrix: with least squares
     on the slopes themselves, not on their squares, no direction is lost however precise the sensors are.
@@ -201,7 +277,13 @@ def _fit(
             state, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-9)
         else:
             damping = min(damping * 10.0, 1e9)
-    return state, size[:, None] * _spread(slope) * size, cost
+    spread = _spread(slope)
+    return _Fitted(
+        state=state,
+        covariance=size[:, None] * spread * size,
+        gain=-size[:, None] * (spread @ slope.T),
+        cost=cost,
+    )
 
 
 def _step(slope: FloatArray, misfit: FloatArray, away: FloatArray, damping: float) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.runtime.bank import Bank, no_bank
 from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.misfit import Misfit
@@ -15,7 +16,25 @@ from faultbond.types import FloatArray
 Changes = dict[str, Any]  # fields of the state, by name
 LAGS = 4  # innovations with which each new one is compared
 SNAPSHOTS, SNAPSHOT_EVERY = 12, 300  # how many healthy lanes are kept for long, and after how many samples each
-_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent")
+_COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent", "odd_since")
+
+
+ENDLESS = Allowed(least=0.0, infinite=True)
+ALLOWED = {
+    **dict.fromkeys(("index", "detections", "silent"), COUNT),
+    **dict.fromkeys(("begun", "alarm", "accepted", "cusum_start", "odd_since"), COUNT_OR_NONE),
+    **dict.fromkeys(("running", "rejected"), FLAG),
+    **dict.fromkeys(("pause", "guessed", "spent", "cusum", "fast", "misfit"), POSITIVE),
+    **dict.fromkeys(("leap", "astray", "since_step", "reading_noise", "wander"), ENDLESS),
+    **dict.fromkeys(("lowest", "highest", "travel", "shown"), Allowed(infinite=True)),
+    **dict.fromkeys(("held", "earlier", "odd", "scatter"), Allowed(nan=True)),
+    "habit": Allowed(least=0.0, most=1.0),
+    "nis": POSITIVE,
+    "misfit_since": COUNT,
+    **dict.fromkeys(  # of filters that may have run away
+        ("change", "lane", "rival", "trail_samples", "trail_lanes", "steps", "slots", "healthy"), ANYTHING
+    ),
+}
 
 
 class Status(Enum):
@@ -41,13 +60,17 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Report:
-    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd."""
+    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd.
+
+    wild : values that were refused, or cut, since they lie far beyond all that was seen
+    """
 
     status: Status
     expected: FloatArray
     variance: FloatArray
     cusum: FloatArray
     slow: FloatArray
+    wild: int = 0
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
 
@@ -71,11 +94,18 @@ class State:
     pause: float  # usual number of them before a sample with one; where rows are the grid, usual seconds between rows
     time: float
     held: FloatArray  # last input values
-    peak: FloatArray  # largest size of each input
+    earlier: FloatArray  # those of the sample before
     lowest: FloatArray  # least value of each input that was seen; inf: none yet
     highest: FloatArray
+    nis: FloatArray  # usual square of a normalised innovation of each output while healthy; 1: as declared
     leap: FloatArray  # usual change of each input from one sample to the next, root of a mean of squares
     guessed: FloatArray  # samples since each input was told
+    odd: FloatArray  # value of each input that was refused at the last sample; nan: none was
+    odd_since: int  # sample at which the first of these was refused
+    rival: FloatArray  # the healthy filter as it is if they are real,
+    gain: float  # and by how much the readings have spoken for it, a difference of sums of squares in sd
+    shown: FloatArray  # (2, n_outputs): least and greatest reading of each sensor
+    spent: FloatArray  # (n_outputs,): patience with wild values that is used up
     habit: FloatArray  # part of the samples with any value in which each input is told
     travel: FloatArray  # (2, n_states): least and greatest value of each state
     astray: FloatArray  # sd of each state that is left of a gap
@@ -106,6 +136,11 @@ class State:
     wander: FloatArray
 
     @property
+    def peak(self) -> FloatArray:
+        """Largest size of each input; 0 where none was seen."""
+        return np.where(self.lowest <= self.highest, np.maximum(np.abs(self.lowest), np.abs(self.highest)), 0.0)
+
+    @property
     def bank(self) -> Bank:
         """The bank."""
         return Bank(
@@ -124,8 +159,13 @@ class State:
     def restore(saved: dict[str, FloatArray]) -> "State":
         """Give the state that `save` wrote."""
         numbers: dict[str, Any] = {name: int(saved[name]) for name in _COUNTS}
-        numbers |= {name: float(saved[name]) for name in ("time", "pause")}
+        numbers |= {name: float(saved[name]) for name in ("time", "pause", "gain")}
         return State(**({name: np.asarray(saved[name]) for name in saved} | numbers))
+
+
+def allowed_of(spec: EngineSpec) -> dict[str, Allowed]:
+    """Give what the numbers of a state may be, by name; all others are finite."""
+    return ALLOWED | {"grown": Allowed(least=-1.0, most=len(spec.reserve) - 1.0, whole=True)}
 
 
 def init(spec: EngineSpec, t0: float = 0.0) -> State:
@@ -142,11 +182,18 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
         pause=0.0,
         time=t0,
         held=np.full(n_u, np.nan),
-        peak=np.zeros(n_u),
+        earlier=np.full(n_u, np.nan),
         lowest=np.full(n_u, np.inf),
         highest=np.full(n_u, -np.inf),
+        nis=np.ones(n_y),
         leap=np.zeros(n_u),
         guessed=np.zeros(n_u),
+        odd=np.full(n_u, np.nan),
+        odd_since=-1,
+        rival=np.zeros((spec.n_numbers, 1)),
+        gain=0.0,
+        shown=np.array([[np.inf], [-np.inf]]) * np.ones(n_y),
+        spent=np.zeros(n_y),
         habit=np.ones(n_u),
         travel=np.array([[np.inf], [-np.inf]]) * np.ones(len(spec.states)),
         astray=np.zeros(len(spec.states)),

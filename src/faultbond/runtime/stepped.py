@@ -18,6 +18,8 @@ from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FloatArray, IntArray
 
 ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
+IN_REACH = 20.0  # nats by which a filter may lag behind the best of its hypothesis and still come to lead it
+SAME, TINY = 0.3, 1e-12  # standard deviations by which two filters that found the same may differ; and rounding
 LOWEST = -1e300  # likelihood of a lane that is no number
 _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
 
@@ -95,6 +97,42 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
     renewed = bank.copy()
     renewed[:, worst[better]] = again[:, better]
     return renewed
+
+
+def renew_all_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
+    """Begin every filter that may come to lead its hypothesis again at the onset, from what it has found itself.
+
+    What a filter has once linearised far from the truth stays in its covariance. It then follows the data too well, and
+    over thousands of samples its likelihood passes that of filters which began nearer. It is kept as it was where the
+    new beginning led astray.
+    """
+    plan, likelihoods = plan_lanes(spec), _likelihoods(bank)
+    best, _ = extremes(plan, likelihoods)
+    near = np.flatnonzero(likelihoods > likelihoods[best][plan.hypothesis] - IN_REACH)
+    begun, stands_for = np.unique(_alike(spec, plan, bank, near), return_inverse=True)
+    starts = found_lanes(spec, plan, bank, begun, trail.lanes[0][spec.parameter_slice])
+    again = begin_near(spec, engine, trail, starts)[:, stands_for]
+    kept = _likelihoods(again) > likelihoods[near] - ASTRAY
+    renewed = bank.copy()
+    renewed[:, near[kept]] = again[:, kept]
+    return renewed
+
+
+def _alike(spec: EngineSpec, plan: LanePlan, bank: FloatArray, lanes: IntArray) -> IntArray:
+    """Give for each of some lanes the likeliest of its hypothesis that found the same and begins in the same way."""
+    place, found = spec.parameter_slice, lanes.copy()
+    diagonal = [covariance_place(spec, k, k) for k in range(place.start, place.stop)]
+    values, sds = bank[place], np.sqrt(np.maximum(bank[diagonal], 0.0))
+    first: dict[tuple[int, bytes], list[int]] = {}
+    for k in np.argsort(-_likelihoods(bank)[lanes], kind="stable"):
+        lane = int(lanes[k])
+        known = first.setdefault((int(plan.hypothesis[lane]), plan.jumps[lane].tobytes()), [])
+        apart = [np.max(np.abs(values[:, lane] - values[:, other]) / (SAME * sds[:, other] + TINY)) for other in known]
+        same = next((other for other, off in zip(known, apart, strict=True) if off <= 1.0), lane)
+        found[k] = same
+        if same == lane:
+            known.append(lane)
+    return found
 
 
 def begin_near(spec: EngineSpec, engine: Engine, trail: Trail, starts: LanePlan) -> FloatArray:

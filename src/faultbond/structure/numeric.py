@@ -24,6 +24,9 @@ _COMPARISONS: dict[str, Callable[[Value, Value], bool]] = {
 }
 
 
+MAX_BITS = 1022  # of a whole number in floating point, with one to spare
+
+
 @lru_cache(maxsize=4096)
 def exact(value: float) -> Fraction:
     """Give the fraction that the shortest decimal of a number stands for.
@@ -42,13 +45,13 @@ def is_nan(value: Value) -> bool:
 
 
 def evaluate(expression: Expression, values: Mapping[str, Value]) -> Value:
-    """Give the value of an expression; nan where it has no real value.
+    """Give the value of an expression; nan where it has no real value, or one beyond floating point.
 
     Exact if all values that it needs are fractions and it uses `+ - * /`, whole powers, `abs sign min max where` and
     roots of squares only.
     """
     try:
-        return _slopes(expression, values, frozenset())[0]
+        return _in_reach(_slopes(expression, values, frozenset())[0])
     except (ArithmeticError, ValueError):
         return NAN
 
@@ -56,9 +59,17 @@ def evaluate(expression: Expression, values: Mapping[str, Value]) -> Value:
 def slopes(expression: Expression, values: Mapping[str, Value], names: Collection[str]) -> tuple[Value, Slopes]:
     """Give the value of an expression and its derivatives by some names; (nan, {}) where there is no real value."""
     try:
-        return _slopes(expression, values, names)
+        value, by = _slopes(expression, values, names)
     except (ArithmeticError, ValueError):
         return NAN, {}
+    return _in_reach(value), {name: _in_reach(slope) for name, slope in by.items()}
+
+
+def _in_reach(value: Value) -> Value:
+    """Give a value that floating point can hold, too; nan for one that is larger."""
+    if not isinstance(value, Fraction | int):
+        return value
+    return NAN if value.numerator.bit_length() - value.denominator.bit_length() > MAX_BITS else value
 
 
 def _slopes(expression: Expression, values: Mapping[str, Value], names: Collection[str]) -> tuple[Value, Slopes]:

@@ -1,12 +1,15 @@
 """Compiling the emitted C in process, once per model, version, compiler and processor.
 
 Several processes may start at once: each compiles to a file of its own and renames it into place, so nobody ever sees
-half a library.
+half a library. A library is code: it is loaded only from a folder, and as a file, that nobody else may write, and if a
+checksum at its end, over its name and content, says that it is whole and in its place; else it is built anew.
 """
 
 import os
 import platform
+import shlex
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -14,10 +17,11 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 
-from faultbond.errors import GenerationError
+from faultbond.errors import CacheError, GenerationError
 
 FLAGS = ("-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-std=gnu11", "-w")
 _TIMEOUT = 600.0
+_CHECKSUM = 32  # bytes at the end of a library, behind what the loader reads
 
 
 def cache_folder() -> Path:
@@ -29,12 +33,20 @@ def cache_folder() -> Path:
 
 def find_compiler() -> tuple[str, ...] | None:
     """Give the command of a C compiler: `CC`, `cc`, `gcc`, `clang`, or the ziglang package; None if there is none."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return (name,)
+    for command in (_words(os.environ.get("CC", "")), ("cc",), ("gcc",), ("clang",)):
+        if command and shutil.which(command[0]):
+            return command
     if find_spec("ziglang") is not None:
         return (sys.executable, "-m", "ziglang", "cc")
     return None
+
+
+def _words(command: str) -> tuple[str, ...]:
+    """Give a command and its options, `gcc -O2`, as a shell reads them; none where quotation marks stay open."""
+    try:
+        return tuple(shlex.split(command))
+    except ValueError:
+        return ()
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
@@ -44,19 +56,58 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
     ------
     GenerationError
         Where the compiler fails; carries its first message.
+    CacheError
+        Where others may write the cache.
     """
     folder = cache_folder()
     key = sha256("\0".join((source, *compiler, *FLAGS, _processor())).encode()).hexdigest()[:32]
     library = folder / f"{key}.so"
-    if library.exists():
-        return library
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _refuse_shared(folder)
+        if _is_whole(library):
+            return library
         with tempfile.TemporaryDirectory(dir=folder) as work:
-            _compile(source, compiler, Path(work)).replace(library)
+            built = _compile(source, compiler, Path(work))
+            built.write_bytes(_sealed(key, built.read_bytes()))
+            built.chmod(0o700)
+            built.replace(library)
     except OSError as problem:
         raise GenerationError(f"{folder}: the cache cannot be written ({problem}); set FAULTBOND_CACHE") from problem
     return library
+
+
+def _refuse_shared(folder: Path) -> None:
+    """Refuse a folder in which others may put a library of theirs."""
+    if not _is_ours(folder.stat()):
+        raise CacheError(
+            f"{folder}: others own this folder or may write it, and it holds code that is run. "
+            f"Take it back, `chmod go-w {folder}`, or set FAULTBOND_CACHE to a folder of your own."
+        )
+
+
+def _is_ours(about: os.stat_result) -> bool:
+    """Whether only this user, or the system's, may write a file."""
+    if not hasattr(os, "geteuid"):
+        return True
+    return about.st_uid in (os.geteuid(), 0) and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _is_whole(library: Path) -> bool:
+    """Whether a library is there, ours, undamaged and under its own name."""
+    try:
+        about = library.lstat()
+        if not stat.S_ISREG(about.st_mode) or not _is_ours(about):
+            return False
+        content = library.read_bytes()
+    except OSError:
+        return False
+    return content == _sealed(library.stem, content[:-_CHECKSUM])
+
+
+def _sealed(key: str, content: bytes) -> bytes:
+    """Give a library with its checksum."""
+    return content + sha256(key.encode() + content).digest()
 
 
 def _compile(source: str, compiler: tuple[str, ...], work: Path) -> Path:

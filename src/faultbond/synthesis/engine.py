@@ -46,5 +46,6 @@ def build_engine(graph: BondGraph, *, compiled: bool = True) -> tuple[EngineSpec
     except GenerationError:
         return spec, VirtualMachine(plain, VirtualMachine(slot))  # a broken compiler is as good as none
     n_innovations = 2 * len(spec.outputs)
-    second = load_engine(libraries[1], n_innovations, compiler[0])
-    return spec, load_engine(libraries[0], n_innovations, compiler[0], second)
+    command = " ".join(compiler)
+    second = load_engine(libraries[1], n_innovations, command)
+    return spec, load_engine(libraries[0], n_innovations, command, second)

@@ -181,8 +181,9 @@ def _measurement_update(
     guess = _clip(view.spec, guess)
     if view.is_linear:
         return guess, spread, implicit, likelihood, innovations
-    reading, slope, better = view.measure(guess, fields["u"], implicit)
-    expected = reading + slope @ (mean - guess)
+    middle = _with_faults_of(view.spec, mean, guess)
+    reading, slope, better = view.measure(middle, fields["u"], implicit)
+    expected = reading + slope @ (mean - middle)
     second, spread_2, _ = _sequential(view, fields, mean, covariance, expected, slope)
     again = ca.logic_and(fields["again"] > 0, _foretold(view, fields, innovations) > _SAYS_MUCH)
     return (
@@ -192,6 +193,13 @@ def _measurement_update(
         likelihood,
         innovations,
     )
+
+
+def _with_faults_of(spec: EngineSpec, mean: ca.SX, guess: ca.SX) -> ca.SX:
+    """Give `mean` with the parameters, and the slot, of `guess`."""
+    places = [0, spec.parameter_slice.start, spec.slot_slice.stop, mean.numel()]
+    before, _, after = ca.vertsplit(mean, places)
+    return ca.vertcat(before, ca.vertsplit(guess, places)[1], after)
 
 
 def _marginal_innovations(
@@ -239,7 +247,8 @@ def _sequential(
         # In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit.
         relative = variance / output.noise**2
         misfit = ca.fmin(innovation**2 / variance, wildest)
-        likelihood = likelihood - 0.5 * use * (misfit + ca.log(relative) + LOG_2_PI)
+        usual = ca.if_else(fields["nis"][j] > 0, fields["nis"][j], 1)
+        likelihood = likelihood - 0.5 * use * (misfit + usual * ca.log(relative) + LOG_2_PI) / ca.fmax(usual, 1)
     return mean + shift, covariance, likelihood
 
 

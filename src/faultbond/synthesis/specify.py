@@ -201,6 +201,7 @@ def _input(item: Input) -> InputSpec:
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
+        ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
     )
 
 
@@ -213,4 +214,5 @@ def _output(item: Sensor, direct: tuple[int, ...]) -> OutputSpec:
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
         suspect=item.suspect,
+        ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
     )

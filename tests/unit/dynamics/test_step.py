@@ -146,6 +146,48 @@ def differences(function: Callable[[FloatArray], FloatArray], v: FloatArray) -> 
     return np.array(columns).T
 
 
+CYLINDER = """
+name: cylinder
+sample_time: 1 ms
+inputs: {Q: {unit: m^3/s}}
+components:
+  pump: {type: Sf, law: f = Q}
+  oil: {type: C, law: e = beta*q/(V + A*rod.q), parameters: {beta: 1e9 Pa, V: 1e-3 m^3}}
+  piston: {type: TF, law: [e2 = A*e1, f1 = A*f2], parameters: {A: 10 cm^2}}
+  mass: {type: I, parameters: {m: 100 kg}}
+  spring: {type: C, law: e = k*q, parameters: {k: 50 kN/m}}
+junctions: {chamber: 0, rod: 1}
+bonds: [pump -> chamber -> oil, chamber -> piston -> rod -> mass, rod -> spring]
+sensors: {p: {reads: chamber.e, unit: bar, noise: 0.1 bar}, x: {reads: READS, unit: mm, noise: 0.1 mm}}
+"""
+
+
+def test_a_store_that_a_sensor_reads_has_its_content_as_state() -> None:
+    """A spring is estimated by its force, and by its deflection where that is measured."""
+    by = {
+        reads: build_step_model(build_plant(parse_model(CYLINDER.replace("READS", reads)))).states
+        for reads in ("rod.q", "spring.q")
+    }
+    assert "spring.e" in by["rod.q"]
+    assert "spring.q" in by["spring.q"]
+
+
+def test_pressure_over_a_volume_that_moves_is_a_state() -> None:
+    """Oil whose volume depends on a position has the pressure as state, which moves with volume flow and piston."""
+    model = build_step_model(build_plant(parse_model(CYLINDER.replace("READS", "rod.q"))))
+    states = list(model.states)
+    assert "chamber.e" in states
+    p, f, x, Q = 40e5, 0.3, 0.02, 2e-4
+    at = {"chamber.e": p, "rod.f": f, "rod.q": x, "spring.e": 900.0}
+    v = nominal(model, *(at.get(name, f) for name in states))
+    rates = dict(zip(states, model.rates(v, [Q], [])[0].full()[:, 0], strict=True))
+    volume = 1e-3 + 1e-3 * x
+    content = p * volume / 1e9
+    moved = 1e9 * (content + 1e-6 * (Q - 1e-3 * f)) / (volume + 1e-3 * 1e-6 * f)
+    assert rates["chamber.e"] == pytest.approx((moved - p) / 1e-6, rel=1e-5)
+    assert rates["rod.q"] == pytest.approx(f)
+
+
 PLACES = [("tank", (30000.0,), [70.0, 60.0]), ("dc_motor_current", (1.0, 2.0), [5.0]), ("rectifier", (0.3,), [3.0])]
 
 
@@ -154,7 +196,31 @@ def model_at(name: str, states: tuple[float, ...]) -> tuple[StepModel, FloatArra
     model = rectifier() if name == "rectifier" else example(name)
     v = nominal(model, *states)
     v[len(states) :] += 0.01 * np.arange(1, v.size - len(states) + 1)
+    v[len(states) : parameters_of(model)[0]] = (
+        0.0  # where parameters are concerned slopes are those without slow errors
+    )
     return model, v
+
+
+def parameters_of(model: StepModel) -> tuple[int, int]:
+    """The places of the parameters in v, first and after the last."""
+    first = len(model.states) + model.plant.b.numel()
+    return first, first + model.plant.theta.numel()
+
+
+def test_slopes_by_parameters_do_not_hold_the_slow_errors() -> None:
+    """With slow errors at work values and other slopes change; the slopes by parameters are those without them."""
+    model, v = model_at("tank", (30000.0,))
+    u, z, (first, last) = reference_inputs(model.plant), model.reference_implicit, parameters_of(model)
+    erring = v.copy()
+    erring[len(model.states) : first] = 0.1
+    for function in (model.rates, model.measure):
+        calm, wild = (function(place, u, z) for place in (v, erring))
+        (value, slope), (other, other_slope) = ((found[0].full(), found[1].full()) for found in (calm, wild))
+        assert np.array_equal(slope[:, first:last], other_slope[:, first:last])
+        if function is model.rates:
+            assert np.any(value != other)
+            assert np.any(slope[:, :first] != other_slope[:, :first])
 
 
 @pytest.mark.parametrize(("name", "states", "u"), PLACES)

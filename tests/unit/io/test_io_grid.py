@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import RecordingError
-from faultbond.io.grid import LOOK_BACK, PATIENCE, Counts, Grid, GridPoint, Row, on_grid
+from faultbond.io.grid import LATEST, LOOK_BACK, PATIENCE, Counts, Grid, GridPoint, Row, on_grid
 
 
 def rows(*times: float) -> list[Row]:
@@ -105,10 +105,10 @@ def test_duplicates(live: bool) -> None:
 
 
 def test_rows_without_time() -> None:
-    """A row whose time is unreadable is left out and counted."""
-    values, counts = run([0.0, math.nan, 2.0, math.inf])
+    """A row whose time is unreadable, or milliseconds or more that pass for seconds, is left out and counted."""
+    values, counts = run([0.0, math.nan, 2.0, math.inf, 1.7e12, -1e18])
     assert values == pytest.approx([0.0, math.nan, 2.0], nan_ok=True)
-    assert counts == Counts(samples=3, missing=1, untimed=2)
+    assert counts == Counts(samples=3, missing=1, untimed=4)
 
 
 def test_sorting_reaches_60_samples_when_rows_are_many() -> None:
@@ -228,12 +228,13 @@ def test_a_steady_clock() -> None:
         list(on_grid(rows(0.0, 1.0, 2e7), Grid(1.0, steady=True)))
     assert process_time() - begin < 5.0
     with pytest.raises(RecordingError, match="jumps"):
-        list(on_grid(rows(-1e308, 1e308), Grid(1e-3, steady=True)))
+        list(on_grid(rows(-LATEST, LATEST), Grid(1e-300, steady=True)))
 
 
 def test_times_of_any_size() -> None:
-    """Numbers that overflow a difference begin the grid anew."""
-    assert run([-1e308, 1e308], 1e-3)[1] == Counts(samples=2, clock_jumps=1)
+    """However far two times lie apart, the grid begins anew; beyond the year 9999 they are none."""
+    assert run([-LATEST, LATEST], 1e-300)[1] == Counts(samples=2, clock_jumps=1)
+    assert run([-1e308, 1e308], 1e-3)[1] == Counts(untimed=2)
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -280,3 +281,16 @@ def test_the_step_is_positive(step: float) -> None:
     """A grid without a positive, finite step is refused."""
     with pytest.raises(RecordingError, match="positive number of seconds"):
         Grid(step)
+
+
+def test_a_stream_that_is_given_again() -> None:
+    """A live grid that goes on passes over what it had where the first row is the same; else the clock was set back."""
+    first = Grid(1.0, live=True)
+    times = [float(k) for k in range(200)]
+    assert len(list(on_grid(rows(*times[:120]), first))) == 120
+    again = Grid(1.0, live=True, clock=first.clock)
+    assert [point.time for point in on_grid(rows(*times), again)] == times[120:]
+    assert again.counts == Counts(samples=200, duplicate=120)
+    other = Grid(1.0, live=True, clock=first.clock)
+    points = list(on_grid(rows(*times[1:]), other))  # the values are those of other rows
+    assert (len(points), other.counts.clock_jumps) == (199, 1)

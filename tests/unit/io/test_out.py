@@ -12,7 +12,7 @@ from faultbond.io.out import Out, open_out
 def test_records_in_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With a file for the records, people still get their text on standard output."""
     path = tmp_path / "out.json"
-    with open_out(str(path)) as out:
+    with open_out(str(path), grows=True) as out:
         out.say("Grüße")
         out.record({"name": "Behälter", "list": (1, math.nan), "deep": {"x": math.inf}})
         assert path.read_text(encoding="utf-8").count("\n") == 1  # flushed while the stream is open

@@ -15,7 +15,7 @@ import pytest
 
 from faultbond.errors import RecordingError
 from faultbond.io.grid import Counts, Grid, Row, on_grid
-from faultbond.io.recording import Column, Columns, read_rows, write_recording
+from faultbond.io.recording import Column, Columns, parse_time, read_rows, write_recording
 from faultbond.model.graph import TimeColumn, Unit
 
 COLUMNS = Columns(
@@ -63,6 +63,15 @@ def test_values_at_an_end_of_the_range_are_saturated(tmp_path: Path) -> None:
         rows = read(tmp_path, text, columns)
         assert [row.saturated for row in rows] == ends
         assert [math.isnan(row.y[0]) for row in rows] == [*map(bool, ends[:-1]), True]
+
+
+def test_inputs_beyond_their_range_are_missing(tmp_path: Path) -> None:
+    """A value beyond the range of an input is nan and counted; one at an end is as it should be."""
+    valve = Column(header="valve", unit=Unit("percent", 1.0), role="input valve", lower=0.0, upper=100.0)
+    columns = Columns(time=TimeColumn(), inputs=(valve,), outputs=(), sample_time=1.0)
+    rows = read(tmp_path, "time,valve\n0,0\n1,100\n2,100.5\n3,-1\n4,1e300\n", columns)
+    assert [row.saturated for row in rows] == [0, 0, 1, 1, 1]
+    assert [math.isnan(row.u[0]) for row in rows] == [False, False, True, True, True]
 
 
 @pytest.mark.parametrize("text", ["", "  ", "x", "nan", "inf", "-inf", "1e999", "1_0", "0x10", "1.5z"])
@@ -124,6 +133,38 @@ def test_unit_of_time(tmp_path: Path) -> None:
         time=TimeColumn(column="t_ms", unit=Unit("ms", 1e-3)), inputs=(), outputs=COLUMNS.outputs[:1], sample_time=1.0
     )
     assert flat(read(tmp_path, "t_ms,level\n1500,1\n", columns)) == [[1.5, 0.01]]
+
+
+@pytest.mark.parametrize(
+    ("rows", "where", "what"),
+    [
+        ("0,02,5,100,20\n", 2, "this row has 5 fields, the header 4"),
+        ("0,5,100,20\n1,5,100,5,20,5\n", 3, "this row has 6 fields, the header 4"),
+        ('0,5,"100,25",20\n', 2, "'level' is '100,25'"),
+        ('"0,02",5,100,20\n', 2, "'time' is '0,02'"),
+        ('0,",5e-3",100,20\n', 2, "'u' is ',5e-3'"),
+    ],
+)
+def test_decimal_commas_are_refused(tmp_path: Path, rows: str, where: int, what: str) -> None:
+    """A number with a decimal comma would shift the columns, or pass for a missing value: both are one error."""
+    with pytest.raises(RecordingError) as caught:
+        read(tmp_path, f"time,u,level,heat\n{rows}")
+    assert str(caught.value).startswith(f"{tmp_path / 'rec.csv'}:{where}: {what}. Decimal commas? Write")
+
+
+def test_decimal_commas_between_semicolons_are_refused(tmp_path: Path) -> None:
+    """The way in which a German spreadsheet writes a recording; commas in a column that nobody needs do no harm."""
+    with pytest.raises(RecordingError, match=r"rec.csv:2: 'u' is '-0,5'\. Decimal commas\?"):
+        read(tmp_path, "time;u;level;heat\n1;-0,5;100;20\n")
+    rows = read(tmp_path, "time;u;level;heat;note\n2024-07-01T00:00:00,5;5;100;20;0,5\n")
+    assert rows[0].time == pytest.approx(parse_time("2024-07-01T00:00:00.5"))
+
+
+def test_empty_fields_beyond_the_header_are_accepted(tmp_path: Path) -> None:
+    """A separator at the end of every row, as some loggers write it, shifts nothing."""
+    assert agree(
+        read(tmp_path, "time,u,level,heat\n1,5,100,0,\n2,5,100,0, ,\n"), [[1, 5, 1, 273.15], [2, 5, 1, 273.15]]
+    )
 
 
 def test_no_time_column(tmp_path: Path) -> None:
@@ -232,6 +273,16 @@ def test_only_csv_is_written(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="only CSV is written"):
         write_recording(tmp_path / "out.parquet", {"time": np.zeros(1)})
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+A1", "-A1", "@SUM(A1)", "\t=1", "\r=1"])
+def test_no_cell_is_a_formula(tmp_path: Path, name: str) -> None:
+    """A header that a spreadsheet would run is refused before anything is written; a negative number is none."""
+    with pytest.raises(RecordingError, match="a spreadsheet would run the column"):
+        write_recording(tmp_path / "out.csv", {"time": np.zeros(1), name: np.zeros(1)})
+    assert list(tmp_path.iterdir()) == []
+    write_recording(tmp_path / "out.csv", {"time": np.zeros(1), "u": -np.ones(1)})
+    assert (tmp_path / "out.csv").read_text() == "time,u\n0,-1\n"
 
 
 def test_parquet_gives_the_same_rows(tmp_path: Path) -> None:

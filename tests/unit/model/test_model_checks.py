@@ -90,6 +90,16 @@ def test_measuring_range() -> None:
     assert read(("unit: cm", "unit: cm, range: any")).sha256 == read().sha256
 
 
+def test_range_of_an_input() -> None:
+    """What an input can be is kept in SI, in its unit, and in the text of the model."""
+    graph = read(("unit: l/min", "unit: l/min, range: [-inf, 6 l/min]"))
+    (flow,) = graph.inputs
+    assert flow.lower == -math.inf
+    assert flow.upper == pytest.approx(1e-4)
+    assert "range: [-inf, 6 l/min]" in graph.text
+    assert read(("unit: l/min", "unit: l/min, range: any")).sha256 == read().sha256
+
+
 def test_limits() -> None:
     """A limit is a value in SI, on either side of the nominal or on both."""
     for text, limits in (("5e-5 m^2.5/s", (5e-5,)), ("[2e-4]", (2e-4,)), ("[2e-4, 5e-5 m^2.5/s]", (5e-5, 2e-4))):
@@ -137,9 +147,8 @@ def test_checks_of_networks() -> None:
 def test_builder_knows_the_keys() -> None:
     """Builder and file give the same canonical text."""
     plant = ModelBuilder("vessel", sample_time="1 s", time_between_false_alarms="2 weeks", instrument_faults=False)
-    plant.input("Q", unit="l/min", suspect=True).bond("pump -> node -> vessel").bond("node -> outlet").junction(
-        "node", 0
-    )
+    plant.input("Q", unit="l/min", range=["0 l/min", "inf"], suspect=True)
+    plant.bond("pump -> node -> vessel").bond("node -> outlet").junction("node", 0)
     plant.component("pump", "Sf", law="f = G*Q", parameters={"G": 1})
     plant.component("vessel", "C", law="e = q/A", parameters={"A": "0.2 m^2"})
     limited = {"nominal": "1e-4 m^2.5/s", "limit": ["5e-5", "3e-4"]}
@@ -148,7 +157,7 @@ def test_builder_knows_the_keys() -> None:
     plant.sensor("bare", "vessel.e", noise="2 mm", suspect=True)
     plant.check("outlet", cost=20).check("Q", move="6 l/min").check("jug", reads="outlet.f", unit="l/min", noise=1)
     text = read(
-        ("unit: l/min", "unit: l/min, suspect: yes"),
+        ("unit: l/min", "unit: l/min, range: [0, inf], suspect: yes"),
         ("unit: cm", "unit: cm, range: [0, inf]"),
         ("bare: {", "bare: {suspect: yes, "),
         ("{K: 1e-4 m^2.5/s}", "{K: {nominal: 1e-4 m^2.5/s, limit: [5e-5, 3e-4]}}"),
@@ -163,6 +172,9 @@ WRONG = [  # what stands in the file, what stands there instead, line, message
     ("l/min}", "l/min, suspect: maybe}", 3, "input Q: suspect is `yes` or `no`, not `maybe`"),
     (SENSOR, "unit: cm, suspect: 5", 10, "sensor level: suspect is `yes` or `no`"),
     ("name:", "instrument_faults: none\nname:", 1, "instrument_faults is `yes` or `no`, not `none`"),
+    ("l/min}", "l/min, range: 5}", 3, r"input Q: range is `\[lowest, highest\]` or `any`"),
+    ("l/min}", "l/min, range: [0 Pa, 5]}", 3, "input Q: range is in Pa, but"),
+    ("l/min}", "l/min, range: [5, 1]}", 3, "input Q: range: the lowest value must be below the highest"),
     (SENSOR, "unit: cm, range: 5 cm", 10, r"sensor level: range is `\[lowest, highest\]` or `any`"),
     (SENSOR, "unit: cm, range: [0 Pa, 5]", 10, "sensor level: range is in Pa, but m is expected"),
     (SENSOR, "unit: cm, range: [5, 1]", 10, "sensor level: range: the lowest value must be below the highest"),

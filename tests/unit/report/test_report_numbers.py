@@ -1,5 +1,7 @@
 """Numbers, units and times as printed."""
 
+import math
+
 import pytest
 
 from faultbond.report.numbers import (
@@ -129,3 +131,25 @@ def test_zero_alone_has_no_power_of_ten() -> None:
     assert found.number(Notation.FILE) == found.number(Notation.PRINT) == "0"
     assert found.both(Notation.FILE) == "0 ± 7e-5"
     assert figure(3e-5, 1e-6).number(Notation.FILE) == "3.00e-5"
+
+
+ODD = (0.0, 1e-320, 1e-300, -1e-9, 3.0, 1e9, 1e18, -1e200, 1e300, 1.7e308, math.inf, math.nan)
+
+
+@pytest.mark.parametrize("value", ODD)
+@pytest.mark.parametrize("other", ODD)
+def test_no_number_fills_the_line(value: float, other: float) -> None:
+    """Whatever a number and its standard deviation are, they are told in a few digits, and so are changes and times."""
+    size = abs(other)
+    texts = [figure(value, size).both(notation) for notation in Notation]
+    texts += [change_text(value, other, size), duration_text(value), clock_text(value), coarse_clock_text(value, size)]
+    assert max(map(len, texts)) <= 50, texts
+
+
+def test_times_without_a_date() -> None:
+    """Beyond the year 9999 a clock is told in seconds, and changes and times beyond all measure by their power."""
+    assert clock_text(1e18) == "1e18 s"
+    assert coarse_clock_text(1e18, 100.0) == "1e18 s"
+    assert clock_text(math.nan) == "an unknown time"
+    assert change_text(1e-300, 1.0, 0.0) == "+1e302 %"
+    assert duration_text(1e300) == "1e295 d"

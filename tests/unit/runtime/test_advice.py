@@ -129,7 +129,7 @@ def test_where_an_input_may_be_moved(
     spec = plant("dc_motor")[1]
     spec = replace(spec, inputs=(replace(spec.inputs[0], unit=unit, unit_offset=offset),))
     low, high = (np.array([value]) for value in seen)
-    state = replace(init(spec), lowest=low, highest=high, peak=np.maximum(abs(low), abs(high)), held=np.array([now]))
+    state = replace(init(spec), lowest=low, highest=high, held=np.array([now]))
     check = None if move is None else CheckSpec(name="V", kind=CheckKind.INPUT, cost=1.0, noise=0.0, move=move)
     assert _values(spec, state, 0, check) == pytest.approx(expected)
 

@@ -176,9 +176,11 @@ def test_the_bank_begins_with_the_drifts_that_were_accepted(monkeypatch: pytest.
     for name in ("begin_bank", "renew_bank"):
         inner = getattr(monitor, name)
 
-        def kept(spec: EngineSpec, engine: Engine, *others: Any, name: str = name, inner: Any = inner) -> Any:
+        def kept(
+            spec: EngineSpec, engine: Engine, *others: Any, name: str = name, inner: Any = inner, **more: Any
+        ) -> Any:
             used.append((name, engine))
-            return inner(spec, engine, *others)
+            return inner(spec, engine, *others, **more)
 
         monkeypatch.setattr(monitor, name, kept)
     rates = np.full(len(spec.parameters), 1e-6)

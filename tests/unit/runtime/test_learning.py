@@ -77,7 +77,7 @@ def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
 
 def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bank begins again exactly at the samples that are set for it, counted from the alarm."""
-    renewed = []
+    renewed, final = [], []
 
     def renew(
         spec: EngineSpec,
@@ -87,13 +87,16 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
         index: int,
         rejected: FloatArray,
         peak: FloatArray,
+        *,
+        last: bool,
     ) -> Bank:
         del spec, engine, trail, rejected, peak
         renewed.append(index)
+        final.append(last)
         return bank
 
     monkeypatch.setattr(monitor, "renew_bank", renew)
     _, spec, engine = plant("dc_motor")
     state, _ = run(spec, engine, recorded("dc_motor", 400, FAULT))
     assert renewed == [state.alarm + wait for wait in monitor.RENEWALS if state.alarm + wait < state.index]
-    assert len(renewed) > 1
+    assert final == [False, False, True]

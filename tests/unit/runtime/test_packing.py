@@ -6,19 +6,9 @@ import numpy as np
 import pytest
 from made import plant, recorded
 
-from faultbond.runtime.packing import (
-    AGAIN,
-    FAR,
-    GAP,
-    LONGEST,
-    MOVES,
-    PAUSES,
-    UNUSUAL,
-    corrected,
-    doubt,
-    pack_sample,
-)
+from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, corrected, pack_sample
 from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.unseen import AGAIN, FAR, LONGEST, MOVES, doubt
 from faultbond.spec import EngineSpec
 
 

@@ -27,6 +27,12 @@ def packed(spec: EngineSpec, samples: tuple[Sample, ...]) -> FloatArray:
     return rows
 
 
+def solved(spec: EngineSpec, engine: Engine, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The states of the start, and their covariance."""
+    mean, covariance = solve_start(spec, engine, rows)
+    return mean, covariance[: len(mean), : len(mean)]
+
+
 def started(name: str, start: dict[str, float], seed: int) -> tuple[EngineSpec, Engine, tuple[Sample, ...]]:
     """The first samples of a nominal plant that begins at `start`."""
     graph, spec, engine = plant(name)
@@ -52,7 +58,7 @@ def started(name: str, start: dict[str, float], seed: int) -> tuple[EngineSpec, 
 def test_start_is_found(name: str, start: dict[str, float], true: list[float], good: list[float], seed: int) -> None:
     """The start is within three of its own standard deviations, and these are no larger than the data allow."""
     spec, engine, samples = started(name, start, seed)
-    mean, covariance = solve_start(spec, engine, packed(spec, samples))
+    mean, covariance = solved(spec, engine, packed(spec, samples))
     sd = np.sqrt(np.diag(covariance))
     assert np.all(np.abs(mean - true) < 3.0 * sd)
     assert np.all(sd < 3.0 * np.array(good))
@@ -79,7 +85,7 @@ def test_stated_starts_of_all_stores_are_taken_as_they_are() -> None:
         replace(spec.states[0], start_mean=1.4, start_sd=0.3),
         replace(spec.states[1], start_mean=7.0, start_sd=0.1),
     ]
-    mean, covariance = solve_start(replace(spec, states=tuple(stated)), engine, packed(spec, samples))
+    mean, covariance = solved(replace(spec, states=tuple(stated)), engine, packed(spec, samples))
     assert mean.tolist() == [1.4, 7.0]
     assert covariance == pytest.approx(np.diag([0.09 + (0.03 * 1.4) ** 2, 0.01 + (0.03 * 7.0) ** 2]))
 
@@ -89,7 +95,7 @@ def test_stated_start_may_be_off(off: float) -> None:
     """A start that is stated beside others that are not is known to its sd, and does not put these off."""
     spec, engine, samples = started("dc_motor", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
     stated = replace(spec.states[0], start_mean=1.5 + 0.3 * off, start_sd=0.3, jumps=())
-    mean, covariance = solve_start(replace(spec, states=(stated, spec.states[1])), engine, packed(spec, samples))
+    mean, covariance = solved(replace(spec, states=(stated, spec.states[1])), engine, packed(spec, samples))
     error = mean - np.array([1.5, -2.0])
     assert error @ np.linalg.solve(covariance, error) < 4.0
 
@@ -98,7 +104,7 @@ def test_exact_start_stays() -> None:
     """A start that is stated with no uncertainty is exact; the others are solved."""
     spec, engine, samples = started("dc_motor_current", {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}, 1)
     exact = replace(spec.states[0], start_mean=1.4, start_sd=0.0, jumps=())
-    mean, covariance = solve_start(replace(spec, states=(exact, spec.states[1])), engine, packed(spec, samples))
+    mean, covariance = solved(replace(spec, states=(exact, spec.states[1])), engine, packed(spec, samples))
     assert mean[0] == 1.4
     assert covariance[0].tolist() == [0.0, 0.0]
     assert covariance[1, 1] > 0.0
@@ -165,7 +171,7 @@ sensors: {{V_C: {{reads: C1.e + C2.e, unit: V, noise: {noise}}}}}
     rows, place = np.zeros((START_SAMPLES, spec.n_sample)), spec.sample_fields
     rows[1:, place["dt"]] = rows[:, place["scale"]] = rows[:, place["use"]] = 1.0
     rows[:, place["u"]] = rows[:, place["u_before"]] = rows[:, place["y"]] = 3e6  # settled
-    mean, covariance = solve_start(spec, engine, rows)
+    mean, covariance = solved(spec, engine, rows)
     assert mean.sum() == pytest.approx(3e6, rel=1e-3)
     assert np.all(np.isfinite(covariance))
     assert float(covariance.sum()) < 1.0
@@ -200,7 +206,7 @@ def test_a_plant_whose_steps_run_away_starts_where_its_sensors_say() -> None:
     inputs = Inputs(time=time, values=np.tile([1160.0 * 2.0 * np.pi / 60.0, 20.0], (len(time), 1)))
     made = simulate(graph, inputs, seed=1, start={"acc.q": 1e-3, "mass.p": 20.0})
     samples = [Sample(time=t, dt=0.01, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
-    mean, covariance = solve_start(spec, engine, packed(spec, tuple(samples)))
+    mean, covariance = solved(spec, engine, packed(spec, tuple(samples)))
     assert [state.name for state in spec.states] == ["line.e", "rod.f"]
     assert np.all(np.abs(mean - [60e5, 0.1]) < 4.0 * np.sqrt(np.diag(covariance)))
     assert np.all(np.abs(mean / [60e5, 0.1] - 1.0) < 0.05)

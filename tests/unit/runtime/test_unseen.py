@@ -8,8 +8,9 @@ import pytest
 from made import run, samples_of
 
 from faultbond.model.text import parse_model
-from faultbond.runtime.monitor import _unseen, finish
+from faultbond.runtime.monitor import finish
 from faultbond.runtime.state import Sample, State
+from faultbond.runtime.unseen import allowed
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
 
@@ -96,7 +97,7 @@ def moved_by(change: float, count: float, travel: float) -> np.ndarray:
     reach = np.stack([np.zeros(2), np.full(2, travel)])
     packed = state.trail_samples[199 % len(state.trail_times)].copy()
     doubted = (np.array([0.0, change]), np.array([0.0, count]))
-    found = _unseen(SPEC, ENGINE, replace(state, travel=reach), packed, doubted)
+    found = allowed(SPEC, ENGINE, replace(state, travel=reach), packed, doubted)
     rest = np.delete(np.arange(SPEC.n_sample), SPEC.sample_fields["gap"])
     assert np.array_equal(found[rest], packed[rest])
     return np.asarray(found[SPEC.sample_fields["gap"]])

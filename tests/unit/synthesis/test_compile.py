@@ -1,5 +1,6 @@
 """Compiling once, several processes at a time, and doing without a compiler."""
 
+import ctypes
 import multiprocessing
 import os
 from pathlib import Path
@@ -7,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.errors import GenerationError
+from faultbond.app.engines import engine_title
+from faultbond.cli import main
+from faultbond.errors import CacheError, GenerationError
 from faultbond.model.text import load_model
 from faultbond.runtime.library import CompiledEngine, load_engine
 from faultbond.runtime.start import healthy_lane
@@ -15,7 +18,7 @@ from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.compile import cache_folder, compile_library, find_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.machine import VirtualMachine
-from faultbond.types import FloatArray
+from faultbond.types import EngineChoice, FloatArray
 
 RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
 SOURCE = "int answer(void) { return 42; }\n"
@@ -154,6 +157,95 @@ def test_cache_in_which_nothing_can_be_made(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("FAULTBOND_CACHE", "/proc")
     _, engine = build_engine(load_model(RC))
     assert isinstance(engine, VirtualMachine)
+
+
+def damaged(path: Path, change: str) -> None:
+    """Damage a library as a full disk, a copy gone wrong or another user may; one that runs keeps what it had."""
+    content = path.read_bytes()
+    path.unlink()
+    path.write_bytes({"cut": content[:4096], "empty": b"", "byte": content[:600] + b"?" + content[601:]}[change])
+
+
+@needs_compiler
+@pytest.mark.parametrize("change", ["cut", "empty", "byte"])
+def test_a_damaged_library_is_built_anew(change: str, cache: Path) -> None:
+    """A library that was cut short, is empty or changed in one byte is not loaded, but made again."""
+    expected = some_steps(*build_engine(load_model(RC)))
+    whole = {path: path.read_bytes() for path in cache.iterdir()}
+    for path in whole:
+        damaged(path, change)
+    assert np.array_equal(some_steps(*build_engine(load_model(RC))), expected)
+    assert all(len(path.read_bytes()) == len(content) for path, content in whole.items())
+
+
+@needs_compiler
+def test_libraries_of_other_names_are_built_anew(cache: Path) -> None:
+    """Two libraries that were swapped, or one that is another model's, are each made again."""
+    compiler = find_compiler()
+    assert compiler is not None
+    answers = (SOURCE, SOURCE.replace("42", "43"))
+    first, second = (compile_library(source, compiler) for source in answers)
+    contents = first.read_bytes(), second.read_bytes()
+    for path, content in ((first, contents[1]), (second, contents[0])):
+        path.unlink()
+        path.write_bytes(content)
+    assert [ctypes.CDLL(str(compile_library(source, compiler))).answer() for source in answers] == [42, 43]
+
+
+@needs_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners of files")
+def test_a_cache_that_others_may_write_is_refused(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A folder that is another's, or that others may write, is refused in one line that says what to do."""
+    cache.mkdir()
+    (tmp_path / "r.csv").write_text("time,V,V_C\n0,1,1\n")
+    for mode in (0o777, 0o1777, 0o775):
+        cache.chmod(mode)
+        assert main(["run", str(RC), str(tmp_path / "r.csv")]) == 2
+        shown = capsys.readouterr().err
+        assert f"{cache}: others own this folder or may write it" in shown
+        assert f"`chmod go-w {cache}`" in shown
+        assert shown.count("\n") == 1
+    cache.chmod(0o755)
+    if os.geteuid() == 0:
+        os.chown(cache, 12345, -1)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: cache.stat().st_uid + 1)
+    with pytest.raises(CacheError, match="others own this folder"):
+        build_engine(load_model(RC))
+
+
+@needs_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners of files")
+def test_a_library_that_others_may_write_is_built_anew(cache: Path) -> None:
+    """What is made is the user's alone, and a library that is not so any more, or is a link, is made again."""
+    compiler = find_compiler()
+    assert compiler is not None
+    library = compile_library(SOURCE, compiler)
+    assert (cache.stat().st_mode & 0o777, library.stat().st_mode & 0o777) == (0o700, 0o700)
+    library.chmod(0o722)
+    before = library.stat().st_ino
+    assert compile_library(SOURCE, compiler).stat().st_ino != before
+    assert library.stat().st_mode & 0o777 == 0o700
+    library.rename(cache / "elsewhere")
+    library.symlink_to(cache / "elsewhere")
+    assert not compile_library(SOURCE, compiler).is_symlink()
+
+
+@needs_compiler
+def test_a_compiler_with_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`CC` may have options, as make and shells take it; what cannot be read is passed over."""
+    monkeypatch.setenv("CC", "cc -O1 '-DNAME=a b'")
+    compiler = find_compiler()
+    assert compiler == ("cc", "-O1", "-DNAME=a b")
+    assert compile_library(SOURCE, compiler).exists()
+    assert engine_title(EngineChoice.AUTO).startswith("compiled C (cc -O1 -DNAME=a b), built")
+    _, engine = build_engine(load_model(RC))
+    assert isinstance(engine, CompiledEngine)
+    assert engine.title.endswith("(cc -O1 -DNAME=a b)")
+    monkeypatch.setenv("CC", "cc 'open")
+    assert find_compiler() == ("cc",)
 
 
 def test_place_of_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

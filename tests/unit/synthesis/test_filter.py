@@ -99,44 +99,53 @@ def test_slow_error_forgets_and_is_kicked() -> None:
     assert after == pytest.approx(before * decay**2 + 0.3**2 * (1.0 - decay**2) + 0.04, rel=1e-12)
 
 
+BENT = RC.replace("reads: C.e", "reads: C.e*R/R_ref") + "constants: {R_ref: 10 kohm}\n"
+
+
 def test_bent_reading_is_read_twice() -> None:
-    """Where a reading is not linear, its slope is taken again at the first result, as in the iterated filter."""
-    spec, model, engine = built(RC.replace("reads: C.e", "reads: C.e**2/A") + "constants: {A: 1 V}\n")
+    """Where a reading is not linear, its slopes are taken again at the parameters that were found, and the old states.
+
+    States that follow the noise of the sample would put it into the slopes that are to weigh it.
+    """
+    spec, model, engine = built(BENT)
     assert not model.measure_is_linear
     lane, noise = correlated(spec), spec.outputs[0].noise
-    sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0, again=1.0)
+    sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=2.9, use=1.0, again=1.0)
     blind = sample.copy()
     blind[:, spec.sample_fields["use"]] = 0.0
     predicted = engine.advance(lane, blind)[0]
     m, P = predicted[:4, 0], unpack(spec, predicted[spec.covariance_slice, 0])
-    guess, likelihoods = m.copy(), []
+    at, likelihoods = m.copy(), []
     for _ in range(2):
-        h = np.array([2.0 * guess[0], 0.0, 0.0, 0.0])
+        h = np.array([at[1], at[0], 0.0, 0.0])  # by the voltage, the factor of R, that of C, and the input's noise
         S = h @ P @ h + noise**2
-        error = 9.0 - guess[0] ** 2 - h @ (m - guess)
+        error = 2.9 - at[0] * at[1] - h @ (m - at)
         likelihoods.append(-0.5 * (error**2 / S + np.log(2.0 * np.pi * S / noise**2)))
         guess = m + P @ h / S * error
+        at = np.array([m[0], guess[1], guess[2], m[3]])
     found, innovations = engine.advance(lane, sample)
     assert found[:4, 0] == pytest.approx(guess, rel=1e-10)
     assert unpack(spec, found[spec.covariance_slice, 0]) == pytest.approx(P - np.outer(P @ h, P @ h) / S, abs=1e-12)
     assert found[-1, 0] == pytest.approx(likelihoods[0], rel=1e-10)
-    once, _ = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=9.0, use=1.0))
-    h = np.array([2.0 * m[0], 0.0, 0.0, 0.0])
-    assert once[:4, 0] == pytest.approx(m + P @ h / (h @ P @ h + noise**2) * (9.0 - m[0] ** 2), rel=1e-10)
-    assert innovations[0, 0, 0] == pytest.approx(9.0 - m[0] ** 2, rel=1e-12)
+    once, _ = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=2.9, use=1.0))
+    h = np.array([m[1], m[0], 0.0, 0.0])
+    error = 2.9 - m[0] * m[1]
+    assert once[:4, 0] == pytest.approx(m + P @ h / (h @ P @ h + noise**2) * error, rel=1e-10)
+    assert not np.allclose(once[:4, 0], guess, rtol=1e-6)
+    assert innovations[0, 0, 0] == pytest.approx(error, rel=1e-12)
 
 
 @pytest.mark.parametrize(("part", "twice"), [(0.09, False), (0.11, True)])
 def test_sample_that_says_little_is_read_once(part: float, twice: bool) -> None:
     """A bent reading is read again only if what is expected of it is uncertain by a tenth of the noise and more."""
-    spec, _, engine = built(RC.replace("reads: C.e", "reads: C.e**2/A") + "constants: {A: 1 V}\n")
+    spec, _, engine = built(BENT)
     lane = correlated(spec)
-    slope = np.array([2.0 * lane[0, 0], 0.0, 0.0, 0.0])
+    slope = np.array([lane[1, 0], lane[0, 0], 0.0, 0.0])
     full = unpack(spec, lane[spec.covariance_slice, 0])
     full[3, :] = full[:, 3] = 0.0
     full *= part * spec.outputs[0].noise ** 2 / (slope @ full @ slope)
     lane[spec.covariance_slice, 0] = pack(full)
-    fields = {"u_before": 5.0, "u": 5.0, "y": 4.3, "use": 1.0}  # no time passes: only input noise is added
+    fields = {"u_before": 5.0, "u": 5.0, "y": 2.3, "use": 1.0}  # no time passes: only input noise is added
     found, once = (engine.advance(lane, sample_of(spec, **fields, again=again))[0] for again in (1.0, 0.0))
     assert bool(np.any(found != once)) is twice
 
@@ -144,11 +153,12 @@ def test_sample_that_says_little_is_read_once(part: float, twice: bool) -> None:
 @pytest.mark.parametrize("use", [0.0, 1.0])
 def test_missing_sensor_says_nothing(use: float) -> None:
     """A precise sensor, of which much would be expected, makes a sample say much only if it has a value."""
-    two = "sensors: {rough: {reads: C.e**2/A, unit: V, noise: 1 V}, fine: {reads: C.e**2/A, unit: V, noise: 1 mV}}\n"
-    spec, _, engine = built(RC[: RC.index("sensors:")] + two + "constants: {A: 1 V}\n")
+    bent = "{reads: C.e*R/R_ref, unit: V, noise: "
+    two = f"sensors: {{rough: {bent}1 V}}, fine: {bent}1 mV}}}}\nconstants: {{R_ref: 10 kohm}}\n"
+    spec, _, engine = built(RC[: RC.index("sensors:")] + two)
     lane = correlated(spec)
     lane[spec.covariance_slice] *= 1e-2 / unpack(spec, lane[spec.covariance_slice, 0])[0, 0] / 16.0
-    fields: dict[str, float | list[float]] = {"u_before": 5.0, "u": 5.0, "y": [4.3, 4.0], "use": [1.0, use]}
+    fields: dict[str, float | list[float]] = {"u_before": 5.0, "u": 5.0, "y": [2.3, 2.1], "use": [1.0, use]}
     found, once = (engine.advance(lane, sample_of(spec, **fields, again=again))[0] for again in (1.0, 0.0))
     assert bool(np.any(found != once)) is (use > 0.0)
 
@@ -176,6 +186,23 @@ def test_estimates_are_not_dragged_along() -> None:
         last = engine.advance(lane, samples)[0][:, 0]
         off.append((last[pipe] - 1.0) / np.sqrt(unpack(spec, last[spec.covariance_slice])[pipe, pipe]))
     assert abs(np.mean(off)) < 0.5
+
+
+def test_likelihood_reckons_with_the_usual_squares() -> None:
+    """Where squares are usually smaller or larger than 1, foretelling less variance gains nothing on average.
+
+    Smaller ones make nothing surer than it was, larger ones make all less sure.
+    """
+    spec, _, engine = built(RC)
+    lane, common = correlated(spec), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0, "y": 2.4}
+    as_declared, innovations = engine.advance(lane, sample_of(spec, **common))
+    error, variance = innovations[0, :, 0]
+    gain = np.log(variance / spec.outputs[0].noise ** 2)
+    for usual in (0.5, 1.0, 3.0):
+        found, _ = engine.advance(lane, sample_of(spec, **common, nis=usual))
+        assert np.array_equal(found[:-1], as_declared[:-1])
+        expected = -0.5 * (error**2 / variance + usual * gain + np.log(2.0 * np.pi)) / max(usual, 1.0)
+        assert found[-1, 0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_bounded_innovation_counts_so_far() -> None:

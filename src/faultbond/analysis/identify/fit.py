@@ -21,7 +21,7 @@ from faultbond.analysis.identify.samples import Record
 from faultbond.analysis.identify.search import START_PRIOR, Summit, climb, spread_noise
 from faultbond.analysis.identify.unknowns import Unknowns
 from faultbond.analysis.identify.whiteness import Whiteness, test_whiteness
-from faultbond.errors import RecordingError
+from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.types import BoolArray, FloatArray
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
@@ -148,7 +148,7 @@ def _refuse(plant: Plant, records: Sequence[Record]) -> None:
     readings = sum(record.readings for record in records)
     if readings <= unknown:
         names = ", ".join(record.name for record in records)
-        raise RecordingError(
+        raise NoVerdictError(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
 

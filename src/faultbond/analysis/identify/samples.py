@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.analysis.identify.likelihood import Layout
-from faultbond.errors import RecordingError
+from faultbond.errors import NoVerdictError
 from faultbond.runtime.packing import CHANGE_MEMORY
 from faultbond.runtime.state import Sample
 from faultbond.spec import EngineSpec
@@ -46,7 +46,7 @@ def prepare(name: str, points: Sequence[Sample], spec: EngineSpec, layout: Layou
 
     Raises
     ------
-    RecordingError
+    NoVerdictError
         Where an input or a sensor has no value at all.
     """
     time, dt = (np.array([getattr(item, field) for item in points]) for field in ("time", "dt"))
@@ -57,7 +57,7 @@ def prepare(name: str, points: Sequence[Sample], spec: EngineSpec, layout: Layou
     time, dt, u, y = (item[begun:] for item in (time, dt, u, y))
     for k, output in enumerate(spec.outputs):
         if not np.isfinite(y[:, k]).any():
-            raise RecordingError(f"{name}: no row has a value of the sensor {output.name}; check its column")
+            raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
     dt = np.concatenate([[0.0], dt[1:]])
     before = np.concatenate([u[:1], u[:-1]])
     use = np.isfinite(y) & ~_settling(spec, dt, u, u - before)
@@ -75,7 +75,7 @@ def _held(name: str, u: FloatArray, spec: EngineSpec) -> FloatArray:
     here = np.isfinite(u)
     for k, item in enumerate(spec.inputs):
         if not here[:, k].any():
-            raise RecordingError(f"{name}: no row has a value of the input {item.name}; check its column")
+            raise NoVerdictError(f"{name}: no row has a value of the input {item.name}; check its column")
     last = np.maximum.accumulate(np.where(here, np.arange(len(u))[:, None], -1), axis=0)
     return np.where(last < 0, np.nan, np.take_along_axis(u, np.maximum(last, 0), axis=0))
 

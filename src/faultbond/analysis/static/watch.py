@@ -5,6 +5,7 @@ in a network without suspected parameters, sets of blocks whose suspension makes
 are all of minimum size. Source: thesis 3.4 to 3.8, 6.1 and 6.4.1.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -206,9 +207,9 @@ def candidates(network: StaticNetwork, found: Sequence[Explanation]) -> tuple[Ca
 
 
 def _distance(network: StaticNetwork, solution: Solution) -> float:
-    """How far a solution is from the nominal values."""
+    """How far a solution is from the nominal values; without end where the square is."""
     parts = [(value, network.graph.parameter(name)) for name, (value, _) in solution.items()]
-    return sum(((value - item.nominal) / item.scale) ** 2 for value, item in parts)
+    return math.hypot(*((value - item.nominal) / item.scale for value, item in parts))
 
 
 def _suspect(network: StaticNetwork, name: str, estimate: float, sd: float) -> Suspect:

@@ -22,7 +22,7 @@ class Erratum(Enum):
     BAND = "4.6: a band as wide as the noise lets the worst samples through; three standard deviations work"
     INPUTS = "5.3: states from one sample use no outputs; the other outputs are used as well, as figure 7.13 needs"
     SIGNALS = "6.2: least squares on propagated signals is biased by their noise; blended states serve better"
-    RANKING = "6.6: a single always comes before every pair; a size that explains comes first"
+    RANKING = "6.6: the lowest single always comes before every pair; a size that explains comes first"
 
 
 WORKING: frozenset[Erratum] = frozenset()

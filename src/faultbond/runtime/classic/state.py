@@ -5,10 +5,37 @@ from typing import Any
 
 import numpy as np
 
+from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.runtime.classic.plan import ClassicPlan
 from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
+ALLOWED = {
+    **dict.fromkeys(("index", "absent"), COUNT),
+    **dict.fromkeys(("running", "alarm"), COUNT_OR_NONE),
+    **dict.fromkeys(("present", "rejected"), FLAG),
+    **dict.fromkeys(("peak", "counts", "misfit_counts"), POSITIVE),
+    "since_step": Allowed(least=0.0, infinite=True),
+    **dict.fromkeys(("raw", "raw_times", "frames", "held_inputs"), Allowed(nan=True)),
+    **dict.fromkeys(  # of models that may have run away
+        (
+            "squares",
+            "spread_states",
+            "spread_sums",
+            "samples_states",
+            "before_states",
+            "states",
+            "rates",
+            "expected",
+            "sums",
+            "index_before",
+            "factors",
+            "covariance",
+            "misfits",
+        ),
+        ANYTHING,
+    ),
+}
 _WHOLE = ("index", "running", "alarm", "absent")
 
 

@@ -213,14 +213,15 @@ def read_cached(folder: Path, key: str) -> Solution | None:
     """Give the solution kept under a key; None where there is none that can be read."""
     try:
         return from_record(json.loads((folder / f"{key}.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
 def write_cached(folder: Path, key: str, solution: Solution) -> None:
     """Keep a solution under a key; a folder that cannot be written to is no error, it only costs time."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may hold code, too
+        folder.mkdir(mode=0o700, exist_ok=True)
         draft = folder / f"{key}.json.{sha256(repr(solution).encode()).hexdigest()[:12]}"
         draft.write_text(json.dumps(to_record(solution), separators=(",", ":")), encoding="utf-8")
         draft.replace(folder / f"{key}.json")

@@ -1,0 +1,62 @@
+"""Signals that stop the program: they wait until a row has been taken, so what is kept is whole."""
+
+import signal
+import threading
+from collections.abc import Iterable, Iterator
+from types import FrameType, TracebackType
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
+STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Stopped(KeyboardInterrupt):
+    """The program was asked to stop by a signal, SIGINT being Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+class Stopping:
+    """Takes the signals that stop the program while it is entered; one that is ignored, as by `nohup`, stays so.
+
+    noted: the signal that came. Only in the main thread, as Python has it; in others nothing changes.
+    """
+
+    def __init__(self) -> None:
+        self._before: dict[int, Any] = {}
+        self.noted: int | None = None
+        self._waits, self._patient = False, False
+
+    def __enter__(self) -> "Stopping":
+        if threading.current_thread() is threading.main_thread():
+            for number in STOPPING:
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def between(self, items: Iterable[Item]) -> Iterator[Item]:
+        """Give items; a signal raises `Stopped` while one is waited for, never while one is worked on."""
+        self._patient, upstream = True, iter(items)
+        while True:
+            self._waits = True
+            try:
+                if self.noted is not None:
+                    raise Stopped(self.noted)
+                item = next(upstream)
+            except StopIteration:
+                return
+            finally:
+                self._waits = False
+            yield item
+
+    def _note(self, number: int, _: FrameType | None) -> None:
+        again = number == self.noted == signal.SIGINT  # somebody insists
+        self.noted = self.noted or number
+        if self._waits or again or not self._patient:
+            raise Stopped(number)

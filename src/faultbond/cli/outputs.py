@@ -1,0 +1,78 @@
+"""What a verb writes is nothing that it reads, no two of its outputs are one file, and each can be written."""
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from faultbond.app.demonstration import DEMO
+from faultbond.errors import FaultbondError
+from faultbond.io.examples import example
+from faultbond.io.files import descriptor, identity
+from faultbond.io.out import STANDARD_OUTPUT
+from faultbond.io.recording import STANDARD_INPUT
+
+READ = {"model": "the model", "recording": "the recording", "recordings": "a recording", "data": "a recording"}
+READ |= {"inputs": "the recording of inputs"}
+WRITTEN = {"state": "the state", "output": "the output", "report": "the report", "json": "the file of records"}
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse outputs that would destroy something, before anything is touched.
+
+    Raises
+    ------
+    FaultbondError
+        Where an output is also an input or another output, or cannot be written.
+    """
+    known = {identity_: what for identity_, what in _read(arguments) if identity_ is not None}
+    for name, what in WRITTEN.items():
+        value = getattr(arguments, name, None)
+        if value is None or (name == "json" and value == STANDARD_OUTPUT):
+            continue
+        path = Path(value)
+        _check_place(path)
+        found = identity(path)
+        if found in known:
+            raise FaultbondError(
+                f"{path}: this is {known[found]} and would be {what} too. Name another file for {what}."
+            )
+        if found is not None:
+            known[found] = what
+
+
+def _read(arguments: argparse.Namespace) -> Iterator[tuple[object, str]]:
+    """Give what is read, by what it has in common with other names of it."""
+    for name, what in READ.items():
+        values = getattr(arguments, name, None)
+        for value in values if isinstance(values, list) else [values]:
+            if value is None:
+                continue
+            if str(value) == STANDARD_INPUT and name != "model":
+                yield _standard_input(), f"{what}, on standard input,"
+            else:
+                yield identity(Path(value)), what
+    if arguments.verb == "demo":
+        for path in example(DEMO).iterdir():
+            yield identity(path), "a file of the example"
+
+
+def _standard_input() -> object:
+    """Give what a file that was redirected to standard input has in common with its name."""
+    try:
+        found = os.fstat(sys.stdin.fileno())
+    except (OSError, ValueError, AttributeError):
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _check_place(path: Path) -> None:
+    if descriptor(path) is not None:
+        return
+    if path.is_dir():
+        raise FaultbondError(f"{path}: this is a folder. Name a file.")
+    if not path.parent.is_dir():
+        raise FaultbondError(f"{path}: there is no folder {path.parent}. Create it, or name another file.")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise FaultbondError(f"{path}: it cannot be written: permission denied. Name another file.")

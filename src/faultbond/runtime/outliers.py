@@ -1,0 +1,217 @@
+"""The first samples without their wild values, and the start of the plant from the others.
+
+Before the filter runs nothing is known of what the sensors and inputs usually show. So the first samples judge each
+other: a reading is wild if it lies far from the start that all others are fitted with, and of an input that leaves the
+others for a moment the readings decide whether it did. Huber and Ronchetti, *Robust Statistics*, 2009.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from faultbond.runtime.packing import pack_sample
+from faultbond.runtime.start import misfits, solve_start
+from faultbond.runtime.state import Sample, State, init
+from faultbond.spec import Engine, EngineSpec
+from faultbond.types import BoolArray, FloatArray
+
+FAR = 10.0  # sd of its noise, or usual misfits, that a reading may lie from the start that the others give
+APART = 3.0  # usual distances from the middle that an input may lie from it
+MOST = 0.25  # part of the values of a column that may be wild; where more are, the model is off
+HUBER = 1.5  # usual misfits from which on a reading counts less,
+PASSES = 5  # and how often such weights are found anew
+SPIKE, SPIKES = 4.0, 3  # misfit, sd, that may be due to an input that was off for a sample, and how many are tried
+CAP = 20.0  # sd of a misfit beyond which it counts no more where two pasts are compared
+TELLING = 9.0  # difference of the sums of squares, in sd, that decides between two pasts
+USUAL = 1.5  # median misfits that are one sd
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Begun:
+    """Where the plant began, and the first samples without what was wild.
+
+    state : State
+        With what these samples tell of the inputs.
+    samples : float array, shape (n_samples, n_sample)
+    mean, covariance : of the states before the first sample, SI
+    wild : number of values that were taken out
+    """
+
+    state: State
+    samples: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    wild: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Fit:
+    """A start, how far the readings are from it (sd, all that are there), and which of them are not used."""
+
+    samples: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    misfit: FloatArray
+    left_out: BoolArray
+
+
+def begin(
+    spec: EngineSpec, engine: Engine, state: State, samples: FloatArray, known: FloatArray | None, *, again: bool
+) -> Begun:
+    """Solve the start from the first samples, with the wild values among them missing.
+
+    Parameters
+    ----------
+    spec, engine : the model
+    state : State
+        After the last of the samples; `begun` is the number of the first.
+    samples : float array, shape (n_samples, n_sample)
+        Packed.
+    known, again : see `faultbond.runtime.start.solve_start`
+    """
+    refused = np.zeros((len(samples), len(spec.inputs)), dtype=bool)
+    fit = _fitted(spec, engine, samples, known, again=again)
+    strays, spikes = list(_strays(spec, samples)), _spikes(spec, samples) if np.any(fit.misfit > SPIKE) else ()
+    for column, first, last in dict.fromkeys([*strays, *spikes]):
+        without = refused.copy()
+        without[first : last + 1, column] = True
+        other_state, other = _packed_again(spec, state, samples, without)
+        trial = _fitted(spec, engine, other, known, again=again)
+        gain = _compared(spec, fit, trial)
+        ends = last == len(samples) - 1
+        unseen = (column, first, last) in strays and (not ends or first == last)
+        if gain > (-TELLING if unseen else TELLING):
+            refused, fit, kept = without, trial, other_state
+    if refused.any():
+        odd = np.where(refused[-1], samples[-1, spec.sample_fields["u"]], np.nan)
+        state = replace(kept, odd=odd)
+        refused[-1] = False  # whether that one is wild, the next sample tells
+    return Begun(
+        state=state,
+        samples=fit.samples,
+        mean=fit.mean,
+        covariance=fit.covariance,
+        wild=int(fit.left_out.sum() + refused.sum()),
+    )
+
+
+def _fitted(spec: EngineSpec, engine: Engine, samples: FloatArray, known: FloatArray | None, *, again: bool) -> _Fit:
+    """Fit the start to all readings, and if some lie far off, anew without those that are far from a robust fit."""
+    there = samples[:, spec.sample_fields["use"]] > 0
+    nothing = np.zeros_like(there)
+    first = _fit(spec, engine, samples, nothing, np.ones(there.shape), known, again=again)
+    if np.max(first.misfit, initial=0.0) <= FAR:
+        return first
+    alone, fit = _alone(spec, samples), first
+    weighted = np.where(alone, 1.0, np.maximum(1.0, first.misfit / HUBER))
+    for _ in range(PASSES):  # Huber's weights, as a larger variance
+        fit = _fit(spec, engine, samples, alone, weighted, known, again=again)
+        weighted = np.maximum(1.0, fit.misfit / (HUBER * _usual(fit.misfit, there)))
+    far = there & (fit.misfit > FAR * _usual(fit.misfit, there))
+    far &= far.sum(axis=0) <= MOST * there.sum(axis=0)
+    return _fit(spec, engine, samples, far, np.ones(there.shape), known, again=again) if far.any() else first
+
+
+def _fit(
+    spec: EngineSpec,
+    engine: Engine,
+    samples: FloatArray,
+    left_out: BoolArray,
+    weighted: FloatArray,
+    known: FloatArray | None,
+    *,
+    again: bool,
+) -> _Fit:
+    """Fit the start without some readings, others with a variance that is so many times larger."""
+    place = spec.sample_fields
+    used, trial = samples.copy(), samples.copy()
+    used[:, place["use"]] = (samples[:, place["use"]] > 0) & ~left_out
+    trial[:, place["use"]] = used[:, place["use"]]
+    trial[:, place["scale"]] *= weighted
+    mean, covariance = solve_start(spec, engine, trial, known, again=again)
+    misfit = np.abs(misfits(spec, engine, samples, mean, known))
+    return _Fit(samples=used, mean=mean, covariance=covariance, misfit=misfit, left_out=left_out)
+
+
+def _usual(misfit: FloatArray, used: BoolArray) -> FloatArray:
+    """Give the usual misfit of each sensor, (n_outputs,), in sd; 1 or more."""
+    columns = zip(misfit.T, used.T, strict=True)
+    return np.array(
+        [max(1.0, USUAL * float(np.median(each[chosen]))) if chosen.any() else 1.0 for each, chosen in columns]
+    )
+
+
+def _alone(spec: EngineSpec, samples: FloatArray) -> BoolArray:
+    """Tell which readings are so far from all others that not even a fit should see them, (n_samples, n_outputs)."""
+    y, there = samples[:, spec.sample_fields["y"]], samples[:, spec.sample_fields["use"]] > 0
+    found = np.zeros_like(there)
+    for k, noise in enumerate(spec.output_noise):
+        apart, usual = _distances(y[:, k], there[:, k])
+        found[:, k] = there[:, k] & (apart > FAR * max(usual, noise))
+    return found
+
+
+def _distances(values: FloatArray, there: BoolArray) -> tuple[FloatArray, float]:
+    """Give how far values are from the middle of those that are there, and how far three quarters of these are."""
+    if not there.any():
+        return np.zeros(len(values)), 0.0
+    apart = np.abs(values - np.median(values[there]))
+    return apart, float(np.quantile(apart[there], 1.0 - MOST))
+
+
+def _strays(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, int]]:
+    """Give column, first and last sample of each run in which an input leaves its other values."""
+    place = spec.sample_fields["u"]
+    everywhere = np.ones(len(samples), dtype=bool)
+    for column, item in enumerate(spec.inputs):
+        apart, usual = _distances(samples[:, place][:, column], everywhere)
+        stray = apart > APART * max(usual, item.noise)
+        for is_stray, run in groupby(range(len(samples)), key=lambda k: bool(stray[k])):
+            chosen = list(run)
+            if is_stray and len(chosen) <= MOST * len(samples):
+                yield column, chosen[0], chosen[-1]
+
+
+def _spikes(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, int]]:
+    """Give column and sample, as first and last, of the values of each input that stand out most from both beside."""
+    inputs = samples[:, spec.sample_fields["u"]]
+    for column, u in enumerate(inputs.T):
+        before, after = np.r_[u[1], u[:-1]], np.r_[u[1:], u[-2]]
+        apart = np.abs(u - 0.5 * (before + after)) - np.abs(before - after)
+        for k in np.argsort(-apart)[:SPIKES]:
+            if apart[k] > 0.0 and 0 < k < len(u) - 1:
+                yield column, int(k), int(k)
+
+
+def _compared(spec: EngineSpec, one: _Fit, two: _Fit) -> float:
+    """Give by how much the readings speak for the second of two pasts, by the sums of squares, in sd.
+
+    Compared are readings that are no more blanked in one past than in the other.
+    """
+    place = spec.sample_fields
+    same = one.samples[:, place["scale"]] == two.samples[:, place["scale"]]
+    costs = [float(np.sum(np.minimum(fit.misfit, CAP) ** 2, where=same)) for fit in (one, two)]
+    return costs[0] - costs[1]
+
+
+def _packed_again(spec: EngineSpec, state: State, samples: FloatArray, refused: BoolArray) -> tuple[State, FloatArray]:
+    """Pack the first samples anew as if the refused inputs had been missing, and give the state after them."""
+    place, fresh = spec.sample_fields, init(spec)
+    forgotten = ("held", "lowest", "highest", "leap", "guessed", "habit", "since_step", "change")
+    past = replace(state, **{name: getattr(fresh, name) for name in forgotten}, silent=0)
+    inputs = np.where(refused, np.nan, samples[:, place["u"]])
+    for column in inputs.T:  # before the first value that is good, that holds
+        good = np.flatnonzero(np.isfinite(column))
+        column[: good[0]] = column[good[0]]
+    rows = np.zeros_like(samples)
+    for k, old in enumerate(samples):
+        y = np.where(old[place["use"]] > 0, old[place["y"]], np.nan)
+        sample = Sample(time=state.time, dt=float(old[place["dt"]][0]), u=inputs[k], y=y)
+        u = np.where(np.isfinite(inputs[k]), inputs[k], past.held)
+        past = replace(past, index=state.begun + k)
+        rows[k], changes = pack_sample(spec, past, sample, u)
+        rows[k, place["gap"]] = old[place["gap"]]
+        past = replace(past, **changes)
+    return replace(past, index=state.index), rows

@@ -1,0 +1,186 @@
+"""Wild values: one reading, or one input, that is far from everything says nothing of the plant."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made import EXAMPLES, plant, recorded, run, samples_of
+
+from faultbond.io.grid import Grid, on_grid
+from faultbond.io.recording import columns_of, read_rows
+from faultbond.runtime.monitor import START_SAMPLES, finish
+from faultbond.runtime.state import Sample, State
+from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.spec import Engine, EngineSpec
+
+HEALTHY = sorted(path.parent.name for path in EXAMPLES.glob("*/healthy.csv"))
+SPARSE = {"every row": 1, "every second row": 2, "every fifth row": 5, "when it changes": 0}
+STEPS: dict[
+    str, list[tuple[tuple[float, ...], tuple[float, ...], dict[str, float] | None]]
+] = {  # of a plant: each input before and after a step, and its start
+    "dc_motor": [((1.0,), (12.0,), None)],
+    "dc_motor_current": [((1.0,), (12.0,), None), ((0.0,), (9.0,), None)],
+    "tank": [((60.0, 5.0), (60.0, 60.0), {"tank.q": 0.2}), ((60.0, 0.0), (60.0, 70.0), {"tank.q": 0.2})],
+}
+JUMPS = [("dc_motor_current", "R", 0.2), ("dc_motor_current", "R", 5.0), ("dc_motor_current", "L", 0.5)]
+JUMPS += [("rc", "R", 0.2), ("rc", "R", 5.0)]
+FAULTY = [("dc_motor", "fault_winding.csv", 1000), ("rc", "fault_capacitor.csv", 1000)]
+Place = tuple[str, int]  # `u` or `y`, and the column
+
+
+@cache
+def recorded_rows(name: str, file: str = "healthy.csv") -> tuple[Sample, ...]:
+    """Samples of a recording of an example."""
+    graph = plant(name)[0]
+    rows = read_rows(str(Path(EXAMPLES, name, file)), columns_of(graph))
+    return tuple(Sample(time=p.time, dt=p.dt, u=p.u, y=p.y) for p in on_grid(rows, Grid(graph.sample_time)))
+
+
+def places(name: str) -> list[Place]:
+    """Every column of an example."""
+    first = recorded_rows(name)[0]
+    return [*(("u", k) for k in range(len(first.u))), *(("y", k) for k in range(len(first.y)))]
+
+
+def wild_values(name: str, place: Place, row: int) -> dict[str, float]:
+    """Values that no sensor and no input of an example shows."""
+    field, column = place
+    values = np.array([getattr(item, field)[column] for item in recorded_rows(name)])
+    span = float(np.ptp(values))
+    return {
+        "10 spans above": float(values.max()) + 10.0 * span,
+        "10 spans below": float(values.min()) - 10.0 * span,
+        "negative": -float(values[row]),
+        "1e6": 1e6,
+        "1e300": -1e300,
+    }
+
+
+def spoiled(samples: Iterable[Sample], place: Place, rows: Iterable[int], value: float) -> list[Sample]:
+    """Samples with another value in some rows of a column."""
+    field, column, changed = *place, list(samples)
+    for row in rows:
+        values = getattr(changed[row], field).copy()
+        values[column] = value
+        changed[row] = replace(changed[row], **{field: values})
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("row", "labels"),
+    [
+        (0, ("1e6", "10 spans below")),
+        (7, ("1e300", "negative")),
+        (START_SAMPLES - 1, ("1e6", "10 spans above")),
+        (START_SAMPLES, ("1e300", "10 spans above")),
+    ],
+)
+@pytest.mark.parametrize("name", HEALTHY)
+def test_one_wild_value_at_the_start_raises_no_alarm(name: str, row: int, labels: tuple[str, str]) -> None:
+    """One wild value of any sensor or input among the first rows of a healthy plant raises no alarm."""
+    _, spec, engine = plant(name)
+    for place in places(name):
+        for label in labels:
+            value = wild_values(name, place, row)[label]
+            final, _ = run(spec, engine, spoiled(recorded_rows(name)[:70], place, [row], value))
+            assert final.detections == 0, (place, label)
+            assert final.running, (place, label)
+
+
+@pytest.mark.parametrize("name", HEALTHY)
+def test_one_wild_value_later_raises_no_alarm_and_is_counted(name: str) -> None:
+    """A wild value later on raises no alarm and is counted once."""
+    _, spec, engine = plant(name)
+    known, _ = run(spec, engine, recorded_rows(name)[:60])
+    for place in places(name):
+        for label, value in wild_values(name, place, 60).items():
+            final, reports = run(spec, engine, spoiled(recorded_rows(name)[:120], place, [60], value)[60:], known)
+            assert final.detections == 0, (place, label)
+            assert label == "negative" or sum(report.wild for report in reports) == 1, (place, label)
+
+
+@pytest.mark.parametrize("name", HEALTHY)
+def test_nothing_is_wild_in_a_recording_that_is_as_it_should_be(name: str) -> None:
+    """No value of a healthy recording is refused."""
+    _, spec, engine = plant(name)
+    _, reports = run(spec, engine, recorded_rows(name)[:500])
+    assert sum(report.wild for report in reports) == 0
+
+
+@pytest.mark.parametrize("value", [1e300, -1e6])
+def test_a_burst_of_a_sensor_is_a_fault_of_that_sensor(value: float) -> None:
+    """A sensor that is wild for a dozen samples, or from then on, is found at fault; no component is."""
+    _, spec, engine = plant("dc_motor")
+    known, _ = run(spec, engine, recorded_rows("dc_motor")[:100])
+    for length in (3, 12, 150):
+        samples = spoiled(recorded_rows("dc_motor")[:250], ("y", 0), range(100, 100 + length), value)
+        final, _ = run(spec, engine, samples[100:], known)
+        found = finish(spec, final)
+        assert (found is not None) == (length > 3)
+        assert found is None or found.candidates[0].components == ("omega",)
+
+
+@pytest.mark.parametrize("value", [1e300, 1e6, -100.0])
+def test_a_burst_of_an_input_raises_no_alarm(value: float) -> None:
+    """An input that is wild for a dozen samples is held, and each value is counted."""
+    _, spec, engine = plant("dc_motor")
+    known, _ = run(spec, engine, recorded_rows("dc_motor")[:100])
+    samples = spoiled(recorded_rows("dc_motor")[:200], ("u", 0), range(100, 112), value)
+    final, reports = run(spec, engine, samples[100:], known)
+    assert final.detections == 0
+    assert sum(report.wild for report in reports) == 12
+
+
+@pytest.mark.parametrize("told", SPARSE)
+@pytest.mark.parametrize(("name", "case"), [(name, case) for name in STEPS for case in range(len(STEPS[name]))])
+def test_an_input_that_really_goes_far_is_followed(name: str, case: int, told: str) -> None:
+    """An input that goes far beyond what it was raises no alarm and is not called wild, however seldom it is told."""
+    graph, spec, engine = plant(name)
+    before, after, start = STEPS[name][case]
+    row = np.arange(500)
+    time = np.asarray(row * (graph.sample_time or 1.0), dtype=np.float64)
+    made = simulate(graph, Inputs(time=time, values=np.where(row[:, None] < 200, before, after)), seed=4, start=start)
+    inputs = made.inputs.copy()
+    inputs[~(row % SPARSE[told] == 0 if SPARSE[told] else np.isin(row, (0, 200)))] = np.nan
+    final, reports = run(spec, engine, samples_of(time, inputs, made.outputs))
+    assert final.detections == 0
+    np.testing.assert_allclose(final.held, after, rtol=0.2)
+    assert sum(report.wild for report in reports) == 0
+
+
+@pytest.mark.parametrize(("name", "parameter", "factor"), JUMPS)
+def test_a_component_that_jumps_far_is_named(name: str, parameter: str, factor: float) -> None:
+    """A sensor that shows at once what it never showed is no wild sensor if a component explains it."""
+    spec, engine = plant(name)[1:]
+    samples = recorded(name, 700, Fault(parameter=parameter, factor=factor, start=400 * 0.02))
+    found = finish(spec, run(spec, engine, samples)[0])
+    assert found is not None
+    first = found.candidates[0]
+    assert [suspect.parameter for suspect in first.suspects] == [parameter]
+    assert abs(first.suspects[0].estimate / (first.suspects[0].nominal or 1.0) - factor) < 0.15 * factor
+
+
+@pytest.mark.parametrize(("name", "file", "onset"), FAULTY)
+def test_a_wild_value_changes_no_verdict(name: str, file: str, onset: int) -> None:
+    """A fault is found as soon, and named as without it, with a wild value before or after its onset."""
+    _, spec, engine = plant(name)
+    samples = recorded_rows(name, file)[: onset + 140]
+    begun, _ = run(spec, engine, samples[: onset - 20])
+    plain = _verdict(spec, engine, samples[onset - 20 :], begun)
+    for place in places(name):
+        for row in (onset - 10, onset + 100):
+            value = wild_values(name, place, row)["10 spans above"]
+            alarm, named = _verdict(spec, engine, spoiled(samples, place, [row], value)[onset - 20 :], begun)
+            assert named == plain[1], (place, row)
+            assert alarm <= plain[0] + 10, (place, row)
+
+
+def _verdict(spec: EngineSpec, engine: Engine, samples: Sequence[Sample], state: State) -> tuple[int, tuple[str, ...]]:
+    """The sample of the alarm, and the components of the first candidate."""
+    final, _ = run(spec, engine, samples, state)
+    found = finish(spec, final)
+    assert found is not None
+    return final.alarm, found.candidates[0].components
