@@ -86,7 +86,7 @@ def begin(
             refused, fit, kept = without, trial, other_state
     if refused.any():
         odd = np.where(refused[-1], samples[-1, spec.sample_fields["u"]], np.nan)
-        state = replace(kept, odd=odd)
+        state = replace(kept, odd=odd, odd_since=state.index)
         refused[-1] = False  # whether that one is wild, the next sample tells
     return Begun(
         state=state,

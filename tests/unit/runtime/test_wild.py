@@ -85,9 +85,10 @@ def test_one_wild_value_at_the_start_raises_no_alarm(name: str, row: int, labels
     for place in places(name):
         for label in labels:
             value = wild_values(name, place, row)[label]
-            final, _ = run(spec, engine, spoiled(recorded_rows(name)[:70], place, [row], value))
+            final, reports = run(spec, engine, spoiled(recorded_rows(name)[:70], place, [row], value))
             assert final.detections == 0, (place, label)
             assert final.running, (place, label)
+            assert sum(report.wild for report in reports) <= 1, (place, label)
 
 
 @pytest.mark.parametrize("name", HEALTHY)

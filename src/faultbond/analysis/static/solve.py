@@ -8,12 +8,14 @@ Source: thesis 3.7.2 (roots and branches), 4.3; Cox, Little and O'Shea, Ideals, 
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from math import isfinite, prod
 
 import sympy as sp
+from mpmath.libmp import NoConvergence
 
 from faultbond.analysis.static.equations import Equation
 from faultbond.analysis.static.propagation import Propagated
@@ -296,7 +298,9 @@ def real_roots(polynomial: sp.Poly) -> list[sp.Expr]:
     simple = polynomial.sqf_part()
     roots = list(sp.real_roots(simple))
     if len(roots) < simple.degree():
-        complex_roots = (root.as_real_imag() for root in simple.nroots(n=DIGITS, maxsteps=500))
+        complex_roots = []
+        with suppress(NoConvergence):  # of coefficients hundreds of powers of ten apart; the real roots are all there
+            complex_roots = [root.as_real_imag() for root in simple.nroots(n=DIGITS, maxsteps=500)]
         nearly = (real for real, imaginary in complex_roots if 0 < imaginary <= _NEARLY_REAL * abs(real))
         roots += [sp.Rational(str(real)) for real in nearly]
     return sorted(roots, key=lambda root: sp.N(root, DIGITS))
