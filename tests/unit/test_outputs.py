@@ -212,18 +212,20 @@ def test_a_state_on_a_full_disk(folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=limited(4096))
     assert done.returncode == 1
     assert "Most likely" in done.stdout
-    assert done.stderr.startswith("faultbond: new.state: the run cannot be kept (File too large)")
+    assert done.stderr == "faultbond: new.state: the run cannot be kept (File too large).\n"
     assert not [path.name for path in folder.iterdir() if "new.state" in path.name]
 
 
-@pytest.mark.parametrize("target", ["-", "/dev/full"])
-def test_a_result_that_cannot_be_written(target: str, folder: Path) -> None:
+@pytest.mark.parametrize("target", [None, "-", "/dev/full"])
+def test_a_result_that_cannot_be_written(target: str | None, folder: Path) -> None:
     """Where a verb other than `run` cannot write what it was asked for, that is an error."""
-    command = [sys.executable, "-m", "faultbond", "check", str(folder / "m.yaml"), "--json", target]
-    with Path("/dev/full" if target == "-" else folder / "text").open("wb") as stdout:
+    command = [sys.executable, "-m", "faultbond", "check", str(folder / "m.yaml")]
+    command += [] if target is None else ["--json", target]
+    with Path("/dev/full" if target != "/dev/full" else folder / "text").open("wb") as stdout:
         done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 2
-    assert ("standard output" if target == "-" else "/dev/full: No space left on device") in done.stderr
+    assert ("/dev/full: " if target == "/dev/full" else "standard output: ") in done.stderr
+    assert "No space left on device" in done.stderr
 
 
 def test_a_report_on_a_full_disk(folder: Path) -> None:

@@ -71,23 +71,24 @@ class Keeper:
         self._stamp = _stamp(path)
         self._found = course.found
 
-    def write(self) -> None:
-        """Write the run as it is now, if it has begun; where that cannot be, say so once and go on."""
+    def write(self, *, last: bool = False) -> None:
+        """Write the run as it is now, if it has begun; where that cannot be, say so once, and at the end, and go on."""
         saved = self._course.saved(self._method)
         if saved is not None:
-            self._write(saved)
+            self._write(saved, last=last)
         self._written, self._stamp, self._found = time.monotonic(), _stamp(self._path), self._course.found
 
-    def _write(self, saved: Saved) -> None:
+    def _write(self, saved: Saved, *, last: bool) -> None:
         """Write the file; the records that it stands behind are on the disk before it is."""
         try:
             self._records = self._out.mark() or self._records
             write_saved(self._path, replace(saved, records=self._records))
         except OSError as error:
-            if not self._failing:
+            if last or not self._failing:
                 other = error.filename not in (None, str(self._path))  # the file of records
                 reason = f"{error.filename}: {error.strerror}" if other else error.strerror or str(error)
-                self._out.warn(f"{self._path}: the run cannot be kept ({reason}); it goes on and tries again.")
+                more = "" if last else "; it goes on and tries again"
+                self._out.warn(f"{self._path}: the run cannot be kept ({reason}){more}.")
             self._failing = True
             return
         if self._failing:

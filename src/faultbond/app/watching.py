@@ -138,7 +138,7 @@ def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: b
         keeper.look()  # what a person decided since the last row
     course.finish()
     if keeper is not None:
-        keeper.write()
+        keeper.write(last=True)
 
 
 def _take(course: Course, points: Iterable[GridPoint], out: Out) -> None:

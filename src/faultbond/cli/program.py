@@ -7,6 +7,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from errno import ENOSPC
 from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Never
@@ -104,7 +105,7 @@ def _guarded(argv: Sequence[str] | None, verbs: Verbs) -> int:
             return _give_up_output()
         raise
     except OSError as error:
-        full = _close_full_output()
+        full = _close_full_output() or error.errno == ENOSPC
         message = f"standard output: {error.strerror}." if full and not error.filename else _of_system(error)
         return _complain(message, code or USER_MISTAKE)
     return code
