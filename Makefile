@@ -48,6 +48,7 @@ golden: $(DEV)
 docs: $(DEV)
 	@echo "faultbond: renewing what commands print in the pages, then checking the pages"
 	@$(BIN)/python tests/docs/insert.py
+	@$(BIN)/python tests/docs/rooms.py
 	@git --no-pager diff --stat -- README.md CONTRIBUTING.md docs
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
 

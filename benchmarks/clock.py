@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks.plants import EXAMPLES, tank_case
 from benchmarks.play import engine_of
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Simulation
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 
 BUILT = ("tank", "dc_motor", "dc_motor_current", "rlc", "rc")

@@ -20,16 +20,16 @@ from pathlib import Path
 
 from benchmarks.ladders import ladder_text
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
+from faultbond.algebra.route import Question
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.solving.backward_euler import Plant, plant_of
+from faultbond.algebra.solving.solution import Solution
+from faultbond.algebra.solving.solve import solve, solve_cached
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components
+from faultbond.equations.constraint_network import build_network
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
-from faultbond.structure.network import build_network
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.route import Question
-from faultbond.structure.solving.backward_euler import Plant, plant_of
-from faultbond.structure.solving.solution import Solution
-from faultbond.structure.solving.solve import solve, solve_cached
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 HEADER = ("plant", "parameters", "equations", "block", "kind", "real roots", "closed forms", "route", "solve")

@@ -23,18 +23,18 @@ import numpy as np
 from scipy.stats import chi2
 
 from benchmarks.page import as_markdown, machine, today, write_part
-from faultbond.dynamics.step import StepModel
+from faultbond.contract.lanes import LanePlan
+from faultbond.contract.spec import Engine, EngineSpec, unpack
+from faultbond.equations.step import StepModel
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.lanes import LanePlan
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.packing import pack_sample
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import forget_slow_errors, relinearised, suspect_lanes
-from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import FloatArray
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from benchmarks.ladders import ladder_text
 from benchmarks.page import Table, as_markdown, as_text, machine, today, write_part
-from faultbond.dynamics.plant import build_plant
+from faultbond.equations.plant import build_plant
 from faultbond.model.text import parse_model
 
 peer: Any

@@ -21,9 +21,9 @@ from benchmarks.play import engine_of
 from benchmarks.trust_arrival import watched
 from benchmarks.trust_cases import CASES, SMALL, SMALL_MOVED
 from benchmarks.trust_plants import Played
-from faultbond.runtime.lanes import LanePlan
+from faultbond.contract.lanes import LanePlan
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.stepped import relinearised, suspect_lanes
-from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 WITHIN = 600.0  # s after the onset

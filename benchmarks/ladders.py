@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components
+from faultbond.equations.constraint_network import build_network
 from faultbond.model.text import parse_model
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
-from faultbond.structure.network import build_network
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 

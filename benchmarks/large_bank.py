@@ -18,12 +18,12 @@ import numpy as np
 from benchmarks.clock import samples
 from benchmarks.equations import six_tanks
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.text import parse_model
 from faultbond.runtime.bank import no_bank
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import init
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.spec import EngineSpec
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FloatArray
 

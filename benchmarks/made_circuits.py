@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork
-from faultbond.structure.logic.circuit import build_circuit, simulate
+from faultbond.networks.logic.circuit import build_circuit, simulate
 
 TRIES = 40  # scenarios of which the one with the most wrong outputs is kept
 KINDS = ("and", "nand", "nand", "or", "nor")

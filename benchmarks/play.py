@@ -9,12 +9,12 @@ import numpy as np
 from benchmarks.plants import EXAMPLES, case
 from benchmarks.scenarios import END, Scenario
 from benchmarks.variants import effort_or_flow_goes_on
+from faultbond.contract.findings import Candidate, Detection, Diagnosis
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.text import load_model
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 
 OPEN = 60.0  # percent: a valve as open as this shows what is wrong with the pipe

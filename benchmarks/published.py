@@ -5,7 +5,7 @@ Known signals and parameters do not appear. These are the models by which the fa
 University (E. Frisk, M. Krysander) is tested and explained.
 """
 
-from faultbond.structure.diagnosability.structural import StructuralModel
+from faultbond.diagnosability.structural import StructuralModel
 
 # Two tanks with clogging and leaks, four sensors: Krysander and Frisk, in the toolbox' tests.
 WATER_TANK = """

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, State, init
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FloatArray
 

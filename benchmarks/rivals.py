@@ -27,7 +27,7 @@ from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import EXAMPLES, case
 from benchmarks.play import Outcome, engine_of, play, watch
 from benchmarks.scenarios import SCENARIOS, Scenario
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.model.text import load_model
 from faultbond.simulate import Fault
 from faultbond.synthesis.engine import build_model

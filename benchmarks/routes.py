@@ -16,11 +16,11 @@ from pathlib import Path
 
 from benchmarks.ladders import example, ladder
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
-from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.routes.fewest import fewest_components
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.routes.search import Ending, search_route
+from faultbond.algebra.routes.fewest import fewest_components
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameters
+from faultbond.equations.component_network import ComponentNetwork
+from faultbond.thesis.search import Ending, search_route
 
 SECTIONS = (2, 3, 4, 5, 6, 8, 10, 12)
 SENSORS = ("ends", "ends+i", "all")

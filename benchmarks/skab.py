@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
+from faultbond.contract.findings import Diagnosis
 from faultbond.io.grid import GridPoint
-from faultbond.runtime.history import Diagnosis
 from faultbond.types import FloatArray
 
 MODEL = EXAMPLES / "skab" / "model.yaml"

@@ -22,12 +22,12 @@ import numpy as np
 from benchmarks.page import as_text, machine, today
 from benchmarks.plants import EXAMPLES, case
 from faultbond.analysis.smallest import smallest_faults
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine, build_model
 
 ASKED = 1.5

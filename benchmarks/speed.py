@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.clock import alarmed_at_once, fresh_cache, play_through, samples
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import EXAMPLES, case
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -25,7 +26,6 @@ from faultbond.runtime.bank import Bank, advance_bank, no_bank
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, Status, init
 from faultbond.simulate import Inputs, simulate, sines
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FloatArray
 

@@ -20,9 +20,9 @@ import numpy as np
 
 from benchmarks import published
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
-from faultbond.structure.diagnosability.isolability import Interpretation, isolability
-from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports
-from faultbond.structure.diagnosability.structural import StructuralModel
+from faultbond.diagnosability.isolability import Interpretation, isolability
+from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports
+from faultbond.diagnosability.structural import StructuralModel
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the toolbox and of what it imports

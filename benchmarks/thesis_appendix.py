@@ -9,17 +9,17 @@ import sympy as sp
 from benchmarks.thesis_motor import HALF, NOMINAL, in_figure_a_2, record_of, samples, short, system
 from benchmarks.thesis_page import Line, Table, equal, number, numbers, words
 from benchmarks.thesis_routes import at_50_hz, formulas
+from faultbond.algebra.route import Question, Target
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameters
+from faultbond.algebra.routes.unroll import contained
+from faultbond.algebra.solving.solution import closed_form, solve_samples
+from faultbond.algebra.solving.symbols import to_sympy
+from faultbond.equations.component_network import ComponentNetwork, frame_name
+from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
 from faultbond.model.parser import parse_expression
-from faultbond.structure.components import ComponentNetwork, frame_name
-from faultbond.structure.numeric import Value
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.routes.route import Question, Target
-from faultbond.structure.routes.search import Passage, Search, search_route
-from faultbond.structure.routes.unroll import contained
-from faultbond.structure.solving.solution import closed_form, solve_samples
-from faultbond.structure.solving.symbols import to_sympy
+from faultbond.thesis.search import Passage, Search, search_route
 
 STEPS = (  # A.3: numbers of the steps, the component, and U when what is known has been removed and U is sorted
     ("1", "R0", "c0 h0 L"),

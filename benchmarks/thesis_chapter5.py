@@ -12,12 +12,12 @@ from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import Figure, percent, row
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
+from faultbond.contract.findings import Detection
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.runtime.classic.indices import trust_in_samples
-from faultbond.runtime.classic.settings import Erratum, Settings
-from faultbond.runtime.history import Detection
 from faultbond.simulate import Fault, Inputs, Simulation, simulate, sines
+from faultbond.thesis.online.indices import trust_in_samples
+from faultbond.thesis.online.settings import Erratum, Settings
 from faultbond.types import FloatArray
 
 RATE, SECONDS, SEED = 40.0, 10.0, 5

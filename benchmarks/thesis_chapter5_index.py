@@ -17,8 +17,8 @@ from benchmarks.thesis_chapter5 import (
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import DIFFERS, Figure, Row, row
 from benchmarks.thesis_watch import bank
-from faultbond.runtime.classic.settings import Erratum
-from faultbond.runtime.history import Detection
+from faultbond.contract.findings import Detection
+from faultbond.thesis.online.settings import Erratum
 from faultbond.types import FloatArray
 
 

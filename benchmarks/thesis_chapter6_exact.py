@@ -11,17 +11,17 @@ import numpy as np
 from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import Figure, row
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameters
+from faultbond.algebra.solving.backward_euler import plant_of
+from faultbond.algebra.solving.solution import evaluate_root
+from faultbond.algebra.solving.solve import solve
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import SAMPLE_TIME, build_components, frame_name
+from faultbond.equations.constraint_network import build_network
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import SAMPLE_TIME, build_components, frame_name
-from faultbond.structure.network import build_network
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.solving.backward_euler import plant_of
-from faultbond.structure.solving.solution import evaluate_root
-from faultbond.structure.solving.solve import solve
 from faultbond.types import FloatArray
 
 RATE, SECONDS, SEED = 50.0, 10.0, 3

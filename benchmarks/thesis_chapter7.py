@@ -6,7 +6,7 @@ from benchmarks import thesis_tank as tank
 from benchmarks.thesis_figure import DIFFERS, Figure, Row, row
 from benchmarks.thesis_tank import MINUTE
 from benchmarks.thesis_watch import Curves
-from faultbond.runtime.history import Detection
+from faultbond.contract.findings import Detection
 
 SPIKES = (27.0, 44.0, 62.0)  # min, of figure 7.9
 OWN_RECIPE = f"{DIFFERS}another recipe; ours was at another level and opening"

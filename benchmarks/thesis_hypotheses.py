@@ -7,16 +7,16 @@ from itertools import combinations
 
 from benchmarks.thesis_motor import EXAMPLES, HALF, HYPOTHESES, NOMINAL, VOLTS, record_of, samples, system
 from benchmarks.thesis_page import Line, Table, equal, number, set_text, sets_text, words
+from faultbond.algebra.solving.solution import solve_samples
 from faultbond.analysis.ranks import Reduced, reduce, set_ranks
 from faultbond.analysis.solutions import OtherSolutions, other_solutions
 from faultbond.analysis.testable import Verdict, generic_run, judge
 from faultbond.analysis.twins import twins
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.equations.numeric import Value
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import load_model
 from faultbond.sets import largest
-from faultbond.structure.numeric import Value
-from faultbond.structure.solving.solution import solve_samples
 
 FAULT = Fraction(6, 5)  # what the parameters of a hypothesis are multiplied with
 LONGER = (*VOLTS, 3, -4, 7)

@@ -7,20 +7,20 @@ from functools import cache
 from itertools import combinations
 from pathlib import Path
 
+from faultbond.algebra.route import Question, Route
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameters
+from faultbond.algebra.solving.backward_euler import Plant, Record, plant_of, simulate
+from faultbond.algebra.solving.solution import Solution
+from faultbond.algebra.solving.solve import solve
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, Equation, build_components, frame_name
+from faultbond.equations.constraint_network import build_network
+from faultbond.equations.inversion import substitute
+from faultbond.equations.numeric import Value
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, Equation, build_components, frame_name
-from faultbond.structure.isolate import substitute
-from faultbond.structure.network import build_network
-from faultbond.structure.numeric import Value
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.routes.route import Question, Route
-from faultbond.structure.solving.backward_euler import Plant, Record, plant_of, simulate
-from faultbond.structure.solving.solution import Solution
-from faultbond.structure.solving.solve import solve
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "thesis"
 

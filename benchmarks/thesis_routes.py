@@ -9,21 +9,21 @@ import sympy as sp
 
 from benchmarks.thesis_motor import EXAMPLES, FIGURE_4_4, HYPOTHESES, in_figure_4_4, signals_of, system
 from benchmarks.thesis_page import Line, Table, equal, number, words
+from faultbond.algebra.route import Question, Route
+from faultbond.algebra.routes import questions
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.solving.backward_euler import Record, simulate
+from faultbond.algebra.solving.printing import to_lines
+from faultbond.algebra.solving.solution import Solution, closed_form, evaluate_root
+from faultbond.algebra.solving.symbols import to_sympy
+from faultbond.equations.component_network import ComponentNetwork, in_frame
+from faultbond.equations.inversion import linear_solution
+from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.expression import Expression
 from faultbond.model.parser import parse_expression, to_text
 from faultbond.model.text import load_model
-from faultbond.structure.components import ComponentNetwork, in_frame
-from faultbond.structure.isolate import linear_solution
-from faultbond.structure.numeric import Value
-from faultbond.structure.routes import questions
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.route import Question, Route
-from faultbond.structure.solving.backward_euler import Record, simulate
-from faultbond.structure.solving.printing import to_lines
-from faultbond.structure.solving.solution import Solution, closed_form, evaluate_root
-from faultbond.structure.solving.symbols import to_sympy
 
 SIZES = ("one parameter", "two parameters", "three parameters", "four parameters", "all five parameters")
 

@@ -7,9 +7,9 @@ import sympy as sp
 
 from benchmarks.thesis_page import Table, equal, number, numbers, set_text, sets, value_text, words
 from benchmarks.thesis_static import falling, observed, predicted
-from faultbond.analysis.static.hypothesis import is_consistent
-from faultbond.analysis.static.tables import relations, solve, table_of_pairs
+from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.model.parser import parse_expression
+from faultbond.networks.hypothesis import is_consistent
 from faultbond.sets import (
     common_subsets,
     conflict_sets,
@@ -19,7 +19,7 @@ from faultbond.sets import (
     minimal_diagnoses,
     minimal_hitting_sets,
 )
-from faultbond.structure.solving.symbols import to_sympy
+from faultbond.thesis.tables import relations, solve, table_of_pairs
 
 SUBSETS = {  # table 6.1: the subset taken as healthy, and the parameters of the others from observation 1 and 2
     ("A", "B"): ("1.0", "0.66"),

@@ -12,18 +12,18 @@ import numpy as np
 import sympy as sp
 
 from benchmarks.thesis_page import Line, Table, equal, number, numbers, sets, words
-from faultbond.analysis.static.network import READING, Observation, StaticNetwork, observation, static_network
-from faultbond.analysis.static.propagation import suspend
-from faultbond.analysis.static.tables import Solved, relations, solve, table_of_pairs, table_of_singles
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
+from faultbond.networks.logic.diagnoses import explains, logic_network, predict
+from faultbond.networks.propagation import suspend
+from faultbond.networks.static_network import READING, Observation, StaticNetwork, observation, static_network
 from faultbond.sets import (
     hypotheses,
     minimal_diagnoses,
     minimal_hitting_sets,
 )
-from faultbond.structure.logic.diagnoses import explains, logic_network, predict
+from faultbond.thesis.tables import Solved, relations, solve, table_of_pairs, table_of_singles
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "thesis"
 

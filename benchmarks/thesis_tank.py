@@ -12,11 +12,11 @@ import numpy as np
 from benchmarks.plants import EXAMPLES, recipe_module, tank_case
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
+from faultbond.contract.findings import Detection
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.classic.settings import Erratum, Settings
-from faultbond.runtime.history import Detection
 from faultbond.simulate import Fault, Inputs, Simulation, simulate
+from faultbond.thesis.online.settings import Erratum, Settings
 from faultbond.types import FloatArray
 
 SEED = 7

@@ -7,19 +7,19 @@ import numpy as np
 
 from benchmarks.thesis_figure import percent
 from benchmarks.thesis_page import set_text
+from faultbond.contract.findings import Candidate, Detection, Diagnosis
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.classic import state as classic_state
-from faultbond.runtime.classic import watch as classic_watch
-from faultbond.runtime.classic.curves import point_of, stacked
-from faultbond.runtime.classic.plan import ClassicPlan
-from faultbond.runtime.classic.settings import Settings
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Simulation
-from faultbond.spec import EngineSpec
-from faultbond.synthesis.classic.build import build_classic
 from faultbond.synthesis.engine import build_engine
+from faultbond.thesis.offline.build import build_classic
+from faultbond.thesis.online import state as classic_state
+from faultbond.thesis.online import watch as classic_watch
+from faultbond.thesis.online.curves import point_of, stacked
+from faultbond.thesis.online.plan import ClassicPlan
+from faultbond.thesis.online.settings import Settings
 from faultbond.types import FloatArray
 
 

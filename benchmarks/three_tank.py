@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import case
 from benchmarks.play import engine_of
-from faultbond.runtime.history import Diagnosis
+from faultbond.contract.findings import Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation

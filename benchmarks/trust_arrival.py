@@ -15,11 +15,11 @@ from benchmarks.play import engine_of
 from benchmarks.trust_plants import Make, Played
 from faultbond.app.methods import restored
 from faultbond.app.rows import resumed, sample_of
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Clock, Grid, Row, on_grid
 from faultbond.io.saved import Found, Saved, read_saved, write_saved
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Report, Sample, State, init
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import Method
 
 AFTER = {"tank": 60.0, "dc_motor": 1.0}  # s after the onset at which watching is interrupted once more

@@ -13,11 +13,11 @@ import numpy as np
 from benchmarks.plants import EXAMPLES, case, recipe_module
 from benchmarks.play import engine_of
 from benchmarks.variants import effort_or_flow_goes_on
+from faultbond.contract.lanes import starts_of
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.lanes import starts_of
 from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
-from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind, FloatArray
 
 TANK_SECONDS, MOTOR_SECONDS = 4920.0, 60.0

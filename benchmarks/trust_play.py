@@ -10,14 +10,14 @@ from benchmarks.play import engine_of
 from benchmarks.trust_arrival import watched
 from benchmarks.trust_cases import Case
 from benchmarks.trust_plants import Played, graph_of
-from faultbond.app.methods import Classic
+from faultbond.app.classic import Classic
+from faultbond.contract.findings import Detection, Diagnosis, Suspect
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import candidate_names
-from faultbond.runtime.classic.plan import ClassicPlan
-from faultbond.runtime.history import Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.state import Report, Sample
-from faultbond.spec import EngineSpec
-from faultbond.synthesis.classic.build import build_classic
+from faultbond.thesis.offline.build import build_classic
+from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.types import Method
 
 OPEN = 60.0  # percent

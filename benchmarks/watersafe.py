@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
+from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.io.grid import GridPoint
-from faultbond.runtime.history import Candidate, Diagnosis
 
 MODELS = EXAMPLES / "watersafe"
 OUTLETS = ("VA_C1", "VA_C2", "VA_C3", "VA_C4")

@@ -7,27 +7,27 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameters
+from faultbond.algebra.solving.backward_euler import plant_of
+from faultbond.algebra.solving.solution import evaluate_root
+from faultbond.algebra.solving.solve import solve
 from faultbond.analysis.groups import largest_angles
 from faultbond.analysis.operation import operate
 from faultbond.analysis.ranks import Reduced, bases, reduce
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from faultbond.analysis.testable import generic_run
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import SAMPLE_TIME, build_components, frame_name
+from faultbond.equations.constraint_network import build_network
+from faultbond.equations.step import StepModel
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.state import Sample
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import SAMPLE_TIME, build_components, frame_name
-from faultbond.structure.network import build_network
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.solving.backward_euler import plant_of
-from faultbond.structure.solving.solution import evaluate_root
-from faultbond.structure.solving.solve import solve
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import FloatArray
 

@@ -7,6 +7,8 @@ are read by `faultbond.io`, plants are simulated by `faultbond.simulate`, pages 
 from faultbond.starting import is_program  # noqa: F401 - first, since what follows takes a while
 
 # isort: split
+from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.errors import (
     CausalityError,
     FaultbondError,
@@ -19,10 +21,8 @@ from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import dump_model, load_model, parse_model
 from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
-from faultbond.runtime.history import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Report, Sample, State, Status, init
-from faultbond.spec import Engine, EngineSpec
 
 __all__ = [
     "Advice",

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from insert import PAGES, ROOT, RUN, agree, differences, filled
+from rooms import PICTURE, drawn
 
 from faultbond.cli import build_parser, main
 from faultbond.io.faults import parse_fault
@@ -18,7 +19,7 @@ from faultbond.model import FUNCTIONS, model_schema, parse_model
 from faultbond.synthesis.compile import find_compiler
 from faultbond.types import ElementType
 
-METHOD = ROOT / "docs" / "method.md"
+METHOD, ARCHITECTURE = ROOT / "docs" / "method.md", ROOT / "docs" / "architecture.md"
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 MODEL_FILE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 RECORDS = {
@@ -230,9 +231,11 @@ def test_agreement_is_of_words_and_numbers() -> None:
     assert agree("-o REC, --output REC  file", "-o, --output REC  file")
 
 
-def test_places_in_the_method() -> None:
-    """Every module and test that the page on the method names is there."""
-    for path, name in re.findall(r"`((?:[\w]+/)*\w+\.(?:py|c\.in))(?:::(\w+))?`", METHOD.read_text(encoding="utf-8")):
+@pytest.mark.parametrize("page", [METHOD, ARCHITECTURE], ids=lambda page: page.name)
+def test_places_in_the_pages(page: Path) -> None:
+    """Every module and test that a page names is there, with the function that it names."""
+    text = re.sub(r"(?<=\.py)`, `(\w+)`", r"::\1`", page.read_text(encoding="utf-8"))
+    for path, name in re.findall(r"`((?:[\w]+/)*\w+\.(?:py|c\.in))(?:::(\w+))?`", text):
         file = next((root / path for root in (ROOT, ROOT / "src" / "faultbond") if (root / path).is_file()), None)
         assert file is not None, path
         assert f"def {name}" in file.read_text(encoding="utf-8") if name else True, f"{path}::{name}"
@@ -243,9 +246,14 @@ def test_figures_are_those_of_the_examples(tmp_path: Path) -> None:
     images = ROOT / "docs" / "images"
     subprocess.run([sys.executable, images / "draw.py", tmp_path], check=True)
     drawn = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
-    shown = {path.name: path.read_text(encoding="utf-8") for path in images.glob("*.svg")}
+    shown = {path.name: path.read_text(encoding="utf-8") for path in images.glob("*.svg") if path != PICTURE}
     assert drawn.keys() == shown.keys()
     assert [name for name, text in shown.items() if not agree(text, drawn[name])] == []
+
+
+def test_picture_of_the_rooms() -> None:
+    """The picture shows the imports of the code as it is; `make docs` renews it."""
+    assert PICTURE.read_text(encoding="utf-8") == drawn()
 
 
 def test_links_between_pages() -> None:

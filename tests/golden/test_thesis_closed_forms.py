@@ -11,19 +11,19 @@ from pathlib import Path
 import pytest
 import sympy
 
+from faultbond.algebra.route import Question, Route
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.solving.backward_euler import Plant, Record, plant_of, simulate
+from faultbond.algebra.solving.problem import prepare
+from faultbond.algebra.solving.roots import find_roots
+from faultbond.algebra.solving.solution import Kind, Solution, closed_form, evaluate_root, solve_samples
+from faultbond.algebra.solving.solve import solve
+from faultbond.algebra.solving.symbols import to_sympy
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components, frame_name
+from faultbond.equations.constraint_network import build_network
+from faultbond.equations.numeric import Value
 from faultbond.model.text import load_model
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components, frame_name
-from faultbond.structure.network import build_network
-from faultbond.structure.numeric import Value
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.route import Question, Route
-from faultbond.structure.solving.backward_euler import Plant, Record, plant_of, simulate
-from faultbond.structure.solving.problem import prepare
-from faultbond.structure.solving.roots import find_roots
-from faultbond.structure.solving.solution import Kind, Solution, closed_form, evaluate_root, solve_samples
-from faultbond.structure.solving.solve import solve
-from faultbond.structure.solving.symbols import to_sympy
 
 MODEL = Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml"
 GRAPH = load_model(MODEL)

@@ -11,14 +11,14 @@ import pytest
 from benchmarks.ladders import example
 from benchmarks.thesis_motor import PARTS, in_figure_a_2
 
+from faultbond.algebra.route import Question, Route
+from faultbond.algebra.routes.fewest import fewest_components
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.routes.questions import parameter_sets, parameters
+from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
-from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.routes.fewest import fewest_components
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.questions import parameter_sets, parameters
-from faultbond.structure.routes.route import Question, Route
-from faultbond.structure.routes.search import Ending, Search, search_route
-from faultbond.structure.routes.trace import trace_lines
+from faultbond.thesis.search import Ending, Search, search_route
+from faultbond.thesis.trace import trace_lines
 
 HERE = Path(__file__).parent
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from faultbond.analysis.static.hypothesis import is_consistent
-from faultbond.analysis.static.network import READING, Observation, StaticNetwork, observation, static_network
-from faultbond.analysis.static.propagation import suspend
-from faultbond.analysis.static.tables import Solved, relations_of_pairs, solve, table_of_pairs, table_of_singles
-from faultbond.analysis.static.watch import watch
+from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
-from faultbond.runtime.history import Candidate, Detection, Diagnosis
+from faultbond.networks.detection import watch
+from faultbond.networks.hypothesis import is_consistent
+from faultbond.networks.logic.diagnoses import explains, logic_network
+from faultbond.networks.propagation import suspend
+from faultbond.networks.static_network import READING, Observation, StaticNetwork, observation, static_network
 from faultbond.sets import conflict_sets, hypotheses, minimal_diagnoses, minimal_hitting_sets
-from faultbond.structure.logic.diagnoses import explains, logic_network
+from faultbond.thesis.tables import Solved, relations_of_pairs, solve, table_of_pairs, table_of_singles
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "thesis"
 

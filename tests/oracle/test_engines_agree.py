@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.lanes import plan_lanes
-from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import slot_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised, suspect_lanes
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.machine import VirtualMachine

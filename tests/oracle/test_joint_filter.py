@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.model.text import load_model
 from faultbond.runtime.start import healthy_lane
 from faultbond.simulate import Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec, unpack
 from faultbond.synthesis.engine import build_model
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine

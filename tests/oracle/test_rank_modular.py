@@ -15,8 +15,8 @@ import pytest
 
 from faultbond.analysis.ranks import reduce, set_ranks
 from faultbond.analysis.testable import generic_run
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.contract.slots import WANDER, SlotLane, plan_slots
+from faultbond.contract.spec import EngineSpec, unpack
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
-from faultbond.runtime.slots import WANDER, SlotLane, plan_slots
 from faultbond.runtime.slotted import slot_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised
 from faultbond.simulate import Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec, unpack
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec

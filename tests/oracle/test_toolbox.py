@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from benchmarks import published
 
-from faultbond.structure.diagnosability.classes import redundancy
-from faultbond.structure.diagnosability.index import low_index, structural_index
-from faultbond.structure.diagnosability.isolability import Interpretation, isolability
-from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
-from faultbond.structure.diagnosability.placement import sensors_to_detect, sensors_to_isolate
-from faultbond.structure.diagnosability.structural import StructuralModel
-from faultbond.structure.matching import decompose
+from faultbond.diagnosability.classes import redundancy
+from faultbond.diagnosability.index import low_index, structural_index
+from faultbond.diagnosability.isolability import Interpretation, isolability
+from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
+from faultbond.diagnosability.placement import sensors_to_detect, sensors_to_isolate
+from faultbond.diagnosability.structural import StructuralModel
+from faultbond.equations.matching import decompose
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the toolbox and of what it imports

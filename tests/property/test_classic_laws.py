@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from faultbond import sets
-from faultbond.runtime.classic.indices import add_error, indices_of, limits_of, trust_in_samples
-from faultbond.runtime.classic.prefilter import filtered
-from faultbond.runtime.classic.ranking import CLIP, hitting_indices, left_over
-from faultbond.runtime.classic.settings import Settings
+from faultbond.thesis.online.indices import add_error, indices_of, limits_of, trust_in_samples
+from faultbond.thesis.online.prefilter import filtered
+from faultbond.thesis.online.ranking import CLIP, hitting_indices, left_over
+from faultbond.thesis.online.settings import Settings
 
 USUAL = Settings()
 SHARE = st.floats(0.0, 1.0)

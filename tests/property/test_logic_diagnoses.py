@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Observation
-from faultbond.structure.logic.answers import Case, smallest_sets
-from faultbond.structure.logic.circuit import build_circuit
-from faultbond.structure.logic.diagnoses import explains, minimum_diagnoses, predict
+from faultbond.networks.logic.answers import Case, smallest_sets
+from faultbond.networks.logic.circuit import build_circuit
+from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses, predict
 
 MAX_GATES = 6
 

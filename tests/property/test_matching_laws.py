@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from faultbond.structure import matching
-from faultbond.structure.diagnosability.classes import classes
-from faultbond.structure.diagnosability.isolability import Interpretation, isolability
-from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports
-from faultbond.structure.diagnosability.placement import sensors_to_detect, sensors_to_isolate
-from faultbond.structure.diagnosability.structural import StructuralModel
-from faultbond.structure.matching import Part, blocks, closure, decompose, match, redundant, undetermined
+from faultbond.diagnosability.classes import classes
+from faultbond.diagnosability.isolability import Interpretation, isolability
+from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports
+from faultbond.diagnosability.placement import sensors_to_detect, sensors_to_isolate
+from faultbond.diagnosability.structural import StructuralModel
+from faultbond.equations import matching
+from faultbond.equations.matching import Part, blocks, closure, decompose, match, redundant, undetermined
 
 Rows = tuple[tuple[int, ...], ...]
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from faultbond.analysis.groups import groups
 from faultbond.analysis.ranks import reduce, set_ranks
-from faultbond.analysis.sensors import restricted
+from faultbond.analysis.sensor_advice import restricted
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import parse_model
 
 Mapping = dict[str, Any]

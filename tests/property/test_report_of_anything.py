@@ -9,13 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultbond.model.text import load_model
-from faultbond.report import Counts, render_report
-from faultbond.report.chart import payload
-from faultbond.report.charts import sections
-from faultbond.report.numbers import Notation
-from faultbond.report.verdict import table_rows, verdict_sentence
-from faultbond.runtime.history import (
+from faultbond.contract.findings import (
     Advice,
     Candidate,
     Detection,
@@ -25,7 +19,13 @@ from faultbond.runtime.history import (
     Suspect,
     Unexplained,
 )
-from faultbond.runtime.records import diagnosis_record
+from faultbond.contract.records import diagnosis_record
+from faultbond.model.text import load_model
+from faultbond.report import Counts, render_report
+from faultbond.report.chart import payload
+from faultbond.report.charts import sections
+from faultbond.report.numbers import Notation
+from faultbond.report.verdict import table_rows, verdict_sentence
 from faultbond.types import CheckKind, FaultKind
 
 GRAPH = load_model(Path(__file__).parents[2] / "examples" / "tank" / "model.yaml")

@@ -9,14 +9,14 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from strategies import as_text, plants
 
+from faultbond.algebra.route import Question, Route, Target
+from faultbond.algebra.routes.fewest import fewest_components
+from faultbond.algebra.routes.matched import alternatives, find_route
+from faultbond.algebra.routes.questions import all_questions
+from faultbond.equations.component_network import ComponentNetwork, Equation
+from faultbond.equations.matching import closure, match
 from faultbond.errors import CausalityError, StructureError
-from faultbond.structure.components import ComponentNetwork, Equation
-from faultbond.structure.matching import closure, match
-from faultbond.structure.routes.fewest import fewest_components
-from faultbond.structure.routes.matched import alternatives, find_route
-from faultbond.structure.routes.questions import all_questions
-from faultbond.structure.routes.route import Question, Route, Target
-from faultbond.structure.routes.search import Ending, search_route
+from faultbond.thesis.search import Ending, search_route
 
 slow = [HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large]
 fast = settings(max_examples=40, deadline=None, suppress_health_check=slow)

@@ -8,25 +8,25 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from strategies import Mapping, as_text, plants
 
+from faultbond.algebra.route import Question, Route
+from faultbond.algebra.routes.matched import find_route
+from faultbond.algebra.solving.backward_euler import Plant, misfit, plant_of, random_inputs, simulate
+from faultbond.algebra.solving.linearise import Fixed, fixes
+from faultbond.algebra.solving.polynomial import Polynomial, Space, add, divide, multiply, power, primitive, space_of
+from faultbond.algebra.solving.problem import prepare
+from faultbond.algebra.solving.rational import Quotient, quotient, quotient_expression, specialise, to_expression
+from faultbond.algebra.solving.roots import find_roots
+from faultbond.algebra.solving.solution import Kind, evaluate_root, holds, solve_samples
+from faultbond.algebra.solving.solve import Limits, solve
+from faultbond.algebra.solving.tidy import fold
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components
+from faultbond.equations.constraint_network import build_network
+from faultbond.equations.numeric import Value, evaluate, exact, slopes, solve_linear
 from faultbond.errors import CausalityError, StructureError
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
-from faultbond.structure.network import build_network
-from faultbond.structure.numeric import Value, evaluate, exact, slopes, solve_linear
-from faultbond.structure.routes.matched import find_route
-from faultbond.structure.routes.route import Question, Route
-from faultbond.structure.solving.backward_euler import Plant, misfit, plant_of, random_inputs, simulate
-from faultbond.structure.solving.linearise import Fixed, fixes
-from faultbond.structure.solving.polynomial import Polynomial, Space, add, divide, multiply, power, primitive, space_of
-from faultbond.structure.solving.problem import prepare
-from faultbond.structure.solving.rational import Quotient, quotient, quotient_expression, specialise, to_expression
-from faultbond.structure.solving.roots import find_roots
-from faultbond.structure.solving.solution import Kind, evaluate_root, holds, solve_samples
-from faultbond.structure.solving.solve import Limits, solve
-from faultbond.structure.solving.tidy import fold
 
 slow = [HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large]
 some = settings(max_examples=25, deadline=None, suppress_health_check=slow)

@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultbond.analysis.static.watch import watch
+from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.equations.numeric import evaluate, exact
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.runtime.history import Detection, Diagnosis
-from faultbond.structure.numeric import evaluate, exact
+from faultbond.networks.detection import watch
 
 FORMS = ("P{k}*{a}", "{a} + P{k}*{b}", "{a}*{b} + P{k}", "P{k}*{a}**2 - {b}", "{b} - P{k}*{a}", "P{k}*abs({a})")
 

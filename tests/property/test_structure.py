@@ -7,15 +7,15 @@ import numpy as np
 from hypothesis import HealthCheck, assume, given, settings
 from strategies import Mapping, as_text, plants
 
-from faultbond.dynamics.evaluate import evaluate
+from faultbond.equations.causality import Causality, assign_causality
+from faultbond.equations.constraint_network import ConstraintNetwork, build_network
+from faultbond.equations.evaluate import evaluate
+from faultbond.equations.inversion import terms
+from faultbond.equations.sequence import Assignment, Loop, Step, sequence, slope_name
 from faultbond.errors import CausalityError, StructureError
 from faultbond.model.expression import Expression, names
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.structure.causality import Causality, assign_causality
-from faultbond.structure.isolate import terms
-from faultbond.structure.network import ConstraintNetwork, build_network
-from faultbond.structure.sequence import Assignment, Loop, Step, sequence, slope_name
 from faultbond.types import ElementType, JunctionType
 
 slow = [HealthCheck.too_slow, HealthCheck.filter_too_much]  # many random plants have no causality

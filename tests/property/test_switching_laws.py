@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.contract.spec import pack, unpack
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
 from faultbond.runtime.slotted import SWITCHING, interacted
-from faultbond.spec import pack, unpack
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import FloatArray
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.io.circuits import read_circuit, read_scenario
-from faultbond.structure.logic.diagnoses import explains, minimum_diagnoses
+from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses
+from faultbond.networks.logic.dxc import read_circuit, read_scenario
 
 DATA = os.environ.get("FAULTBOND_DATA")
 FOLDER = Path(DATA or "") / "dxc26"

@@ -11,17 +11,27 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from faultbond.app import course, keeping
+from faultbond.app import course
+from faultbond.app import kept_run as keeping
 from faultbond.cli import main
+from faultbond.contract.findings import (
+    Candidate,
+    Decider,
+    Decision,
+    Detection,
+    Diagnosis,
+    Forecast,
+    Suspect,
+    Unexplained,
+)
+from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.grid import Clock, Counts, Grid, Row
 from faultbond.io.out import Out
 from faultbond.io.saved import Found, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
-from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.runtime.rule import Sure, watch
 from faultbond.runtime.trace import Trace
-from faultbond.spec import EngineSpec, Thresholds
 from faultbond.types import FaultKind, Method
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

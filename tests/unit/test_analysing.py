@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from faultbond.app.answering import _largest
+from faultbond.app.answers import _largest
 from faultbond.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 
 import faultbond
-from faultbond.app import demonstration, watching
+from faultbond.app import demonstration
+from faultbond.app import plant_run as watching
 from faultbond.app.rows import progress
 from faultbond.cli import main
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.io import Grid, columns_of, on_grid, read_rows
 from faultbond.io.out import Out
 from faultbond.model.text import load_model

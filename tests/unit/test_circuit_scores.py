@@ -10,7 +10,7 @@ from benchmarks.circuits import main, score, utility
 from benchmarks.made_circuits import circuit_text, corrector, made_scenario, scenario_text
 
 from faultbond.model.logic import Diagnosis
-from faultbond.structure.logic.diagnoses import minimum_diagnoses
+from faultbond.networks.logic.diagnoses import minimum_diagnoses
 
 
 def sets(*texts: str) -> list[Diagnosis]:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from faultbond.app.methods import Classic
+from faultbond.app.classic import Classic
 from faultbond.cli import main
 from faultbond.model.text import load_model
 from faultbond.runtime.state import Sample
-from faultbond.synthesis.classic.build import build_classic
+from faultbond.thesis.offline.build import build_classic
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = EXAMPLES / "dc_motor" / "model.yaml"

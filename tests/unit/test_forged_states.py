@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from faultbond.app.methods import Bank, Classic, Numbers, Watcher, build_method
+from faultbond.app.classic import Classic
+from faultbond.app.methods import Bank, build_method
 from faultbond.app.rows import sample_of
+from faultbond.app.watcher import Numbers, Watcher
 from faultbond.cli import main
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive

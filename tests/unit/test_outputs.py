@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from faultbond.app import keeping
+from faultbond.app import kept_run as keeping
 from faultbond.cli import main
 from faultbond.io import files
 from faultbond.io.examples import example

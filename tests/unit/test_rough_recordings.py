@@ -12,8 +12,8 @@ import pytest
 from faultbond.app import methods
 from faultbond.app.engines import build_watcher
 from faultbond.cli import main
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model import BondGraph
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

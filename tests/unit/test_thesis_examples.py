@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from faultbond.cli import main
-from faultbond.dynamics.plant import build_plant
+from faultbond.equations.plant import build_plant
 from faultbond.io import Row, columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model

@@ -28,7 +28,7 @@ from benchmarks.trust_plants import (
 from benchmarks.trust_play import Claim, Run, _Patience, play
 from benchmarks.trust_plot import write_plot
 
-from faultbond.runtime.lanes import starts_of
+from faultbond.contract.lanes import starts_of
 from faultbond.runtime.state import Sample
 from faultbond.types import FaultKind, Method
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultbond.analysis.operation import Operation
+from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
-from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray, IntArray
 
 Single = NDArray[np.float32]  # as good for noise, and faster

@@ -10,7 +10,7 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Recursion
-from faultbond.dynamics.step import StepModel, reference_inputs
+from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Parameter
 from faultbond.types import FloatArray
 

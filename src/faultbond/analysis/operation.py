@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 
 from faultbond.analysis.batch import Batch
-from faultbond.analysis.rest import Stand, at_rest, reference, reference_levels, times
-from faultbond.dynamics.step import StepModel
+from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_levels, times
+from faultbond.contract.spec import Engine, EngineSpec, unpack
+from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError, StructureError
 from faultbond.runtime.monitor import START_PATIENCE, step
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, State, init
-from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.types import BoolArray, FloatArray
 
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples

@@ -15,7 +15,7 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.types import FloatArray, IntArray
 

@@ -16,10 +16,10 @@ from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.bench import Bench, Clock, bench_for, changed, long_benches, places_of, short_benches
-from faultbond.analysis.fitting import fit
+from faultbond.analysis.comparison import Bench, Clock, bench_for, changed, long_benches, places_of, short_benches
+from faultbond.analysis.least_squares import fit
 from faultbond.analysis.trajectories import lanes_of
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.types import FloatArray
 
 FACTOR = 1.3

@@ -14,7 +14,7 @@ from math import comb
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.ranks import Rank, Reduced, reduce, set_ranks
 from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
 
 MOST_SETS = 20_000  # sets judged, small ones first

@@ -16,13 +16,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from faultbond.analysis.bench import Bench, Clock, changed, places_of, short_benches
-from faultbond.analysis.fitting import fit, fit_together
+from faultbond.analysis.comparison import Bench, Clock, changed, places_of, short_benches
+from faultbond.analysis.least_squares import fit, fit_together
 from faultbond.analysis.ranks import Reduced, reduce
 from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import lanes_of
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.model.graph import BondGraph
 from faultbond.types import FloatArray
 

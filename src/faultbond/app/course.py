@@ -6,14 +6,14 @@ from math import nan
 
 import numpy as np
 
-from faultbond.app.methods import Watcher
 from faultbond.app.rows import sample_of
+from faultbond.app.watcher import Watcher
+from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
+from faultbond.contract.records import decision_record, detection_record, diagnosis_record, end_record
 from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, GridPoint
 from faultbond.io.out import Out
 from faultbond.io.saved import Found, Saved
-from faultbond.runtime.history import Decider, Decision, Detection, Diagnosis
-from faultbond.runtime.records import decision_record, detection_record, diagnosis_record, end_record
 from faultbond.runtime.rule import watch
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import Trace

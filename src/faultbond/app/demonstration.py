@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from faultbond.app.engines import engine_title
-from faultbond.app.watching import Wanted, run
+from faultbond.app.plant_run import Wanted, run
 from faultbond.io.examples import example
 from faultbond.io.out import Out
 from faultbond.types import EngineChoice

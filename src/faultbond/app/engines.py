@@ -1,8 +1,8 @@
 """Engines as the command line chooses them."""
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.errors import GenerationError
 from faultbond.model.graph import BondGraph
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import EngineChoice
 
 NO_COMPILER = (

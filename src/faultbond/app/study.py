@@ -8,33 +8,31 @@ import numpy as np
 from rich.console import Console
 
 from faultbond.analysis.capability import View, in_general, on_record
+from faultbond.analysis.equilibrium import at_rest, reference, reference_levels
 from faultbond.analysis.groups import NearGroup
+from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
 from faultbond.analysis.recorded import recorded_runs
-from faultbond.analysis.rest import at_rest, reference, reference_levels
 from faultbond.analysis.sensitivity import Recursion, build_recursion
-from faultbond.analysis.sensors import advise_sensors
+from faultbond.analysis.sensor_advice import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.solutions import other_solutions
-from faultbond.analysis.stimulus import ENOUGH, Stimulus, input_advice
 from faultbond.analysis.twins import compare
-from faultbond.app.analysing import Wishes
-from faultbond.app.answering import answers, left_out
+from faultbond.app.answers import answers, left_out
 from faultbond.app.rows import no_time, sample_of
-from faultbond.app.simulating import solved_start
-from faultbond.dynamics.step import StepModel
+from faultbond.app.simulation import solved_start
+from faultbond.app.wishes import Wishes, check_names
+from faultbond.diagnosability.isolability import Interpretation, isolability
+from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
+from faultbond.diagnosability.placement import sensors_to_isolate
+from faultbond.diagnosability.structural import StructuralModel, structural_model
+from faultbond.equations.component_network import ComponentNetwork
+from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError, StructureError
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.report import analysed, analysis
 from faultbond.report.formulas import print_routes
-from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.diagnosability.isolability import Interpretation, isolability
-from faultbond.structure.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
-from faultbond.structure.diagnosability.placement import sensors_to_isolate
-from faultbond.structure.diagnosability.structural import StructuralModel, structural_model
-from faultbond.structure.routes.questions import parameters
-from faultbond.structure.routes.search import Search, search_route
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 
@@ -97,19 +95,6 @@ def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Ite
         yield "test inputs", lambda: _inputs(study, wishes, recorded)
 
 
-def find_trace(graph: BondGraph, network: ComponentNetwork, names: tuple[str, ...]) -> Search:
-    """Search the shortest route to a set of parameters as the thesis does."""
-    _known(graph, names)
-    return search_route(network, parameters(network, names))
-
-
-def _known(graph: BondGraph, names: tuple[str, ...]) -> None:
-    known = [item.name for item in graph.parameters]
-    for name in names:
-        if name not in known:
-            raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known) or 'none'}")
-
-
 def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Study:
     model = build_model(graph)
     _check(graph, wishes)
@@ -126,7 +111,7 @@ def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Stud
 def _check(graph: BondGraph, wishes: Wishes) -> None:
     """Refuse wishes that cannot be fulfilled before anything is worked out."""
     for names in wishes.separate:
-        _known(graph, names)
+        check_names(graph, names)
     if wishes.separate and len(set(map(frozenset, wishes.separate))) < max(2, len(wishes.separate)):
         raise ModelError("--separate: expected two sets or more, no two alike, such as K4 K6,K1")
     grid = graph.sample_time or 1.0

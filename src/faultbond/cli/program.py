@@ -13,7 +13,7 @@ from io import TextIOWrapper
 from typing import Never
 
 from faultbond import app
-from faultbond.app.stopping import Stopped, Stopping
+from faultbond.app.signals import Stopped, Stopping
 from faultbond.cli.accept import add_accept, add_reject
 from faultbond.cli.analyse import add_analyse
 from faultbond.cli.arguments import add_check, add_demo, add_run, add_simulate

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from faultbond.contract.findings import Decision, Detection, Forecast, Suspect
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive
 from faultbond.io.files import replaced
@@ -21,7 +22,6 @@ from faultbond.io.record_file import Mark
 from faultbond.io.typed import Limits, typed
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import COUNT
-from faultbond.runtime.history import Decision, Detection, Forecast, Suspect
 from faultbond.runtime.rule import Sure
 from faultbond.types import FloatArray, Method
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
+from faultbond.contract.findings import Advice, Diagnosis
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.suspects import instrument_title, with_article
-from faultbond.runtime.history import Advice, Diagnosis
 from faultbond.types import CheckKind
 
 LISTED = 4  # checks shown

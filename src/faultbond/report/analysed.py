@@ -3,21 +3,20 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from faultbond.algebra.routes.functions import Function, components_passed, equations_passed
+from faultbond.algebra.solving.printing import to_one_line
 from faultbond.analysis.capability import View
 from faultbond.analysis.groups import Group, NearGroup
-from faultbond.analysis.sensors import Advice, SensorAdvice
+from faultbond.analysis.input_advice import Stimulus
+from faultbond.analysis.sensor_advice import Advice, SensorAdvice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.stimulus import Stimulus
 from faultbond.analysis.testable import Verdict
 from faultbond.analysis.twins import Comparison
+from faultbond.contract.records import Record
+from faultbond.diagnosability.isolability import Isolability
+from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.records import Record
-from faultbond.structure.components import ComponentNetwork, frame_name
-from faultbond.structure.diagnosability.isolability import Isolability
-from faultbond.structure.routes.functions import Function, components_passed, equations_passed
-from faultbond.structure.routes.search import Search
-from faultbond.structure.solving.printing import to_one_line
 
 
 def groups_record(graph: BondGraph, view: View) -> Record:
@@ -212,18 +211,3 @@ def _route(network: ComponentNetwork, item: Function) -> Record:
             "remarks": list(item.solution.remarks),
         }
     return record
-
-
-def trace_record(graph: BondGraph, found: Search) -> Record:
-    """Give the course of the thesis' search."""
-    route = found.route
-    return {
-        "record": "trace",
-        "model": graph.name,
-        "targets": [item if isinstance(item, str) else frame_name(item) for item in found.question.targets],
-        "ending": found.ending.value,
-        "expanded": found.expanded,
-        "distinct": found.distinct,
-        "steps": [frame_name((step.equation, step.frame)) for step in route.steps] if route is not None else None,
-        "observations": route.observations if route is not None else None,
-    }

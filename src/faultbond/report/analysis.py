@@ -7,17 +7,17 @@ from rich.console import Console
 
 from faultbond.analysis.capability import View
 from faultbond.analysis.groups import Group
-from faultbond.analysis.sensors import Advice, SensorAdvice
+from faultbond.analysis.input_advice import Stimulus
+from faultbond.analysis.sensor_advice import Advice, SensorAdvice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.stimulus import Stimulus
 from faultbond.analysis.twins import Comparison
+from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
 from faultbond.report.analysed import Tests
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.verdict import join
-from faultbond.structure.diagnosability.isolability import Isolability
 
 LISTED = 12  # groups, near groups and the like that are listed
 LISTED_SENSORS = 4

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.contract.findings import History
 from faultbond.report.numbers import exponent_of, is_unix, power_of_ten
 from faultbond.report.thin import thin
-from faultbond.runtime.history import History
 from faultbond.types import FloatArray
 
 POINTS = 4000  # per trace

@@ -1,10 +1,10 @@
 """How the candidates stand after one of them was rejected."""
 
+from faultbond.contract.findings import Candidate, Decision, Diagnosis
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import clock_text, probability_text
 from faultbond.report.suspects import instrument_of
 from faultbond.report.verdict import LISTED_SETS, set_name, unexplained_sentence, untested_sentence
-from faultbond.runtime.history import Candidate, Decision, Diagnosis
 
 LISTED = 2 * LISTED_SETS  # candidates of a ranking
 

@@ -6,7 +6,8 @@ from importlib import resources
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from faultbond.analysis.identify.whiteness import Whiteness
+from faultbond.contract.findings import History
+from faultbond.fit.whiteness import Whiteness
 from faultbond.report.chart import Chart, Section, Trace, payload
 from faultbond.report.fitted import (
     HEADER,
@@ -18,7 +19,6 @@ from faultbond.report.fitted import (
     verdict,
 )
 from faultbond.report.numbers import Notation, duration_text, unit_text
-from faultbond.runtime.history import History
 from faultbond.types import FloatArray
 
 _STATIC = resources.files("faultbond.report") / "static"

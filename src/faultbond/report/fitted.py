@@ -8,8 +8,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.analysis.identify.fit import Fit
-from faultbond.analysis.identify.outcome import (
+from faultbond.contract.records import Record
+from faultbond.errors import ModelError
+from faultbond.fit.identification import Fit
+from faultbond.fit.outcome import (
     Estimate,
     NoiseFound,
     Silence,
@@ -18,7 +20,6 @@ from faultbond.analysis.identify.outcome import (
     residual_sizes,
     silences_of,
 )
-from faultbond.errors import ModelError
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
@@ -27,7 +28,6 @@ from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, change_text, clock_text, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.verdict import join
-from faultbond.runtime.records import Record
 
 _ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger

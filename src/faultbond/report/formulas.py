@@ -11,14 +11,14 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
+from faultbond.algebra.routes.functions import Function, equations_passed
+from faultbond.algebra.solving.latex import to_latex
+from faultbond.algebra.solving.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
+from faultbond.algebra.solving.readable import Formula, formulas, readable_lines, shown_conditions
+from faultbond.algebra.solving.solution import Solution
+from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
-from faultbond.structure.components import ComponentNetwork
-from faultbond.structure.routes.functions import Function, equations_passed
-from faultbond.structure.solving.latex import to_latex
-from faultbond.structure.solving.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
-from faultbond.structure.solving.readable import Formula, formulas, readable_lines, shown_conditions
-from faultbond.structure.solving.solution import Solution
 
 LISTED = 24  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal

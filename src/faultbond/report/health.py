@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.analysis.identify.healthy import FACTORS, Health, Trial
-from faultbond.analysis.identify.promise import FARTHEST, Rate
-from faultbond.analysis.identify.where import Moment, Region
+from faultbond.contract.records import Record
+from faultbond.contract.spec import EngineSpec
+from faultbond.fit.false_alarms import FARTHEST, Rate
+from faultbond.fit.lack_of_fit import Moment, Region
+from faultbond.fit.trial import FACTORS, Health, Trial
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, clock_text, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
-from faultbond.runtime.records import Record
-from faultbond.spec import EngineSpec
 
 MOST_REGIONS = 6
 LONG = 1e3 * 365.25 * 86400.0  # s; a longer time between alarms is told as this

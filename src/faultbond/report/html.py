@@ -6,6 +6,7 @@ from importlib import resources
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from faultbond.contract.findings import Diagnosis, History
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import check_rows
 from faultbond.report.chart import payload
@@ -25,7 +26,6 @@ from faultbond.report.verdict import (
     untested_sentence,
     verdict_sentence,
 )
-from faultbond.runtime.history import Diagnosis, History
 
 SHOWN = 0.005  # instruments less likely at fault have no number
 CHIPS = 24  # of more instruments only those with a number are named

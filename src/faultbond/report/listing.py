@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from rich.console import Console
 from rich.text import Text
 
+from faultbond.contract.lanes import plan_lanes
 from faultbond.model.graph import BondGraph, Check, Component, Parameter, Sensor, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.report.console import lines, table, title
@@ -14,7 +15,6 @@ from faultbond.report.numbers import Notation, duration_text, figure, unit_text
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.understanding import METHOD, Understanding, law_text, lines_of, loops_of, set_sizes, settings_of
 from faultbond.report.verdict import unfalsifiable_text
-from faultbond.runtime.lanes import plan_lanes
 from faultbond.types import CheckKind, TimeGrid
 
 MEANING = {

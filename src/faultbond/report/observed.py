@@ -9,12 +9,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, figure, unit_text
 from faultbond.report.suspects import unit_of
 from faultbond.report.terminal import PLAIN_WIDTH
 from faultbond.report.verdict import join
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
 
 LISTED = 20  # candidates shown; the records hold all
 

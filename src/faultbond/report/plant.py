@@ -3,10 +3,10 @@
 from rich.console import Console
 from rich.text import Text
 
+from faultbond.contract.records import Record
+from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.graph import BondGraph
 from faultbond.report.console import lines
-from faultbond.runtime.records import Record
-from faultbond.structure.components import ComponentNetwork
 
 
 def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from faultbond.contract.findings import Candidate, Forecast, Suspect
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import (
     Notation,
@@ -13,7 +14,6 @@ from faultbond.report.numbers import (
     pace,
     unit_text,
 )
-from faultbond.runtime.history import Candidate, Forecast, Suspect
 from faultbond.types import FaultKind
 
 UNDETERMINED = "not determined by the data"

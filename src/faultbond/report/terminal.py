@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from faultbond.contract.findings import Diagnosis, History
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import check_rows
 from faultbond.report.decided import rejected_sentence
@@ -25,7 +26,6 @@ from faultbond.report.verdict import (
     untested_sentence,
     verdict_sentence,
 )
-from faultbond.runtime.history import Diagnosis, History
 
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 TABLE_WIDTH = 112  # the same for the ranked table, whose units are long

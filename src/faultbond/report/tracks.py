@@ -4,12 +4,12 @@ from math import isfinite
 
 import numpy as np
 
+from faultbond.contract.findings import Candidate, Forecast, History, Suspect
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import Chart, Trace
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import title_of, unit_of
 from faultbond.report.verdict import best_group, last_diagnosis
-from faultbond.runtime.history import Candidate, Forecast, History, Suspect
 from faultbond.types import FaultKind, FloatArray
 
 CHARTS = 4  # suspects shown

@@ -2,14 +2,15 @@
 
 from dataclasses import asdict, dataclass
 
-from faultbond.dynamics.evaluate import ROOT_WIDTH, SQRT_WIDTH
-from faultbond.dynamics.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
+from faultbond.contract import lanes
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
+from faultbond.equations.sequence import Loop
+from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, Sensor
 from faultbond.model.parser import to_text
-from faultbond.runtime import lanes, monitor, onsets, packing, ranking, trail, unseen
-from faultbond.spec import EngineSpec
-from faultbond.structure.sequence import Loop
+from faultbond.runtime import monitor, onsets, packing, ranking, trail, unseen
 from faultbond.synthesis.specify import PROCESS_NOISE
 
 Record = dict[str, object]

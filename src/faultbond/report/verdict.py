@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, History, Unexplained
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.advising import action
 from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
@@ -17,8 +19,6 @@ from faultbond.report.suspects import (
     rows_of,
     with_article,
 )
-from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis, History, Unexplained
-from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind
 
 TABLE_ROWS = 8

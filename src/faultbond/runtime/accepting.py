@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.contract.findings import Candidate, Diagnosis
+from faultbond.contract.slots import SlotLane, plan_slots
+from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.errors import FaultbondError
 from faultbond.runtime.bank import no_bank
-from faultbond.runtime.history import Candidate, Diagnosis
 from faultbond.runtime.monitor import conclude
 from faultbond.runtime.ranking import best_lanes, scores
-from faultbond.runtime.slots import SlotLane, plan_slots
 from faultbond.runtime.slotted import shared
 from faultbond.runtime.state import State, bank_fields, no_scatter
-from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.types import BoolArray, FaultKind, FloatArray
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise

@@ -13,10 +13,10 @@ from functools import partial
 
 import numpy as np
 
-from faultbond.runtime.history import Advice, Candidate, Diagnosis
+from faultbond.contract.findings import Advice, Candidate, Diagnosis
+from faultbond.contract.spec import CheckSpec, Engine, EngineSpec
 from faultbond.runtime.ranking import best_lanes
 from faultbond.runtime.state import State
-from faultbond.spec import CheckSpec, Engine, EngineSpec
 from faultbond.types import CheckKind, FloatArray
 
 AHEAD = 300  # samples for which candidates are predicted under a move

@@ -11,10 +11,10 @@ from math import isfinite, log, sqrt
 
 import numpy as np
 
-from faultbond.runtime.history import Detection
+from faultbond.contract.findings import Detection
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Changes, State
 from faultbond.runtime.unseen import unknown_inputs
-from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 NIS_TRUST, NIS_MEMORY = 1000, 10_000  # samples for which the declaration counts; over which squares are a mean

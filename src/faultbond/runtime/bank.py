@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.contract.lanes import extremes, plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.growing import PER_SET, Tested, extend, factors, grow, n_grown
-from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
-from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.slotted import advance_slots, begin_slots, renew_slots
 from faultbond.runtime.stepped import advance_steps, begin_steps, renew_all_steps, renew_steps
 from faultbond.runtime.trail import Trail
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.spec import Engine, EngineSpec, covariance_place
+from faultbond.contract.spec import Engine, EngineSpec, covariance_place
 from faultbond.types import FloatArray
 
 

@@ -5,10 +5,10 @@ from math import log, sqrt
 
 import numpy as np
 
+from faultbond.contract.findings import Forecast, Suspect
+from faultbond.contract.slots import SlotLane, plan_slots
+from faultbond.contract.spec import EngineSpec, ParameterSpec, covariance_place
 from faultbond.runtime.forecast import forecast
-from faultbond.runtime.history import Forecast, Suspect
-from faultbond.runtime.slots import SlotLane, plan_slots
-from faultbond.spec import EngineSpec, ParameterSpec, covariance_place
 from faultbond.types import FaultKind, FloatArray
 
 

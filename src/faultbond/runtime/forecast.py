@@ -8,7 +8,7 @@ from collections.abc import Callable
 from math import inf, sqrt
 from statistics import NormalDist
 
-from faultbond.runtime.history import Forecast
+from faultbond.contract.findings import Forecast
 
 PARTS = (0.05, 0.5, 0.95)
 _LONGEST = 1e12  # s: a limit that is not reached by then is not reached

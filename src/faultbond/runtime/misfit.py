@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.spec import EngineSpec
+from faultbond.contract.spec import EngineSpec
 from faultbond.types import FloatArray
 
 

@@ -9,15 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.contract.findings import Detection, Diagnosis, Unexplained
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
-from faultbond.runtime.history import Detection, Diagnosis, Unexplained
 from faultbond.runtime.outliers import begin
 from faultbond.runtime.packing import corrected
 from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
-from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import (
     SNAPSHOT_EVERY,
@@ -33,7 +34,6 @@ from faultbond.runtime.state import (
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
 from faultbond.runtime.wild import admit, judged, seen, surprising, without_spike
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved

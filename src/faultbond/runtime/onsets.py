@@ -2,9 +2,9 @@
 
 from itertools import pairwise
 
-from faultbond.runtime.lanes import plan_lanes
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.trail import Trail
-from faultbond.spec import EngineSpec
 
 DENSE, RATIO = 40, 1.05  # samples before the alarm of which each is tried; ratio of their distances further back
 MANY, MANY_DENSE, MANY_RATIO = 200_000, 8, 1.25  # the same with so many numbers in the covariances of all lanes

@@ -11,10 +11,10 @@ from itertools import groupby
 
 import numpy as np
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample
-from faultbond.runtime.start import misfits, solve_start
+from faultbond.runtime.start import RUN_AWAY, misfits, solve_start
 from faultbond.runtime.state import Sample, State, init
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 FAR = 10.0  # sd of its noise, or usual misfits, that a reading may lie from the start that the others give
@@ -73,7 +73,8 @@ def begin(
     """
     refused = np.zeros((len(samples), len(spec.inputs)), dtype=bool)
     fit = _fitted(spec, engine, samples, known, again=again)
-    strays, spikes = list(_strays(spec, samples)), _spikes(spec, samples) if np.any(fit.misfit > SPIKE) else ()
+    off = np.any(fit.misfit > SPIKE) and not _runs_away(spec, fit)
+    strays, spikes = list(_strays(spec, samples)), _spikes(spec, samples) if off else ()
     for column, first, last in dict.fromkeys([*strays, *spikes]):
         without = refused.copy()
         without[first : last + 1, column] = True
@@ -102,7 +103,7 @@ def _fitted(spec: EngineSpec, engine: Engine, samples: FloatArray, known: FloatA
     there = samples[:, spec.sample_fields["use"]] > 0
     nothing = np.zeros_like(there)
     first = _fit(spec, engine, samples, nothing, np.ones(there.shape), known, again=again)
-    if np.max(first.misfit, initial=0.0) <= FAR:
+    if np.max(first.misfit, initial=0.0) <= FAR or _runs_away(spec, first):
         return first
     alone, fit = _alone(spec, samples), first
     weighted = np.where(alone, 1.0, np.maximum(1.0, first.misfit / HUBER))
@@ -133,6 +134,11 @@ def _fit(
     mean, covariance = solve_start(spec, engine, trial, known, again=again)
     misfit = np.abs(misfits(spec, engine, samples, mean, known))
     return _Fit(samples=used, mean=mean, covariance=covariance, misfit=misfit, left_out=left_out)
+
+
+def _runs_away(spec: EngineSpec, fit: _Fit) -> bool:
+    """Whether the plant runs away from everywhere, so that no reading is to blame."""
+    return bool(np.all(fit.misfit[fit.samples[:, spec.sample_fields["use"]] > 0] == RUN_AWAY))
 
 
 def _usual(misfit: FloatArray, used: BoolArray) -> FloatArray:

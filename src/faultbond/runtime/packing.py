@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Changes, Sample, State
 from faultbond.runtime.unseen import is_restless, told_inputs, wandered
-from faultbond.spec import EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 GAP = 3  # samples without any value from which on the states are uncertain after them,

@@ -10,14 +10,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from faultbond.contract.findings import Candidate, Diagnosis
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.growing import PER_SET
-from faultbond.runtime.history import Candidate, Diagnosis
-from faultbond.runtime.lanes import plan_lanes
-from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.stepped import LOWEST
-from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 MAX_CANDIDATES = 100

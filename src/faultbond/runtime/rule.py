@@ -7,8 +7,8 @@ alone has been sure for much longer is accepted too, with its likeliest kind.
 
 from dataclasses import dataclass
 
+from faultbond.contract.findings import Diagnosis
 from faultbond.runtime.accepting import SURE_SAMPLES, is_sure
-from faultbond.runtime.history import Diagnosis
 
 LONG_SAMPLES = 600  # for which a set has been sure before it is accepted although its kind is not
 

@@ -12,11 +12,11 @@ from math import log, log1p
 
 import numpy as np
 
+from faultbond.contract.slots import WANDER, SlotPlan, plan_slots
+from faultbond.contract.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.runtime.onsets import onsets
-from faultbond.runtime.slots import WANDER, SlotPlan, plan_slots
 from faultbond.runtime.stepped import LOWEST, Mixture, forget_slow_errors, mix, mixed, relinearised
 from faultbond.runtime.trail import Trail
-from faultbond.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray, IntArray
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so

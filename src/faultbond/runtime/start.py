@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.spec import Engine, EngineSpec, pack, unpack
+from faultbond.contract.spec import Engine, EngineSpec, pack, unpack
 from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
@@ -18,7 +18,7 @@ _DOUBLINGS = 12
 _ABSURD = 1e12
 _ASTRAY = 1e3  # sizes of a state that a settled value may lie off; farther ones the plant did not reach by itself
 _PART = 0.1  # of what a parameter may be off, over which slopes are taken
-_RUN_AWAY = 1e6  # misfit, sd of the noise, of a plant that has run away
+RUN_AWAY = 1e6  # misfit, sd of the noise, of a plant that has run away
 _STEEPEST = 1e100  # slope that can still be squared
 _WIDER = 3.0  # the start's sd is taken this much wider than the fit says: the same samples are filtered again
 _NOTHING = 1e-9  # part of the size of a state below which it is zero but for rounding, which says nothing of its size
@@ -202,7 +202,7 @@ def _predicted(data: _Data, lanes: FloatArray) -> FloatArray:
     weight = samples[:, fields["use"]] / np.sqrt(samples[:, fields["scale"]]) / noise
     misfit = found[:, : len(spec.outputs), :] * weight[:, :, None]
     found = misfit.reshape(-1, lanes.shape[1])
-    return np.asarray(np.nan_to_num(found, nan=_RUN_AWAY, posinf=_RUN_AWAY, neginf=-_RUN_AWAY))
+    return np.asarray(np.nan_to_num(found, nan=RUN_AWAY, posinf=RUN_AWAY, neginf=-RUN_AWAY))
 
 
 def _by_what_is_unknown(data: _Data, state: FloatArray) -> FloatArray:
@@ -220,7 +220,7 @@ def _by_what_is_unknown(data: _Data, state: FloatArray) -> FloatArray:
     lanes[places, np.arange(1, len(places) + 1)] += _PART * sds
     misfit = _predicted(data, lanes)
     slopes = (misfit[:, 1:] - misfit[:, :1]) / np.where(sds > 0.0, _PART * sds, 1.0)
-    near = np.maximum(np.abs(misfit[:, 1:]), np.abs(misfit[:, :1])) < _RUN_AWAY
+    near = np.maximum(np.abs(misfit[:, 1:]), np.abs(misfit[:, :1])) < RUN_AWAY
     return np.where(near, slopes, 0.0)
 
 

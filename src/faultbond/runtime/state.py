@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.runtime.bank import Bank, no_bank
-from faultbond.runtime.history import Detection, Diagnosis
 from faultbond.runtime.misfit import Misfit
-from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from faultbond.runtime.history import Decision, Detection, Diagnosis, History
+from faultbond.contract.findings import Decision, Detection, Diagnosis, History
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Report, Sample
-from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
 
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.spec import Engine, EngineSpec
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 WILD = 5.0  # innovation in its sd that noise alone does not bring about

@@ -6,8 +6,8 @@ certain. Formulas: docs/method.md, "The joint filter".
 
 import numpy as np
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.state import Changes, Sample, State
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 FAR = 20  # samples of a gap in which a state may go as far as it has ever been

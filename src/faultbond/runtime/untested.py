@@ -24,12 +24,12 @@ from itertools import combinations
 
 import numpy as np
 
+from faultbond.contract.findings import Untested
+from faultbond.contract.lanes import extremes, plan_lanes
+from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.growing import factors
-from faultbond.runtime.history import Untested
-from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.ranking import by_kind, lane_table, scores
-from faultbond.spec import EngineSpec, covariance_place
 from faultbond.types import BoolArray, FaultKind, FloatArray, IntArray
 
 OPEN = 0.5  # a bound from which on there is none

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample
 from faultbond.runtime.state import Changes, Sample, State
 from faultbond.runtime.unseen import allowed, doubt, travelled
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import BoolArray, FloatArray
 
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,

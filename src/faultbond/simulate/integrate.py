@@ -18,7 +18,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.plant import Plant
+from faultbond.equations.plant import Plant
 from faultbond.errors import StructureError
 from faultbond.types import FloatArray
 

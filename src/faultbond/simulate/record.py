@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.dynamics.plant import Plant, build_plant
+from faultbond.equations.plant import Plant, build_plant
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments

@@ -4,12 +4,12 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from itertools import repeat
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import GenerationError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.library import load_engine
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.compile import compile_library, find_compiler
 from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.filter import build_filter

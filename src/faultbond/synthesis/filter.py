@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from faultbond.dynamics.step import StepModel
-from faultbond.spec import EngineSpec
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.step import StepModel
 
 _NO_BOUND = 1e6  # standard deviations
 _SAYS_MUCH = 0.1  # variance of what a sensor is expected to read, in that of its noise, from which a sample says much

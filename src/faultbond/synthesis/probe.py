@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph, Check, Sensor
 from faultbond.runtime.advice import Probe
-from faultbond.spec import EngineSpec
 from faultbond.types import CheckKind, FloatArray
 
 

@@ -7,9 +7,7 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
-from faultbond.dynamics.step import StepModel, reference_inputs
-from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
-from faultbond.spec import (
+from faultbond.contract.spec import (
     CheckSpec,
     EngineSpec,
     InputSpec,
@@ -19,6 +17,8 @@ from faultbond.spec import (
     StateSpec,
     Thresholds,
 )
+from faultbond.equations.step import StepModel, reference_inputs
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 from faultbond.types import FloatArray
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from plants import example
 
 from faultbond.analysis.alarms import Detector, Trial, accumulated, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
@@ -12,6 +11,7 @@ from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
+from plants import example
 
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "rlc"])

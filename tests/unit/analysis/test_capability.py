@@ -4,11 +4,11 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from plants import example, stated
 
 from faultbond.analysis.capability import View, in_general, largest_size, on_record
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
+from plants import example, stated
 
 
 def counts(view: View) -> dict[int, int]:

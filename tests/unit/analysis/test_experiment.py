@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from plants import example, positions, stated
 
 from faultbond.analysis.experiment import INPUT_KINDS, random_experiments
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.testable import generic_run
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
+from plants import example, positions, stated
 
 
 def experiments(model: StepModel) -> tuple[Experiment, ...]:

@@ -6,14 +6,14 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from plants import TANK_SENSORS, circuit, example, named, positions, run
 
 from faultbond.analysis import groups as module
 from faultbond.analysis.groups import NEAR_ANGLE, groups, largest_angles, near_groups, near_pairs, not_compared
 from faultbond.analysis.ranks import Reduced, reduce, told_rank
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.types import FloatArray
+from plants import TANK_SENSORS, circuit, example, named, positions, run
 
 
 def chosen(seen: Reduced, largest: int) -> tuple[tuple[int, ...], ...]:

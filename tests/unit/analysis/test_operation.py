@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plants import example, stated
 
+from faultbond.analysis.equilibrium import at_rest, reference_levels
 from faultbond.analysis.operation import operate, usual_operation, usual_runs
-from faultbond.analysis.rest import at_rest, reference_levels
 from faultbond.errors import RecordingError, StructureError
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
+from plants import example, stated
 
 
 @pytest.mark.parametrize("name", ["tank", "dc_motor"])

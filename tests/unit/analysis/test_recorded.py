@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from plants import example
 
 from faultbond.analysis.capability import on_record
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.recorded import MOST_SAMPLES, recorded_runs
 from faultbond.analysis.sensitivity import Sensitivity, build_recursion
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError
 from faultbond.types import FloatArray
+from plants import example
 
 
 def runs(model: StepModel, times: FloatArray, inputs: FloatArray, start: FloatArray) -> tuple[Sensitivity, ...]:

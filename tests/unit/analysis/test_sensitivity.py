@@ -5,12 +5,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from plants import circuit, example, run
 
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities, sensitivity
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
 from faultbond.types import FloatArray
+from plants import circuit, example, run
 
 LEAK = (
     "K6: {nominal: 1.04e-5 m^3/s, change: 1000 %}",

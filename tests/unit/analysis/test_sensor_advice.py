@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from plants import TANK_SENSORS, circuit, example, named, stated
 
-from faultbond.analysis import sensors
-from faultbond.analysis.sensors import advise_sensors, candidates, restricted
+from faultbond.analysis import sensor_advice as sensors
+from faultbond.analysis.sensor_advice import advise_sensors, candidates, restricted
 from faultbond.analysis.testable import generic_run
+from plants import TANK_SENSORS, circuit, example, named, stated
 
 
 def test_candidates_are_what_a_sensor_could_read() -> None:

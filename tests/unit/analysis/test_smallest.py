@@ -5,19 +5,19 @@ from math import inf, sqrt
 
 import numpy as np
 import pytest
-from plants import circuit, example, stated
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
-from faultbond.dynamics.step import StepModel
+from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
 from faultbond.simulate.truth import healthy_parameters
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
+from plants import circuit, example, stated
 
 Built = tuple[StepModel, EngineSpec, Engine]
 

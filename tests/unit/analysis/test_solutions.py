@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.solutions import other_solutions, reachable
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import ModelError
 from faultbond.model.text import load_model, parse_model
 

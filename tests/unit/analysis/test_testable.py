@@ -6,7 +6,6 @@ from math import comb
 
 import numpy as np
 import pytest
-from plants import example, named, run, stated
 
 from faultbond.analysis import testable
 from faultbond.analysis.ranks import Reduced, above_noise, reduce, told_rank
@@ -20,9 +19,10 @@ from faultbond.analysis.testable import (
     judge,
     sets_to_test,
 )
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
 from faultbond.types import FloatArray
+from plants import example, named, run, stated
 
 TABLE_6_5 = [*[(name,) for name in "RLKJC"], *combinations("RLKJC", 2)]
 

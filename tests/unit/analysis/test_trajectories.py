@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plants import circuit, example
 
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.sensitivity import build_recursion, sensitivities
 from faultbond.analysis.trajectories import Course, lanes_of
-from faultbond.dynamics.step import StepModel
+from faultbond.equations.step import StepModel
+from plants import circuit, example
 
 DIODES = circuit(
     "  R: {type: R, parameters: {R: 100 ohm}}\n"

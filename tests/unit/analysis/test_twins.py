@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from faultbond.analysis.twins import compare, twins
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import StepModel, build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -4,15 +4,15 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from io import StringIO
 
-from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
 from rich.console import Console
 
+from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
+from faultbond.contract.findings import Advice, Candidate, Diagnosis, History
 from faultbond.report.advising import LISTED, action, check_rows, parts
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import verdict_sentence
-from faultbond.runtime.history import Advice, Candidate, Diagnosis, History
 from faultbond.types import CheckKind
 
 GRAPH = tank_graph()

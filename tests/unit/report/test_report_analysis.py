@@ -14,11 +14,11 @@ from faultbond.analysis.smallest import Effect, SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.testable import Judgement, Verdict
 from faultbond.analysis.twins import Comparison, Twins
+from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.report import analysed
 from faultbond.report.analysis import print_smallest, print_solutions, print_structure, print_view
-from faultbond.structure.diagnosability.isolability import Isolability
 
 
 def printed(show: Callable[[Console], None]) -> str:

@@ -3,15 +3,15 @@
 from dataclasses import replace
 from io import StringIO
 
-from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history
 from rich.console import Console
 
+from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history
+from faultbond.contract.findings import Candidate, Decider, Decision, Detection, History, Unexplained, Untested
 from faultbond.report.decided import ranking_text, rejected_sentence
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts, verdict_sentence
-from faultbond.runtime.history import Candidate, Decider, Decision, Detection, History, Unexplained, Untested
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)

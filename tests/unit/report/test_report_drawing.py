@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake import MOTOR_STROKES, TANK_STROKES, make_graph, motor_graph, tank_graph
 
+from fake import MOTOR_STROKES, TANK_STROKES, make_graph, motor_graph, tank_graph
+from faultbond.equations.causality import assign_causality
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.report.drawing import boxes, draw, links
-from faultbond.structure.causality import assign_causality
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -7,13 +7,13 @@ from collections import Counter
 import pytest
 from rich.console import Console
 
+from faultbond.algebra.routes.functions import Function, answer, asked, trial_record
+from faultbond.algebra.solving.backward_euler import plant_of
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components
+from faultbond.equations.constraint_network import build_network
 from faultbond.model.text import parse_model
 from faultbond.report.formulas import Form, code, print_routes
-from faultbond.structure.causality import assign_causality
-from faultbond.structure.components import ComponentNetwork, build_components
-from faultbond.structure.network import build_network
-from faultbond.structure.routes.functions import Function, answer, asked, trial_record
-from faultbond.structure.solving.backward_euler import plant_of
 
 WORDS = """
 name: words

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
 
+from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
+from faultbond.contract.findings import Candidate, History, Unexplained
 from faultbond.model.graph import BondGraph
 from faultbond.report.html import render_report
-from faultbond.runtime.history import Candidate, History, Unexplained
 
 GRAPH = tank_graph()
 Render = Callable[[BondGraph, History], str]

@@ -6,8 +6,8 @@ import json
 import pytest
 from rich.console import Console
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model import parse_model
 from faultbond.report.listing import print_check
 from faultbond.report.understanding import Understanding, check_record

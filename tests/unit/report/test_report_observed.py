@@ -7,9 +7,9 @@ from math import inf
 import pytest
 from rich.console import Console
 
+from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.text import parse_model
 from faultbond.report.observed import LISTED, Observed, print_observed, verdict
-from faultbond.runtime.history import Candidate, Detection, Diagnosis, Suspect
 
 PAIR = """
 sample_time: none

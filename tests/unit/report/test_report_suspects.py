@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from fake import kind_of, moving, suspect, tank_graph, wrong
 
+from fake import kind_of, moving, suspect, tank_graph, wrong
+from faultbond.contract.findings import Candidate, Forecast, Suspect
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, title_of, unit_of, with_article
-from faultbond.runtime.history import Candidate, Forecast, Suspect
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa, inputs in percent

@@ -4,12 +4,12 @@ from dataclasses import replace
 from io import StringIO
 
 import pytest
-from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last
 from rich.console import Console
 
+from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last
+from faultbond.contract.findings import Candidate, History, Unexplained, Untested
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import Counts
-from faultbond.runtime.history import Candidate, History, Unexplained, Untested
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph("tank [red]one[/red]")

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
 
+from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
+from faultbond.contract.findings import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
 from faultbond.report.chart import Chart, Trace, payload
 from faultbond.report.charts import sections
 from faultbond.report.tracks import estimate_charts, forecast_charts
-from faultbond.runtime.history import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa

@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from fake import counts_of, kind_of, suspect, tank_graph, tank_history, with_last, wrong
 
+from fake import counts_of, kind_of, suspect, tank_graph, tank_history, with_last, wrong
+from faultbond.contract.findings import Candidate, Diagnosis, History
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
@@ -17,7 +18,6 @@ from faultbond.report.verdict import (
     table_rows,
     verdict_sentence,
 )
-from faultbond.runtime.history import Candidate, Diagnosis, History
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import TANK_START, plant, recorded, run, samples_of
 
+from faultbond.contract.findings import Advice, Candidate, Diagnosis
+from faultbond.contract.spec import CheckSpec, Engine, EngineSpec
 from faultbond.model.text import parse_model
 from faultbond.runtime.advice import APART, LEAST, WORTH, _values, advise
-from faultbond.runtime.history import Advice, Candidate, Diagnosis
 from faultbond.runtime.monitor import conclude
 from faultbond.runtime.state import State, init
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.spec import CheckSpec, Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.probe import build_probe
 from faultbond.types import CheckKind
+from made import TANK_START, plant, recorded, run, samples_of
 
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)

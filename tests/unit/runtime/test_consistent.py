@@ -5,18 +5,18 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made import plant, recorded, run, samples_of
 
+from faultbond.contract.lanes import extremes, plan_lanes
+from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.runtime import monitor
 from faultbond.runtime.alarm import NIS_MEMORY, NIS_RANGE, NIS_TRUST, usual_squares
-from faultbond.runtime.lanes import extremes, plan_lanes
 from faultbond.runtime.start import solve_start
 from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import ASTRAY, IN_REACH, renew_all_steps
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.spec import EngineSpec, covariance_place
 from faultbond.types import FloatArray
+from made import plant, recorded, run, samples_of
 
 LAST = monitor.RENEWALS[-1]
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import plant
 
+from faultbond.contract.findings import Suspect
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.forecast import forecast
-from faultbond.runtime.history import Suspect
-from faultbond.runtime.slots import plan_slots
-from faultbond.spec import EngineSpec, covariance_place, pack, unpack
 from faultbond.types import FaultKind, FloatArray
+from made import plant
 
 PLAIN = plant("dc_motor_current")[1]
 SPEC = replace(PLAIN, parameters=(replace(PLAIN.parameters[0], limits=(6.0, 1.0)), *PLAIN.parameters[1:]))

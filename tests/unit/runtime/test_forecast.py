@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from faultbond.contract.findings import Forecast
 from faultbond.runtime.forecast import PARTS, forecast
-from faultbond.runtime.history import Forecast
 from faultbond.types import FloatArray
 
 LINES = 200_000

@@ -6,8 +6,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from made import differing, plant, run, samples_of
 
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime import growing
 from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, grow, n_grown
 from faultbond.runtime.monitor import finish
@@ -16,8 +16,8 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import Sample, State
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec
 from faultbond.types import FloatArray
+from made import differing, plant, run, samples_of
 
 _, MOTOR, ENGINE = plant("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))

@@ -5,19 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made import EXAMPLES, plant, recorded, run, samples_of
 
+from faultbond.contract.findings import Diagnosis
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.text import parse_model
 from faultbond.runtime import monitor
 from faultbond.runtime.accepting import accept, candidate_of, find_hypothesis, hypothesis_names
 from faultbond.runtime.alarm import detect
 from faultbond.runtime.drifting import Drifting, drifting
-from faultbond.runtime.history import Diagnosis
 from faultbond.runtime.monitor import RENEWALS, _cut_trail, _oldest, finish
 from faultbond.runtime.state import SNAPSHOT_EVERY, Sample, State, Status, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.engine import build_engine
+from made import EXAMPLES, plant, recorded, run, samples_of
 
 WILD_BEFORE = 100
 FAULT = Fault(parameter="C", factor=1.6, start=20.0)

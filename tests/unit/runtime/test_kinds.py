@@ -6,14 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made import differing, plant, run, samples_of
 
+from faultbond.contract.findings import Candidate
 from faultbond.runtime.accepting import accept
-from faultbond.runtime.history import Candidate
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import BoolArray, FaultKind, FloatArray
+from made import differing, plant, run, samples_of
 
 NAME = "dc_motor_current"
 DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from made import plant, recorded
 
 from faultbond.runtime import library
 from faultbond.runtime.library import LANES, CompiledEngine
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import init
+from made import plant, recorded
 
 GRAPH, SPEC, ENGINE = plant("dc_motor")
 

@@ -6,13 +6,13 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from made import differing, plant, recorded, run
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.monitor import START_SAMPLES, finish, step
 from faultbond.runtime.state import Report, State, Status, init
 from faultbond.simulate import Fault
-from faultbond.spec import Engine, EngineSpec
 from faultbond.types import FloatArray
+from made import differing, plant, recorded, run
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)
 MOTOR_FAULT = Fault(parameter="K", factor=0.6, start=2.4)

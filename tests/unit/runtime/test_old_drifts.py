@@ -5,17 +5,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made import TANK_START, plant, run, samples_of
 
+from faultbond.contract.slots import INPUT_BIASES, plan_slots
+from faultbond.contract.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
-from faultbond.runtime.slots import INPUT_BIASES, plan_slots
 from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, unlearned
 from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.types import FaultKind, FloatArray
+from made import TANK_START, plant, run, samples_of
 
 
 @cache

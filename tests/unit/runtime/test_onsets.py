@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import plant, recorded, run, samples_of
 
 from faultbond.model.text import load_model
 from faultbond.runtime import monitor
@@ -15,6 +14,7 @@ from faultbond.runtime.state import Sample
 from faultbond.runtime.trail import MOST_BURSTS, Trail, bursts
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
+from made import plant, recorded, run, samples_of
 
 _, SPEC, ENGINE = plant("dc_motor")
 PUMP = """

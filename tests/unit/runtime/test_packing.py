@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import plant, recorded
 
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.packing import GAP, PAUSES, UNUSUAL, corrected, pack_sample
 from faultbond.runtime.state import Sample, State, init
 from faultbond.runtime.unseen import AGAIN, FAR, LONGEST, MOVES, doubt
-from faultbond.spec import EngineSpec
+from made import plant, recorded
 
 
 def gaps(pattern: str) -> list[int]:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import plant
 
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec, pack
 from faultbond.runtime.bank import Bank, no_bank
-from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.ranking import MAX_CANDIDATES, leading_lane, rank, scores
-from faultbond.runtime.slots import plan_slots
-from faultbond.spec import EngineSpec, pack
 from faultbond.types import FaultKind, FloatArray
+from made import plant
 
 SPEC = plant("dc_motor_current")[1]  # 25 sets of up to three suspects; two sensors and an input
 STEPS, SLOTS = plan_lanes(SPEC).n_lanes, plan_slots(SPEC).n_lanes

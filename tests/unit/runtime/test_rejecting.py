@@ -6,15 +6,15 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from made import plant, recorded, run
 
+from faultbond.contract.findings import Diagnosis
+from faultbond.contract.spec import EngineSpec
 from faultbond.errors import FaultbondError
 from faultbond.runtime.accepting import find_hypothesis, reject, without
-from faultbond.runtime.history import Diagnosis
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.state import State
 from faultbond.simulate import Fault
-from faultbond.spec import EngineSpec
+from made import plant, recorded, run
 
 _, MOTOR, ENGINE = plant("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))

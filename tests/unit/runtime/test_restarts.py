@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import plant, recorded, run
 
 from faultbond.app.rows import resumed
+from faultbond.contract.spec import covariance_place
 from faultbond.runtime.accepting import accept, find_hypothesis
 from faultbond.runtime.state import State, Status
 from faultbond.simulate import Fault
-from faultbond.spec import covariance_place
+from made import plant, recorded, run
 
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 _, SPEC, ENGINE = plant("rc")

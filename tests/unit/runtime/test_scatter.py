@@ -6,13 +6,13 @@ from math import log
 
 import numpy as np
 import pytest
-from made import differing, plant, recorded, run
 
+from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
 from faultbond.runtime.state import LAGS, Sample, State, init
-from faultbond.spec import EngineSpec
 from faultbond.types import FaultKind, FloatArray
+from made import differing, plant, recorded, run
 
 NAME = "dc_motor_current"
 SPEC = plant(NAME)[1]

@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
-from made import TANK_START, plant, recorded, run, samples_of
 
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import WANDER, SlotLane, plan_slots
+from faultbond.contract.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.runtime import slotted
-from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.monitor import finish
-from faultbond.runtime.slots import WANDER, SlotLane, plan_slots
 from faultbond.runtime.slotted import (
     SWITCHING,
     advance_slots,
@@ -24,9 +24,9 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Effects, Fault, Inputs, simulate
-from faultbond.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind, FloatArray
+from made import TANK_START, plant, recorded, run, samples_of
 
 SPEC = plant("dc_motor_current")[1]
 FAULT = Fault(parameter="R", factor=2.0, start=2.4)

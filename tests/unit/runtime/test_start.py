@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import TANK_START, plant, recorded, run, samples_of
 
+from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, Status
 from faultbond.simulate import Inputs, simulate
-from faultbond.spec import Engine, EngineSpec, unpack
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FloatArray
+from made import TANK_START, plant, recorded, run, samples_of
 
 
 def packed(spec: EngineSpec, samples: tuple[Sample, ...]) -> FloatArray:

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from made import plant, run, samples_of
 
 from faultbond.runtime.state import Sample
 from faultbond.simulate import Inputs, simulate, sines
 from faultbond.types import FloatArray
+from made import plant, run, samples_of
 
 
 def moving(rows: int) -> tuple[tuple[Sample, ...], FloatArray]:

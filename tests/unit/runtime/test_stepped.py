@@ -4,17 +4,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from made import plant, recorded, run
 
-from faultbond.runtime.lanes import extremes, found_lanes, plan_lanes
+from faultbond.contract.lanes import extremes, found_lanes, plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import Engine, EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
 from faultbond.runtime.monitor import finish
-from faultbond.runtime.slots import plan_slots
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import begin_near, begin_steps, renew_steps, suspect_lanes
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
-from faultbond.spec import Engine, EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
 from faultbond.types import FloatArray
+from made import plant, recorded, run
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)
 MOTOR_FAULT = Fault(parameter="K", factor=0.6, start=2.4)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from faultbond.runtime.history import Candidate, Decider, Decision, Detection, Diagnosis
+from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis
+from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
-from faultbond.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
 
 SPEC = EngineSpec(
     model="m",

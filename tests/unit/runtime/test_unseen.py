@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import run, samples_of
 
 from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import finish
@@ -13,6 +12,7 @@ from faultbond.runtime.state import Sample, State
 from faultbond.runtime.unseen import allowed
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
+from made import run, samples_of
 
 # An accumulator behind a long pipe: its pressure is far from linear in what it holds.
 GRAPH = parse_model(

@@ -6,21 +6,21 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from made import plant, run, samples_of
 from test_growing import evidence, linear
 
+from faultbond.contract.findings import Diagnosis, Untested
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.spec import EngineSpec, pack
 from faultbond.runtime import untested as hidden
 from faultbond.runtime.accepting import find_hypothesis, reject
 from faultbond.runtime.bank import Bank, no_bank
-from faultbond.runtime.history import Diagnosis, Untested
-from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.ranking import scores
 from faultbond.runtime.state import Sample, State
 from faultbond.runtime.untested import most_likelihood, untested
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec, pack
 from faultbond.types import FloatArray
+from made import plant, run, samples_of
 
 GRAPH, MOTOR, ENGINE = plant("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))

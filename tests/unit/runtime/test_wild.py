@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import EXAMPLES, plant, recorded, run, samples_of
 
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.runtime.monitor import START_SAMPLES, finish
 from faultbond.runtime.state import Sample, State
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.spec import Engine, EngineSpec
+from made import EXAMPLES, plant, recorded, run, samples_of
 
 HEALTHY = sorted(path.parent.name for path in EXAMPLES.glob("*/healthy.csv"))
 SPARSE = {"every row": 1, "every second row": 2, "every fifth row": 5, "when it changes": 0}

@@ -10,11 +10,11 @@ import pytest
 
 from faultbond.app.engines import engine_title
 from faultbond.cli import main
+from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.errors import CacheError, GenerationError
 from faultbond.model.text import load_model
 from faultbond.runtime.library import CompiledEngine, load_engine
 from faultbond.runtime.start import healthy_lane
-from faultbond.spec import Engine, EngineSpec
 from faultbond.synthesis.compile import cache_folder, compile_library, find_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.machine import VirtualMachine

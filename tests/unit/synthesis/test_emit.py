@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from faultbond.dynamics.evaluate import evaluate
+from faultbond.equations.evaluate import evaluate
 from faultbond.errors import GenerationError
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.parser import parse_expression

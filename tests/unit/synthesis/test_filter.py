@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.dynamics.step import StepModel
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.equations.step import StepModel
 from faultbond.model.text import load_model, parse_model
-from faultbond.runtime.lanes import plan_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import suspect_lanes
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine

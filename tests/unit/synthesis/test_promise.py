@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from faultbond.contract.spec import Thresholds
 from faultbond.model.text import parse_model
-from faultbond.spec import Thresholds
 from faultbond.synthesis.engine import build_model
 from faultbond.synthesis.promise import LEAST, cusum_limit, slow_error_limit
 from faultbond.synthesis.specify import build_spec

@@ -7,12 +7,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from faultbond.dynamics.plant import build_plant
-from faultbond.dynamics.step import build_step_model
+from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
 from faultbond.runtime.slotted import shared, widened
 from faultbond.runtime.start import healthy_lane
-from faultbond.spec import EngineSpec, pack, unpack
 from faultbond.synthesis.filter import View, build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec

@@ -1,0 +1,242 @@
+"""Elimination of unknowns from a set of polynomials, one linear unknown after the other.
+
+An equation gives an unknown in which it is linear. The best ones are linear in a signal with a coefficient that no
+unknown enters ("clean"): these raise no degree and add no roots. Among them the one whose substitution fills the least
+comes first (Markowitz 1957). Where none is left, a coefficient may hold unknowns; roots at which it vanishes are no
+solutions, and it is divided out where it divides. Where no equation is linear in anything, two equations are reduced
+by one another (Euclid). What remains is a polynomial in one unknown, or several that have to be solved numerically.
+Source: thesis 4.4 step 4 (this is the work of REDUCE).
+"""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from time import monotonic
+
+from faultbond.algebra.solving.polynomial import (
+    Polynomial,
+    Space,
+    TooLargeError,
+    add,
+    by_power,
+    degree,
+    divide,
+    multiply,
+    power,
+    primitive,
+    scale,
+    uses,
+)
+from faultbond.errors import StructureError
+
+
+class SingularError(StructureError):
+    """The equations do not fix their unknowns, or contradict each other."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pivot:
+    """unknown = numerator / denominator, in what was not yet eliminated. clean: no unknown enters the denominator."""
+
+    unknown: str
+    numerator: Polynomial
+    denominator: Polynomial
+    clean: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduced:
+    """What elimination leaves.
+
+    pivots: in order of elimination, so each is computed from those after it. rest: equations in the `unknown` that are
+    left, as many as these.
+    """
+
+    pivots: tuple[Pivot, ...]
+    rest: tuple[Polynomial, ...]
+    unknown: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Row:
+    """An equation and what a search for pivots asks of it."""
+
+    polynomial: Polynomial
+    unknown: frozenset[str]
+    linear: dict[
+        str, int
+    ]  # unknown of power 1 -> number of different products of unknowns in its coefficient; 0: clean
+
+
+@dataclass(slots=True)
+class _Work:
+    """The state of an elimination."""
+
+    space: Space
+    signals: frozenset[str]
+    deadline: float
+    zeros: int
+    rows: list[_Row] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+    pivots: list[Pivot] = field(default_factory=list)
+    divisors: list[Polynomial] = field(default_factory=list)
+
+
+def eliminate(
+    polynomials: Sequence[Polynomial],
+    signals: Sequence[str],
+    parameters: Sequence[str],
+    space: Space,
+    deadline: float = float("inf"),
+    zeros: Collection[str] = (),
+) -> Reduced:
+    """Eliminate as many unknowns as can be, signals before parameters.
+
+    Parameters
+    ----------
+    polynomials : as many as signals and parameters
+    signals, parameters : what is unknown
+    space : of the polynomials; its limit on terms counts
+    deadline : on the clock of `time.monotonic`
+    zeros : known names that may be 0, so that what holds in spite of it is not divided by them if it can be helped
+
+    Raises
+    ------
+    SingularError
+        Where an equation vanishes or is contradicted.
+    TooLargeError
+        Where a polynomial outgrows the limit of the space, or time is up.
+    """
+    work = _Work(space=space, signals=frozenset(signals), deadline=deadline, zeros=space.mask(zeros))
+    work.unknown = [*signals, *parameters]
+    work.rows = [_row(work, polynomial) for polynomial in polynomials]
+    while len(work.unknown) > 1 or (work.rows and work.rows[0].linear):
+        if monotonic() > deadline:
+            raise TooLargeError
+        choice = _choose(work)
+        if choice is not None:
+            _substitute(work, *choice)
+        elif not _reduce(work):
+            break
+    return Reduced(
+        pivots=tuple(work.pivots), rest=tuple(row.polynomial for row in work.rows), unknown=tuple(work.unknown)
+    )
+
+
+def _row(work: _Work, polynomial: Polynomial) -> _Row:
+    """Free a polynomial of known factors, and find what it is linear in."""
+    space = work.space
+    shifts = {name: space.shifts[name] for name in work.unknown}
+    mask = space.mask(shifts)
+    known = space.mask(name for name in space.names if name not in shifts)
+    polynomial = primitive(polynomial, space, known)
+    bits = uses(polynomial, mask)
+    if not bits:
+        raise SingularError("the equations of a block contradict each other, or one follows from the others")
+    present = [name for name, shift in shifts.items() if bits >> shift & 0xFFF]
+    inside: dict[str, set[int]] = {name: set() for name in present}
+    for monomial in polynomial:
+        part = monomial & mask
+        if part:
+            for name in present:
+                if part >> shifts[name] & 0xFFF:
+                    inside[name].add(part)
+    linear = {}
+    for name, parts in inside.items():
+        if all(part >> shifts[name] & 0xFFF == 1 for part in parts):
+            linear[name] = 0 if parts == {1 << shifts[name]} else len(parts)
+    return _Row(polynomial, frozenset(present), linear)
+
+
+def _choose(work: _Work) -> tuple[int, str] | None:
+    """Give the row and the unknown of the best pivot; None where no row is linear in anything."""
+    count = Counter(name for row in work.rows for name in row.unknown)
+    options = []
+    for position, row in enumerate(work.rows):
+        for name, dirt in row.linear.items():
+            tier = 4 * _vanishes(work, row.polynomial, name) + 2 * (name not in work.signals) + bool(dirt)
+            others = len(row.unknown - work.signals - {name})
+            fill = (len(row.unknown) - 1) * (count[name] - 1)
+            options.append(((tier, dirt, others, fill, len(row.polynomial), position), name))
+    if not options:
+        return None
+    cost, name = min(options)
+    return cost[-1], name
+
+
+def _vanishes(work: _Work, polynomial: Polynomial, name: str) -> bool:
+    """Whether the coefficient of a name is 0 where the names that may be 0 are."""
+    return bool(work.zeros) and all(
+        monomial & work.zeros for monomial in polynomial if monomial >> work.space.shifts[name] & 0xFFF
+    )
+
+
+def _substitute(work: _Work, position: int, name: str) -> None:
+    """Take a row as the equation of an unknown and put it into all others."""
+    row = work.rows.pop(position)
+    parts = by_power(row.polynomial, name, work.space)
+    above, below = scale(parts.get(0, {}), -1), parts[1]
+    work.pivots.append(Pivot(unknown=name, numerator=above, denominator=below, clean=not row.linear[name]))
+    work.unknown.remove(name)
+    _divide_out_later(work, below)
+    for k, other in enumerate(work.rows):
+        if name in other.unknown:
+            work.rows[k] = _row(work, _stripped(work, _put(work, other.polynomial, name, above, below)))
+
+
+def _put(work: _Work, polynomial: Polynomial, name: str, above: Polynomial, below: Polynomial) -> Polynomial:
+    """Give the polynomial with above / below for a name, times a power of below."""
+    space = work.space
+    if monotonic() > work.deadline:
+        raise TooLargeError
+    parts = by_power(polynomial, name, space)
+    top = max(parts)
+    result = parts[top]
+    for exponent in range(top - 1, -1, -1):  # Horner's rule
+        result = multiply(result, above, space)
+        if exponent in parts:
+            result = add(result, multiply(parts[exponent], power(below, top - exponent, space), space))
+    return result
+
+
+def _divide_out_later(work: _Work, divisor: Polynomial) -> None:
+    """Note a polynomial that is not zero at a solution; of a product only the unknowns count, the rest goes anyway."""
+    if len(divisor) == 1:
+        divisor = {uses(divisor, work.space.mask(work.unknown)): 1}
+    if divisor != {0: 1}:
+        work.divisors.append(divisor)
+
+
+def _stripped(work: _Work, polynomial: Polynomial) -> Polynomial:
+    """Divide out the denominators of pivots: where one is zero its unknown has no value, so no solution is lost."""
+    for divisor in work.divisors:
+        while len(polynomial) >= len(divisor) and (smaller := divide(polynomial, divisor, work.space)):
+            polynomial = smaller
+    return polynomial
+
+
+def _reduce(work: _Work) -> bool:
+    """Lower the power of an unknown in one of two rows by the other; false where no two rows share an unknown."""
+    options = []
+    for name in work.unknown:
+        sharing = [
+            (degree(row.polynomial, name, work.space), len(row.polynomial), k)
+            for k, row in enumerate(work.rows)
+            if name in row.unknown
+        ]
+        if len(sharing) > 1:
+            low, high = sorted(sharing)[:2]
+            options.append((low[0] + high[0], low[1] + high[1], name, low[2], high[2]))
+    if not options:
+        return False
+    _, _, name, low_row, high_row = min(options)
+    space = work.space
+    low_parts = by_power(work.rows[low_row].polynomial, name, space)
+    high_parts = by_power(work.rows[high_row].polynomial, name, space)
+    top_low, top_high = max(low_parts), max(high_parts)
+    lead, lead_high = low_parts[top_low], high_parts[top_high]
+    lifted = multiply(work.rows[low_row].polynomial, {(top_high - top_low) << space.shifts[name]: 1}, space)
+    left = multiply(work.rows[high_row].polynomial, lead, space)
+    _divide_out_later(work, lead)
+    work.rows[high_row] = _row(work, _stripped(work, add(left, multiply(lifted, lead_high, space), -1)))
+    return True

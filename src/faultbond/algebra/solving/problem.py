@@ -1,0 +1,243 @@
+"""A route as equations to be solved, and the records on which its solution is checked."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf
+from time import monotonic
+
+import numpy as np
+
+from faultbond.algebra.route import Route, Target
+from faultbond.algebra.solving.backward_euler import Plant, misfit, random_inputs, simulate
+from faultbond.algebra.solving.linearise import Fixed, fixes, slope_matrix
+from faultbond.equations.component_network import (
+    SAMPLE_TIME,
+    ComponentNetwork,
+    Equation,
+    SignalAt,
+    frame_name,
+    in_frame,
+)
+from faultbond.equations.inversion import substitute
+from faultbond.equations.numeric import Value
+from faultbond.errors import StructureError
+from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
+
+TOLERANCE = 1e-6  # of a residual against what it sums, in floating point
+WARM_UP = 3  # samples that a record has before those that a route uses
+_ATTEMPTS = 6
+_SMALL = 4  # number of a record from which on its inputs are small
+CHANGES = (Fraction(6, 5), Fraction(4, 5))  # of the unknown parameters in the further records
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Equations that give their unknowns together. parameters: those unknowns that are no signals."""
+
+    residuals: tuple[Expression, ...]
+    unknown: tuple[str, ...]
+    parameters: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """A route in names: `omega_0` is the newest sample, a parameter has its own name.
+
+    samples: the known signals. signals: what each name of a signal stands for. shared: whether a signal keeps its side
+    of a kink from frame to frame (frames that are separate observations share nothing).
+    """
+
+    name: str
+    blocks: tuple[Block, ...]
+    targets: tuple[str, ...]
+    samples: tuple[str, ...]
+    signals: Mapping[str, SignalAt]
+    frames: int
+    shared: bool
+
+    @property
+    def residuals(self) -> tuple[Expression, ...]:
+        """All equations."""
+        return tuple(residual for block in self.blocks for residual in block.residuals)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """All that is found."""
+        return tuple(name for block in self.blocks for name in block.unknown)
+
+    def plain(self, name: str) -> str:
+        """Give a name without its frame."""
+        return self.signals[name][0] if self.shared and name in self.signals else name
+
+    def is_met(self, values: Mapping[str, Value]) -> bool:
+        """Whether values satisfy all equations."""
+        return misfit(self.residuals, values) < TOLERANCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """Backward-Euler data for a route: `known` goes in, `true` is what must come out (all signals, all unknowns).
+
+    scales: of each target the size of what it is a sum of; a target that is 0 comes out as rounding of that size.
+    """
+
+    known: Mapping[str, Value]
+    true: Mapping[str, Value]
+    scales: Mapping[str, float]
+
+
+def name_of(target: Target) -> str:
+    """Give the name of a parameter, or of a signal in a frame."""
+    return target if isinstance(target, str) else frame_name(target)
+
+
+def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
+    """Give the equations of a route, constants as numbers.
+
+    Raises
+    ------
+    StructureError
+        Where a signal in a frame and a parameter have one name, an equation is logic, or a target is known anyway.
+    """
+    _refuse_known(route)
+    constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
+    equations = {item.name: item for item in network.equations}
+    for step in route.steps:
+        _refuse_logic(equations[step.equation])
+    residuals = [substitute(in_frame(equations[step.equation], step.frame), dict(constants)) for step in route.steps]
+    signals = {
+        frame_name((signal, step.frame + back)): (signal, step.frame + back)
+        for step in route.steps
+        for signal, back in equations[step.equation].signals
+    }
+    for name in (*network.parameters, SAMPLE_TIME):
+        if name in signals:
+            signal, frame = signals[name]
+            raise StructureError(f"{name} is a parameter, and also {signal} in frame {frame}; rename the parameter")
+    finds = [name_of(step.finds) for step in route.steps]
+    found = set(finds)
+    used = {name for residual in residuals for name in names(residual)}
+    return Problem(
+        name=network.name,
+        blocks=tuple(
+            Block(
+                residuals=tuple(residuals[k] for k in block),
+                unknown=tuple(finds[k] for k in block),
+                parameters=frozenset(finds[k] for k in block if isinstance(route.steps[k].finds, str)),
+            )
+            for block in route.blocks
+        ),
+        targets=tuple(map(name_of, route.question.targets)),
+        samples=tuple(name for name in signals if name not in found and name in used),
+        signals=signals,
+        frames=1 + max((frame for _, frame in signals.values()), default=0),
+        shared=bool(network.states),
+    )
+
+
+def _refuse_known(route: Route) -> None:
+    """Refuse a target that no step finds, since it is measured or given."""
+    found = {step.finds for step in route.steps}
+    known = [name_of(target) for target in route.question.targets if target not in found]
+    if known:
+        raise StructureError(
+            f"{', '.join(known)} {'are' if len(known) > 1 else 'is'} known without a route; "
+            "ask for what is not measured"
+        )
+
+
+def _refuse_logic(equation: Equation) -> None:
+    for part in walk(equation.residual):
+        logical = isinstance(part, Binary) and part.operator in LOGIC
+        if logical or (isinstance(part, Call) and part.function not in FUNCTIONS):
+            raise StructureError(
+                f"the equation of {equation.owner} is logic, which is not solved for numbers; "
+                "diagnoses of logic networks follow from consistency alone"
+            )
+
+
+def trials_of(
+    network: ComponentNetwork, problem: Problem, plant: Plant, deadline: float = inf
+) -> tuple[tuple[Trial, ...], Fixed | None]:
+    """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
+
+    They differ in their inputs and their start, so that they lie on several sides of a kink. A record that cannot be
+    computed (a root of a negative number, say), or on which the equations do not fix the unknowns, is made anew, a few
+    times, in the end with small inputs, which reach inside a limit or a dead zone. With the records comes how well the
+    best one fixes the unknowns; None where time was up before one was found. Without one of the nominal plant there is
+    none.
+
+    Parameters
+    ----------
+    network, problem, plant : what is simulated, and for which route
+    deadline : on the clock of `time.monotonic`; records not made by then are left out
+    """
+    unknown = [name for name in problem.unknown if name not in problem.signals]
+    found: list[Trial] = []
+    best = Fixed.NOT
+    for number, factor in enumerate((Fraction(1), *CHANGES)):
+        values = dict(plant.values)
+        values |= {name: _changed(plant, name, factor) for name in unknown}
+        for attempt in range(_ATTEMPTS):
+            if monotonic() > deadline and (found or attempt):
+                return tuple(found), best if found else None
+            record = _record(network, problem, plant, values, number + attempt)
+            fixed = Fixed.NOT if record is None else fixes(problem.residuals, problem.unknown, record.true)
+            best = best if fixed is Fixed.NOT or best is Fixed.WELL else fixed
+            if record is not None and fixed is Fixed.WELL:
+                found.append(record)
+                break
+        else:
+            if not found:
+                return (), best
+    return tuple(found), best
+
+
+def _changed(plant: Plant, name: str, factor: Fraction) -> Fraction:
+    nominal = plant.values[name]
+    return nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
+
+
+def _record(
+    network: ComponentNetwork, problem: Problem, plant: Plant, values: Mapping[str, Fraction], seed: int
+) -> Trial | None:
+    n = problem.frames + WARM_UP
+    inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
+    if seed >= _SMALL:
+        inputs = {
+            name: given if name in plant.one_sided else tuple(value / 10 for value in given)
+            for name, given in inputs.items()
+        }
+    start = dict(plant.start)
+    if seed % 4 >= 2:  # a plant without inputs moves only if it does not begin at rest
+        start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
+    try:
+        record = simulate(network, values, inputs, plant.sample_time, start, n)
+    except StructureError:
+        return None
+    true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
+    true |= {name: values[name] for name in network.parameters} | {SAMPLE_TIME: plant.sample_time}
+    known = without(true, problem.unknown)
+    return Trial(known=known, true=true, scales=_scales(problem, known, true))
+
+
+def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Value]) -> dict[str, float]:
+    """Give for each target that is 0 the sum of the sizes of what each known value brings to it, to first order."""
+    zero = [name for name in problem.targets if not true[name]]
+    if not zero:
+        return {}
+    used = [name for name in known if any(name in names(residual) for residual in problem.residuals)]
+    by_unknown = slope_matrix(problem.residuals, problem.unknown, true)
+    by_known = slope_matrix(problem.residuals, used, true) * np.array([abs(float(known[name])) for name in used])
+    try:
+        parts = np.abs(np.linalg.solve(by_unknown, by_known)).sum(axis=1)
+    except np.linalg.LinAlgError:
+        return {}
+    return {name: float(parts[problem.unknown.index(name)]) for name in zero}
+
+
+def without(values: Mapping[str, Value], names_: Iterable[str]) -> dict[str, Value]:
+    """Give a mapping without some names."""
+    dropped = set(names_)
+    return {name: value for name, value in values.items() if name not in dropped}

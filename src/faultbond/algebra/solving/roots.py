@@ -1,0 +1,230 @@
+"""All real roots of a problem on given samples: elimination in numbers, then polynomials in one unknown.
+
+Where that is no way, Newton's method from several starts, which finds roots near the start only.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import exp, inf, isfinite
+from random import Random
+from time import monotonic
+
+from faultbond.algebra.solving.backward_euler import misfit, newton
+from faultbond.algebra.solving.branches import Case, cases, name_functions
+from faultbond.algebra.solving.elimination import Reduced, SingularError, eliminate
+from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
+from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem, without
+from faultbond.algebra.solving.rational import NotRationalError, quotient, specialise
+from faultbond.algebra.solving.symbols import real_roots
+from faultbond.algebra.solving.systems import Given, NoClosedFormError, Ordered, System, order_systems
+from faultbond.equations.numeric import Value, evaluate
+from faultbond.model.expression import Expression, names
+
+Values = dict[str, Value]
+
+N_STARTS = 20
+START_SPREAD = 0.7  # of the logarithm of a start
+MAX_PATHS = 32
+MAX_DEGREE = 30
+SAME = 1e-6  # relative difference below which two roots are one
+_BITS = 400  # of a number; longer ones are rounded
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Count:
+    """Real roots that satisfy all equations, and the number of algebraic ones.
+
+    degree: None where Newton's method was used. complete: whether every case was looked at.
+    """
+
+    roots: tuple[Values, ...]
+    degree: int | None
+    complete: bool = True
+
+
+@dataclass(slots=True)
+class _Walk:
+    problem: Problem
+    guess: Mapping[str, Value]
+    deadline: float
+    number: int = 0
+    by_newton: bool = False
+    cut: bool = False
+
+    def fresh(self, word: str) -> str:
+        """Make a name that no signal and no parameter has."""
+        self.number += 1
+        return f"{word}:{self.number}"
+
+
+def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str, Value], seconds: float = inf) -> Count:
+    """Give all real values of the unknowns that satisfy the equations on given samples.
+
+    Parameters
+    ----------
+    problem : the equations
+    known : samples, parameters, `dt`; values of unknowns among them are not used
+    guess : where Newton's method starts from, for all unknowns, where it is needed
+    seconds : after which no further root is looked for
+    """
+    walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
+    paths: list[Values] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
+    total = 1
+    for block in problem.blocks:
+        further = [_through(walk, block, values) for values in paths]
+        total *= max((degree for _, degree in further), default=0)
+        paths = [values for found, _ in further for values in found]
+        walk.cut |= len(paths) > MAX_PATHS
+        paths = paths[:MAX_PATHS]
+    roots: list[Values] = []
+    for values in paths:
+        root = {name: values[name] for name in problem.unknown}
+        if problem.is_met(_floats(values)) and not any(_same(root, other) for other in roots):
+            roots.append(root)
+    degree = None if walk.by_newton or walk.cut else total
+    return Count(roots=tuple(roots), degree=degree, complete=not walk.cut)
+
+
+def _fraction(value: Value) -> Fraction:
+    """Give a number as a fraction, rounded where it is long."""
+    value = Fraction(value)
+    excess = value.denominator.bit_length() - _BITS
+    if excess <= 0 or value.numerator.bit_length() <= _BITS:
+        return value
+    digits = 1 << max(_BITS - value.numerator.bit_length() + value.denominator.bit_length(), 0)
+    return Fraction(round(value * digits), digits)
+
+
+def _floats(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: float(value) for name, value in values.items()}
+
+
+def _same(one: Values, two: Values) -> bool:
+    return all(abs(float(value - two[name])) <= SAME * abs(float(value)) for name, value in one.items())
+
+
+def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], int]:
+    """Give all continuations of one path through a block, and the number of algebraic roots on their own branch."""
+    unknown = frozenset(block.unknown)
+    found: list[Values] = []
+    highest = 0
+    try:
+        for number, case in enumerate(cases(block.residuals, unknown, {}, _as_it_is, _prefer(walk, values))):
+            if number == MAX_PATHS:
+                walk.cut = True
+                break
+            if monotonic() > walk.deadline:
+                raise TooLargeError
+            roots, degree = _case_roots(walk, block, name_functions(case, unknown, walk.fresh), values)
+            good = [root for root in roots if misfit(block.residuals, _floats(root)) < TOLERANCE]
+            found += good
+            if good:
+                highest = max(highest, degree - len(roots) + len(good))
+    except (NoClosedFormError, NotRationalError, TooLargeError):
+        walk.by_newton = True
+        return _newton_roots(walk, block, values), 1
+    return found, highest
+
+
+def _as_it_is(name: str) -> str:
+    return name
+
+
+def _prefer(walk: _Walk, values: Values) -> Callable[[Expression], bool]:
+    """Whether an expression is positive at the guess."""
+    everything = {**walk.guess, **values}
+
+    def positive(expression: Expression) -> bool:
+        return not set(names(expression)) <= everything.keys() or not evaluate(expression, everything) < 0
+
+    return positive
+
+
+def _case_roots(walk: _Walk, block: Block, case: Case, values: Values) -> tuple[list[Values], int]:
+    """Give the roots in one case; none where it is singular."""
+    try:
+        ordered = order_systems(case, block.unknown, walk.fresh)
+        return _ordered_roots(walk, block, ordered, values)
+    except SingularError:
+        return [], 0
+
+
+def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) -> tuple[list[Values], int]:
+    paths, total = [values], 1
+    for part in ordered.parts:
+        if isinstance(part, Given):
+            done = [{**path, part.name: evaluate(part.value, path)} for path in paths]
+            paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
+            continue
+        further = [_system_roots(walk, part, block.parameters, path) for path in paths]
+        total *= max((degree for _, degree in further), default=0)
+        paths = [path for found, _ in further for path in found]
+    return paths, total
+
+
+def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], values: Values) -> tuple[list[Values], int]:
+    every = space_of(dict.fromkeys((*system.unknown, *values)))
+    into = space_of(system.unknown)
+    fractions = {name: Fraction(value) for name, value in values.items()}
+    polynomials = [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals]
+    signals = [name for name in system.unknown if name not in parameters]
+    reduced = eliminate(
+        polynomials, signals, [name for name in system.unknown if name in parameters], into, walk.deadline
+    )
+    lasts, degree = _last_roots(reduced, into)
+    return [found for last in lasts if (found := _back(reduced, into, {**values, **last})) is not None], degree
+
+
+def _last_roots(reduced: Reduced, space: Space) -> tuple[list[Values], int]:
+    if not reduced.rest:
+        return [{}], 1
+    if len(reduced.rest) > 1:
+        raise NoClosedFormError("more than one unknown is left")
+    (name,), (polynomial,) = reduced.unknown, reduced.rest
+    parts = by_power(polynomial, name, space)
+    degree = max(parts)
+    if degree > MAX_DEGREE:
+        raise TooLargeError
+    coefficients = [parts.get(power, {}).get(0, 0) for power in range(degree, -1, -1)]
+    repeated = max(min(parts) - 1, 0)  # of the root 0; a division by the unknown as a rule
+    return [{name: root} for root in real_roots(coefficients)], degree - repeated
+
+
+def _back(reduced: Reduced, space: Space, values: Values) -> Values | None:
+    """Compute the eliminated unknowns; None where a denominator is zero."""
+    found = dict(values)
+    for pivot in reversed(reduced.pivots):
+        below = _value(pivot.denominator, space, found)
+        if not below:
+            return None
+        found[pivot.unknown] = _fraction(_value(pivot.numerator, space, found) / below)
+    return found
+
+
+def _value(polynomial: Polynomial, space: Space, values: Mapping[str, Value]) -> Fraction:
+    total = Fraction(0)
+    for monomial, coefficient in polynomial.items():
+        term = Fraction(coefficient)
+        for name, power in space.powers(monomial).items():
+            term *= Fraction(values[name]) ** power
+        total += term
+    return total
+
+
+def _newton_roots(walk: _Walk, block: Block, values: Values) -> list[Values]:
+    """Start near the guess, and at multiples of it; every start that ends somewhere new gives a root."""
+    rng = Random(0)  # noqa: S311 - starting points, no secret
+    known = _floats(values)
+    roots: list[Values] = []
+    for attempt in range(N_STARTS):
+        if monotonic() > walk.deadline:
+            break
+        start = {
+            name: float(walk.guess[name]) * (exp(rng.gauss(0.0, START_SPREAD)) if attempt else 1.0)
+            for name in block.unknown
+        }
+        found = newton(block.residuals, known, start)
+        if found is not None and not any(_same(found, other) for other in roots):
+            roots.append(found)
+    return [{**values, **{name: Fraction(value) for name, value in root.items()}} for root in roots]

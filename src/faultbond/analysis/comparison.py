@@ -1,0 +1,181 @@
+"""Where plants are compared by their outputs without noise: a run, the plant along it, and the time that there is."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from time import thread_time
+
+import numpy as np
+
+from faultbond.analysis.equilibrium import reference_levels, times
+from faultbond.analysis.experiment import random_experiments
+from faultbond.analysis.sensitivity import Experiment, build_recursion
+from faultbond.analysis.testable import generic_run
+from faultbond.analysis.trajectories import Course, lanes_of
+from faultbond.equations.step import StepModel
+from faultbond.errors import ModelError, StructureError
+from faultbond.model.graph import BondGraph
+from faultbond.types import BoolArray, FloatArray
+
+GENTLE = 0.3  # part of an input by which it moves
+_GRACE = 1.5  # times the time that there is, for what has been begun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """How much processor time there is, in seconds; None: enough.
+
+    Processor time, so that what is found does not depend on what else the machine does.
+    """
+
+    seconds: float | None
+    begun: float = field(default_factory=thread_time)
+
+    @property
+    def left(self) -> float:
+        """What is left, s; may be negative."""
+        return np.inf if self.seconds is None else self.begun + self.seconds - thread_time()
+
+    def over(self) -> bool:
+        """Whether nothing is left."""
+        return self.left <= 0.0
+
+    def long_over(self) -> bool:
+        """Whether even what was begun must end."""
+        return self.seconds is not None and self.left <= (1.0 - _GRACE) * self.seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bench:
+    """A plant, a run, and the nominal trajectory (n_samples, n_w) along it."""
+
+    graph: BondGraph
+    course: Course
+    nominal: FloatArray
+
+    def inside(self, theta: FloatArray) -> bool:
+        """Whether all parameters are in their ranges."""
+        return all(item.lower <= value <= item.upper for item, value in zip(self.graph.parameters, theta, strict=True))
+
+    def outputs(self, thetas: Sequence[FloatArray], clock: Clock) -> tuple[FloatArray, BoolArray]:
+        """Give the outputs of plants along the run, (n, n_samples, n_outputs), and which of them have some."""
+        course = self.course
+        y = np.zeros((len(thetas), course.n_samples, course.n_y))
+        good = np.zeros(len(thetas), dtype=bool)
+        for first in range(0, len(thetas), course.most_lanes):
+            part = slice(first, first + course.most_lanes)
+            lanes = lanes_of(thetas[part], course.run.start, [()] * len(thetas[part]))
+            guess = np.tile(self.nominal, (len(lanes.theta), 1, 1))
+            paths = course.follow(lanes, guess, patient=True, stop=clock.over)
+            if clock.over():
+                break
+            y[part], good[part] = paths.y, paths.good
+        return y, good
+
+    def distance(self, one: FloatArray, other: FloatArray) -> float:
+        """Give the largest relative difference of two sets of values; where the nominal is 0, in scales."""
+        scale = np.abs(self.course.scale)
+        least = np.maximum(np.minimum(np.abs(one), np.abs(other)), 1e-12 * scale)
+        return float(np.max(np.abs(one - other) / np.where(self.course.linear, scale, least), initial=0.0))
+
+
+def short_benches(model: StepModel) -> Iterator[Bench]:
+    """Give benches with random runs: first that which shows most, then the others, then one whose inputs move gently.
+
+    Raises
+    ------
+    StructureError
+        Where the plant has no finite solution along any of them.
+    """
+    recursion = build_recursion(model.plant)
+    runs = [_nominal(model, item) for item in random_experiments(model, recursion)]
+    try:
+        best = generic_run(model, recursion).inputs
+    except StructureError:
+        best = runs[0].inputs
+    runs.sort(key=lambda item: not np.array_equal(item.inputs, best))
+    some = False
+    for run in (*runs, _gentle(model, runs[0])):
+        bench = _bench(model, Course(recursion, run))
+        if bench is not None:
+            some = True
+            yield bench
+    if not some:
+        graph = model.plant.graph
+        raise StructureError(
+            f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
+            "check the laws, their units and the nominal values"
+        )
+
+
+def long_benches(model: StepModel) -> Iterator[Bench]:
+    """Give benches with longer runs: all random runs one after another, then each, then the gentle one."""
+    recursion = build_recursion(model.plant)
+    runs = [_nominal(model, item) for item in random_experiments(model, recursion)]
+    joined = replace(
+        runs[0],
+        inputs=np.vstack([item.inputs for item in runs]),
+        dt=np.concatenate([item.dt for item in runs]),
+    )
+    for run in (joined, *runs, _gentle(model, runs[0])):
+        bench = _bench(model, Course(recursion, run))
+        if bench is not None:
+            yield bench
+
+
+def bench_for(model: StepModel, thetas: Sequence[FloatArray]) -> tuple[Bench, FloatArray]:
+    """Give a bench along which all these plants have a finite solution, and their outputs (plants, samples, outputs).
+
+    Raises
+    ------
+    StructureError
+        Where there is none.
+    """
+    for bench in long_benches(model):
+        y, good = bench.outputs(thetas, Clock(seconds=None))
+        if good.all():
+            return bench, y
+    graph = model.plant.graph
+    raise StructureError(
+        f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs, or not with other "
+        "values of the parameters; check the laws and their units, or narrow the ranges of the parameters"
+    )
+
+
+def _nominal(model: StepModel, run: Experiment) -> Experiment:
+    """Let the nominal plant do a run, from its reference state."""
+    nominal = np.array([item.nominal for item in model.plant.graph.parameters])
+    return replace(run, theta=nominal, start=model.contents(model.reference_state, nominal).full()[:, 0])
+
+
+def _gentle(model: StepModel, run: Experiment) -> Experiment:
+    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, run.inputs.shape)
+    return replace(run, inputs=times(model, reference_levels(model), moves))
+
+
+def _bench(model: StepModel, course: Course) -> Bench | None:
+    nominal = course.alone(course.run.theta)
+    return None if nominal is None else Bench(graph=model.plant.graph, course=course, nominal=nominal)
+
+
+def places_of(graph: BondGraph, names: Sequence[str]) -> list[int]:
+    """Give the positions of parameters.
+
+    Raises
+    ------
+    ModelError
+        Where one is unknown.
+    """
+    known = [item.name for item in graph.parameters]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known)}")
+    return [known.index(name) for name in names]
+
+
+def changed(graph: BondGraph, places: Sequence[int], factors: Sequence[float]) -> FloatArray:
+    """Give all parameters with some of them changed; where the nominal is 0 by factor - 1 of the scale."""
+    theta = np.array([item.nominal for item in graph.parameters])
+    for place, factor in zip(places, factors, strict=True):
+        item = graph.parameters[place]
+        theta[place] = item.nominal * factor if item.nominal != 0.0 else item.scale * (factor - 1.0)
+    return theta

@@ -1,0 +1,63 @@
+"""Inputs that stand still: the levels about which usual runs move, and where the plant comes to rest with them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.analysis.sensitivity import Experiment, build_recursion
+from faultbond.analysis.trajectories import Course
+from faultbond.equations.step import StepModel, reference_inputs
+from faultbond.types import FloatArray
+
+NOISE_PART = 1 / 30  # of an input whose range is not known
+_STEPS = 70  # ever longer ones
+_LONGER = 1.25  # each than the one before
+_STILL = 1e-6  # relative change in the last, of a plant at rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stand:
+    """Where a plant stands: contents (n_states,) and implicit signals (n_z,), SI."""
+
+    contents: FloatArray
+    implicit: FloatArray
+
+
+def reference_levels(model: StepModel) -> FloatArray:
+    """Give the inputs of the usual run, SI: half range for percent, else one unit or 30 noises, whichever is more."""
+    levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
+    return np.array([level + max(item.noise / NOISE_PART - item.unit.factor, 0.0) for item, level in levels])
+
+
+def times(model: StepModel, levels: FloatArray, factors: FloatArray) -> FloatArray:
+    """Give inputs (n, n_inputs), SI, that are `levels` times `factors` (n, n_inputs) in the units of the model file."""
+    units = [item.unit for item in model.plant.graph.inputs]
+    offset = np.array([item.offset for item in units], dtype=np.float64)
+    return np.asarray((levels - offset) * factors + offset)
+
+
+def reference(model: StepModel) -> Stand:
+    """Give where the nominal run of the model ended."""
+    nominal = np.array([item.nominal for item in model.plant.graph.parameters])
+    contents = model.contents(model.reference_state, nominal).full()[:, 0]
+    return Stand(contents=contents, implicit=np.asarray(model.reference_implicit))
+
+
+def at_rest(model: StepModel, levels: FloatArray) -> Stand | None:
+    """Give where the nominal plant comes to rest with its inputs at these levels, SI; None where it does not."""
+    graph, begin = model.plant.graph, reference(model)
+    dt = (graph.sample_time or 1.0) * _LONGER ** np.arange(_STEPS, dtype=np.float64)
+    dt[0] = 0.0
+    run = Experiment(
+        start=begin.contents,
+        inputs=np.tile(levels, (_STEPS, 1)),
+        dt=dt,
+        theta=np.array([item.nominal for item in graph.parameters]),
+        implicit=begin.implicit,
+    )
+    path = Course(build_recursion(model.plant), run).alone(run.theta)
+    if path is None:
+        return None
+    n_x, size = len(begin.contents), np.max(np.abs(path), axis=0, initial=0.0)
+    still = np.abs(path[-1] - path[-2]) <= _STILL * size
+    return Stand(contents=path[-1, :n_x].copy(), implicit=path[-1, n_x:].copy()) if still.all() else None

@@ -1,0 +1,267 @@
+"""Which change of which input, held how long, best separates sets of suspects that cannot be told apart.
+
+From an operating point one input goes to another level and stays there. How far apart two sets then are is the part of
+the outputs' change by one that the other cannot imitate with other values and another start, in noise standard
+deviations over the record; the record holds as much time before the change as the longest hold. A set's fault is a
+quarter of the declared change of each of its parameters. All is linear about the nominal plant, and noise of the inputs
+and slow errors are left out: it tells which input to move, and only roughly how sure one will be.
+
+Source: none in the thesis; expected separation as in Box and Hill, Technometrics 9 (1967) 57, for linear models.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_levels
+from faultbond.analysis.ranks import reduce, set_ranks, told_rank
+from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities
+from faultbond.analysis.testable import generic_run
+from faultbond.equations.step import StepModel
+from faultbond.errors import ModelError, StructureError
+from faultbond.types import FloatArray
+
+PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
+FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range
+HOLD_SAMPLES = 600  # longest hold, where none is given
+PARTS = (1 / 8, 1 / 4, 1 / 2, 1.0)  # of the longest hold
+SHORTER = (1.0, 1 / 4, 1 / 16)  # parts of the longest hold, tried in turn
+FAULT = 0.25  # of the declared change: the fault that is to be told apart
+ENOUGH = 3.0  # standard deviations
+_STEPS = 48  # of the longest hold; each stands for many samples
+_NEAR = 5.0  # percent; a smaller change is none
+_AS_GOOD = 0.8  # of what the longest hold gives
+_BETTER = 1.2  # times the separation at rest; less is no help
+_SEEN = 0.1  # standard deviations; less is rounding, or nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputAdvice:
+    """One input moved from one level to another (SI, percent in percent) and held for `hold` seconds.
+
+    before, after : separation of the two sets that stay closest, in standard deviations, for a record as long
+    """
+
+    input: str
+    level: float
+    change: float
+    hold: float
+    before: float
+    after: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stimulus:
+    """What to do with the inputs to tell sets apart: best first, one entry for each input and level that helps."""
+
+    sets: tuple[tuple[str, ...], ...]
+    choices: tuple[InputAdvice, ...]
+    words: str
+
+
+def input_advice(
+    model: StepModel,
+    sets: Sequence[Sequence[str]],
+    *,
+    inputs: Sequence[float] | None = None,
+    longest: float | None = None,
+) -> Stimulus:
+    """Give the changes of inputs that best separate sets of suspects.
+
+    Parameters
+    ----------
+    model : the plant
+    sets : two or more sets of parameter names
+    inputs : levels of the operating point, SI; default those of `rest.reference_levels`
+    longest : s, the longest hold; default 600 samples, fewer where the plant has no finite solution for so long
+
+    Raises
+    ------
+    ModelError
+        Where a name is unknown, or there are fewer than two sets.
+    StructureError
+        Where the plant has no finite solution even for a while with its inputs at these levels.
+    """
+    places = [_places(model, names) for names in sets]
+    if len(places) < 2:
+        raise ModelError(f"{model.plant.graph.file}: {len(places)} set given; two or more are needed to be told apart")
+    named = tuple(tuple(names) for names in sets)
+    refusal = _refusal(model, places, named)
+    if refusal:
+        return Stimulus(sets=named, choices=(), words=refusal)
+    levels = reference_levels(model) if inputs is None else np.asarray(inputs, dtype=np.float64)
+    choices = _choices(model, places, levels, longest)
+    return Stimulus(sets=named, choices=choices, words=_summary(named, choices))
+
+
+def _places(model: StepModel, names: Sequence[str]) -> tuple[int, ...]:
+    known = [item.name for item in model.plant.graph.parameters]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"{model.plant.graph.file}: no parameter {name}; there are {', '.join(known)}")
+    return tuple(known.index(name) for name in names)
+
+
+def _grid(model: StepModel) -> float:
+    sample_time = model.plant.graph.sample_time
+    return 1.0 if sample_time is None else sample_time
+
+
+def _refusal(model: StepModel, places: Sequence[tuple[int, ...]], named: Sequence[tuple[str, ...]]) -> str:
+    """Say why no input can help, if none can."""
+    if not model.plant.graph.inputs:
+        return f"the plant has no input that could separate {_list(named)}"
+    reduced = reduce([generic_run(model)])
+    for (one, first), (other, second) in combinations(zip(places, named, strict=True), 2):
+        ranks = [int(set_ranks(reduced, [chosen])[0][0]) for chosen in (one, other, tuple(sorted({*one, *other})))]
+        if ranks[2] == max(ranks[:2]):  # what one does, the other does too
+            return f"no input can separate {_list((first, second))}: for every input they have the same effects"
+    return ""
+
+
+def _choices(
+    model: StepModel, places: Sequence[tuple[int, ...]], levels: FloatArray, asked: float | None
+) -> tuple[InputAdvice, ...]:
+    trials = _trials(model, levels)
+    longest, still, runs = _runs(model, levels, asked, trials)
+    found = []
+    for (number, change), run in zip(trials, runs, strict=True):
+        if run is None:
+            continue
+        after = [_separation(model, places, run, longest, part) for part in PARTS]
+        part, value = next((p, v) for p, v in zip(PARTS, after, strict=True) if v >= _AS_GOOD * after[-1])
+        before = _separation(model, places, still, longest, part)
+        if value > max(_BETTER * before, _SEEN):
+            found.append(_advice(model, number, levels[number], change, part * longest, (before, value)))
+    return tuple(sorted(found, key=lambda item: -item.after))
+
+
+def _runs(
+    model: StepModel, levels: FloatArray, asked: float | None, trials: Sequence[tuple[int, float]]
+) -> tuple[float, Sensitivity, tuple[Sensitivity | None, ...]]:
+    """Give the longest hold, the run at rest, and those of the trials; None where the plant cannot do a trial."""
+    recursion = build_recursion(model.plant)
+    for longest, stand in _points(model, levels, asked):
+        experiments = [_experiment(model, levels, longest, *trial, stand=stand) for trial in ((0, 0.0), *trials)]
+        still, *runs = sensitivities(recursion, experiments)
+        if still is not None:
+            return longest, still, tuple(runs)
+    graph = model.plant.graph
+    held = ", ".join(
+        f"{item.name} = {item.unit.from_si(level):.3g} {item.unit.text}"
+        for item, level in zip(graph.inputs, levels, strict=True)
+    )
+    raise StructureError(
+        f"{graph.file}: {graph.name} has no finite solution while its inputs stand still at {held}; check that its "
+        "stores neither empty nor overflow there, or declare a start"
+    )
+
+
+def _points(model: StepModel, levels: FloatArray, asked: float | None) -> Iterator[tuple[float, Stand]]:
+    """Give holds with where to begin them: where the reference run ended, else at rest, else for a shorter while."""
+    longest = HOLD_SAMPLES * _grid(model) if asked is None else asked
+    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+    yield from ((part * longest, stand) for part in SHORTER for stand in stands)
+
+
+def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
+    """Give the changes to be tried: (input, change in SI)."""
+    trials = []
+    for number, (item, level) in enumerate(zip(model.plant.graph.inputs, levels, strict=True)):
+        if item.unit.text == "percent":
+            changes = [wanted - level for wanted in PERCENT_LEVELS if abs(wanted - level) >= _NEAR]
+        else:
+            there = item.unit.from_si(level) or 1.0
+            changes = [item.unit.factor * (factor - 1.0) * there for factor in FACTORS]
+        trials += [(number, float(change)) for change in changes]
+    return trials
+
+
+def _experiment(
+    model: StepModel, levels: FloatArray, longest: float, number: int, change: float, *, stand: Stand
+) -> Experiment:
+    """Give a run at the operating point and, half way, the change of one input."""
+    graph = model.plant.graph
+    nominal = np.array([item.nominal for item in graph.parameters])
+    count = 2 * _STEPS + 1
+    inputs = np.tile(levels, (count, 1))
+    inputs[_STEPS + 1 :, number] += change
+    dt = np.full(count, longest / _STEPS)
+    dt[0] = 0.0
+    return Experiment(
+        start=stand.contents,
+        inputs=inputs,
+        dt=dt,
+        theta=nominal,
+        implicit=stand.implicit,
+    )
+
+
+def _separation(
+    model: StepModel, places: Sequence[tuple[int, ...]], run: Sensitivity, longest: float, part: float
+) -> float:
+    """Give the separation of the two closest sets when the record ends `part` of the longest hold after the change."""
+    graph = model.plant.graph
+    rows = _STEPS + 1 + round(part * _STEPS)
+    samples = max(longest / _STEPS / _grid(model), 1.0)  # that one step stands for
+    noise = np.array([item.noise for item in graph.sensors])
+    noise = np.maximum(noise, 1e-9 * np.max(np.abs(run.y), axis=0, initial=0.0) + 1e-300)
+    weight = np.sqrt(samples) / noise[:, None]
+    faults = np.array([FAULT * abs(item.change / item.scale) for item in graph.parameters])
+    by_theta = (run.by_theta[:rows] * weight).reshape(-1, len(faults)) * faults
+    by_start = (run.by_start[:rows] * weight).reshape(len(by_theta), -1)
+    return min(
+        _apart(by_theta[:, list(one)], np.hstack([by_theta[:, list(other)], by_start]))
+        for pair in combinations(places, 2)
+        for one, other in (pair, pair[::-1])
+    )
+
+
+def _apart(columns: FloatArray, others: FloatArray) -> float:
+    """Give the length of what others cannot imitate, root of the mean square over faults of one size."""
+    lengths = np.linalg.norm(others, axis=0)
+    base, values, _ = np.linalg.svd(others[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    base = base[:, : told_rank(values).value] if len(values) else base
+    for _ in range(2):  # twice, for rounding
+        columns = columns - base @ (base.T @ columns)
+    return float(np.sqrt(np.sum(columns**2)))
+
+
+def _advice(
+    model: StepModel, number: int, level: float, change: float, hold: float, separation: tuple[float, float]
+) -> InputAdvice:
+    item = model.plant.graph.inputs[number]
+    before, after = separation
+    one, two = (f"{item.unit.from_si(value):.3g}" for value in (level, level + change))
+    unit = "%" if item.unit.text == "percent" else item.unit.text
+    return InputAdvice(
+        input=item.name,
+        level=float(level),
+        change=change,
+        hold=hold,
+        before=before,
+        after=after,
+        words=f"move {item.name} from {one} to {two} {unit} and hold it for {float(f'{hold:.3g}'):.15g} s: "
+        f"{_shown(after)} standard deviations apart instead of {_shown(before)}",
+    )
+
+
+def _shown(size: float) -> str:
+    return "0" if size < 0.05 else f"{size:.1f}" if size < 9.95 else f"{size:.0f}"
+
+
+def _summary(named: Sequence[tuple[str, ...]], choices: tuple[InputAdvice, ...]) -> str:
+    if not choices:
+        return f"no change of one input brings {_list(named)} further apart"
+    best = choices[0]
+    if best.after < ENOUGH:
+        return f"no change of one input tells {_list(named)} apart surely; best: {best.words}"
+    return f"to tell {_list(named)} apart, {best.words}"
+
+
+def _list(named: Sequence[tuple[str, ...]]) -> str:
+    sets = ["{" + ", ".join(names) + "}" for names in named]
+    return ", ".join(sets[:-1]) + " and " + sets[-1]

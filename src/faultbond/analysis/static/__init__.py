@@ -1,1 +1,0 @@
-"""Static networks: what explains their observations."""

@@ -1,0 +1,99 @@
+"""`analyse`: what a plant's sensors can tell of its faults, before a sample is recorded, and on a recording."""
+
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+from faultbond.app.wishes import Wishes, check_names
+from faultbond.equations.causality import assign_causality
+from faultbond.equations.component_network import ComponentNetwork, build_components
+from faultbond.equations.constraint_network import build_network
+from faultbond.errors import ModelError, StructureError
+from faultbond.io.out import Out
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import load_model
+
+PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
+
+
+def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
+    """Tell what can be found and told apart, how small, by which routes, and what would help; False: nothing."""
+    graph, network = _plant(model)
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond.report.plant import plant_record, print_plant  # noqa: PLC0415 - loads rich
+
+    console = None if out.text is None else Console(file=out.text)
+    record = plant_record(graph, network)
+    if console is not None:
+        if not console.is_terminal:
+            console.width = PLAIN_WIDTH
+        print_plant(console, graph, network)
+        console.file.flush()
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
+    from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads casadi
+
+    told = False
+    with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
+        for title, work in sections(graph, network, wishes):
+            try:
+                with _waiting(title):
+                    section = work()
+            except StructureError as error:  # what cannot be told is said, and the rest goes on
+                if console is not None:
+                    print_refusal(console, title, str(error))
+                continue
+            told = True
+            record |= section.record
+            if console is not None:
+                section.show(console)
+                console.file.flush()
+    out.record(record)
+    return told
+
+
+def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
+    """Print the closed forms of a plant as functions of Python or C, or as LaTeX."""
+    graph, network = _plant(model)
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
+    from faultbond.app.answers import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
+
+    with threadpool_limits(1):  # as in `analyse`
+        found = answers(graph, network, wishes)
+    text = code(found, network.parameters, Form(form), left_out(found, wishes))
+    if out.text is not None:
+        out.text.write(text)
+    out.record({"record": "code", "model": graph.name, "form": form, "text": text})
+
+
+def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
+    """Print the thesis' search for the shortest route to a set of parameters, step by step."""
+    graph, network = _plant(model)
+    check_names(graph, names)
+    from faultbond.app.classic import trace_of  # noqa: PLC0415 - loads casadi and sympy
+
+    lines, record = trace_of(graph, network, names)
+    for line in lines:
+        out.say(line)
+    out.record(record)
+
+
+def _plant(model: Path) -> tuple[BondGraph, ComponentNetwork]:
+    """Load a model and give the equations of one of its time frames."""
+    graph = load_model(model)
+    if graph.is_logic:
+        raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")
+    return graph, build_components(graph, build_network(graph, assign_causality(graph)))
+
+
+def _waiting(title: str) -> AbstractContextManager[object]:
+    """Say on a terminal what is being worked out."""
+    if not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    return Console(stderr=True).status(f"{title} ...")

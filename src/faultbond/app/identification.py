@@ -1,0 +1,193 @@
+"""`fit`: parameters and noise of a model from healthy recordings."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from faultbond.app.engines import NO_COMPILER, build_watcher
+from faultbond.app.rows import no_time, sample_of
+from faultbond.contract.spec import Engine
+from faultbond.errors import GenerationError, ModelError, RecordingError
+from faultbond.io.files import replaced_text
+from faultbond.io.grid import Grid, on_grid
+from faultbond.io.out import Out
+from faultbond.io.recording import columns_of, read_rows
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import load_model
+from faultbond.runtime.library import load_engine
+from faultbond.runtime.state import Sample
+from faultbond.types import EngineChoice, TimeGrid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitWishes:
+    """What is to be fitted, and how.
+
+    fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
+    accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
+    for itself, such as the temperature at its start; they are not written.
+    """
+
+    fixed: tuple[str, ...] = ()
+    free: tuple[str, ...] | None = None
+    prior: str = "widened"
+    starts: int = 4
+    seed: int = 0
+    own: tuple[str, ...] = ()
+
+
+def fit(
+    model: Path,
+    recordings: tuple[str, ...],
+    *,
+    wishes: FitWishes,
+    output: Path | None,
+    report: Path | None,
+    engine: EngineChoice,
+    out: Out,
+) -> None:
+    """Fit a model to healthy recordings and write the model file that follows from them."""
+    graph = load_model(model)
+    _refuse(graph, recordings)
+    read = tuple((name, read_points(graph, name)) for name in recordings)
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
+    from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
+    from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
+    from faultbond.report.fitted import Fitted, fit_record, print_fit  # noqa: PLC0415 - loads rich
+    from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
+
+    parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
+    with threadpool_limits(1), _waiting() as status:  # matrices are small here, and threads would only wait
+        step_model = build_model(graph)
+        spec, watcher = build_watcher(graph, engine)
+        likelihood = likelihood_engine(step_model, engine)
+        plant, records, begin = build_fit(step_model, likelihood, spec, watcher, read, parameters, wishes.own)
+        found = fit_plant(
+            plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
+        )
+    fitted = Fitted(graph=graph, found=found, version=spec.version)
+    refused: OSError | None = None
+    try:
+        if output is not None:
+            _write(output, fitted.model_text(model.read_text(encoding="utf-8")))
+    except OSError as error:  # what was found is told all the same
+        output, refused = None, error
+    out.record(fit_record(fitted, output))
+    if out.text is not None:
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        print_fit(Console(file=out.text), fitted, output)
+    if report is not None:
+        from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
+
+        _write(report, render_fit(fitted))
+        out.say(f"Report: {report}")
+    if refused is not None:
+        raise refused
+
+
+def _write(path: Path, text: str) -> None:
+    with replaced_text(path) as stream:
+        stream.write(text)
+
+
+def check_data(
+    model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
+) -> None:
+    """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
+
+    Parameters
+    ----------
+    model : the model file
+    recordings : healthy recordings
+    promise : seconds between false alarms that are wanted at least; None: as the model file says, else 30 days
+    engine : which engine to take
+    out : where to write
+    """
+    graph = load_model(model)
+    _refuse(graph, recordings)
+    read = tuple((name, read_points(graph, name)) for name in recordings)
+    from faultbond.fit.samples import prepare  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.session import layout_of_graph  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
+    from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
+
+    with _waiting() as status:
+        spec, watcher = build_watcher(graph, engine)
+        status("watching the recordings")
+        layout = layout_of_graph(graph)
+        records = tuple(prepare(name, points, spec, layout) for name, points in read)
+        found = on_trial(spec, watcher, layout, records, promise or graph.time_between_false_alarms or MONTH)
+    out.record(health_record(graph, spec, found))
+    if out.text is not None:
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        print_health(Console(file=out.text), graph, found)
+
+
+def read_points(graph: BondGraph, recording: str) -> list[Sample]:
+    """Give the grid points of a recording.
+
+    Raises
+    ------
+    RecordingError
+        Where it cannot be read or has no row with a time.
+    """
+    grid = Grid(graph.sample_time, steady=True)
+    points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
+    if not points:
+        raise RecordingError(no_time(recording))
+    return points
+
+
+def likelihood_engine(step_model: Any, choice: EngineChoice) -> Engine:
+    """Build what evaluates the likelihood of a model in discrete time, compiled where that is possible."""
+    from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.compile import compile_library, find_compiler  # noqa: PLC0415 - only here
+    from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.machine import VirtualMachine  # noqa: PLC0415 - loads casadi
+
+    function = build_likelihood(step_model)
+    compiler = None if choice is EngineChoice.MACHINE else find_compiler()
+    if compiler is None:
+        if choice is EngineChoice.COMPILED:
+            raise GenerationError(NO_COMPILER)
+        return VirtualMachine(function)
+    template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+    try:
+        library = compile_library(emit_filter(function, template), compiler)
+    except GenerationError:
+        if choice is EngineChoice.COMPILED:
+            raise
+        return VirtualMachine(function)
+    return load_engine(library, function.numel_out(1), " ".join(compiler))
+
+
+def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
+    """Refuse what cannot be fitted."""
+    if graph.grid is TimeGrid.NONE:
+        problem = "with `sample_time: none` there is no course in time to fit; `run` solves the parameters of each row"
+        raise ModelError(f"{graph.file}: {problem}")
+    twice = next((name for name in recordings if recordings.count(name) > 1), None)
+    if twice is not None:
+        raise RecordingError(f"{twice}: it is named twice; give each recording once")
+
+
+def _waiting() -> AbstractContextManager[Callable[[str], None]]:
+    """Say on a terminal what is being done."""
+    if not sys.stderr.isatty():
+        return nullcontext(lambda text: None)
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    return _spinning(Console(stderr=True))
+
+
+@contextmanager
+def _spinning(console: Any) -> Iterator[Callable[[str], None]]:
+    with console.status("building the engine ...") as status:
+        yield lambda text: status.update(f"{text} ...")

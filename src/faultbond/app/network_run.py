@@ -1,0 +1,168 @@
+"""`run` on networks without time: every row is an observation, diagnosed with all since the first contradiction."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from faultbond.app.signals import Stopping
+from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.errors import ModelError, RecordingError
+from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
+from faultbond.io.out import Out
+from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
+from faultbond.model.graph import BondGraph
+from faultbond.model.logic import LogicNetwork, TimedObservation
+from faultbond.networks.logic.dxc import read_circuit, read_scenario
+from faultbond.types import Method, Verdict
+
+Event = Detection | Diagnosis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Network:
+    """What a run on a network without time is about: for the records, and for people."""
+
+    name: str
+    sha256: str
+    sensors: tuple[str, ...]
+    graph: BondGraph | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ending:
+    """What there was of rows: their counts, how many had a reading, and the time of the last."""
+
+    counts: Counts
+    watched: int
+    time: float
+
+
+def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
+    """Diagnose the observations of a logic circuit, and give the verdict."""
+    _refuse_report(report, str(circuit))
+    from faultbond.networks.logic.hypotheses import watch_logic  # noqa: PLC0415 - loads clingo
+
+    network, rows = read_circuit(circuit), read_scenario(scenario).observations
+    about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
+    out.settle()  # all is read
+    return _pass(about, watch_logic(network, rows), lambda: _ending_of(network, rows), method, out)
+
+
+def _ending_of(network: LogicNetwork, rows: tuple[TimedObservation, ...]) -> _Ending:
+    """Give what there is of observations; ports without a value are missing."""
+    ports = {*network.inputs, *network.outputs}
+    missing = sum(not ports <= row.values.keys() for row in rows)
+    watched = sum(not row.values.keys() <= {*network.inputs} for row in rows)
+    return _Ending(counts=Counts(samples=len(rows), missing=missing), watched=watched, time=rows[-1].time)
+
+
+def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
+    """Diagnose the observations of a static network, and give the verdict."""
+    _refuse_report(report, graph.file)
+    from faultbond.networks.detection import watch  # noqa: PLC0415 - loads sympy and clingo
+
+    stopping = Stopping()
+    grid, last, watched = Grid(None, live=recording == STANDARD_INPUT, steady=True), nan, 0
+
+    def points() -> Iterator[GridPoint]:
+        nonlocal last, watched
+        rows = stopping.between(read_rows(recording, columns_of(graph)))
+        for point in on_grid(rows, grid):
+            out.settle()
+            last, watched = point.time, watched + bool(np.isfinite(point.y).any())
+            yield point
+
+    def ending() -> _Ending:
+        if not grid.counts.samples and stopping.noted is None:
+            raise RecordingError(f"{recording}: no row can be read. Check its columns.")
+        return _Ending(counts=grid.counts, watched=watched, time=last)
+
+    about = _Network(
+        name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
+    )
+    with stopping:
+        return _pass(about, watch(graph, points()), ending, method, out)
+
+
+def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending], method: Method, out: Out) -> Verdict:
+    """Write the records as they come, and the last diagnosis for people."""
+    out.record(
+        run_record(
+            model=about.name,
+            model_sha256=about.sha256,
+            method=method,
+            version=version("faultbond"),
+            sample_time=None,
+        )
+    )
+    detection: Detection | None = None
+    diagnosis: Diagnosis | None = None
+    try:
+        for event in events:
+            if isinstance(event, Detection):
+                detection = event
+                out.record(detection_record(event))
+            else:
+                diagnosis = event
+                out.record(diagnosis_record(event))
+    except KeyboardInterrupt:
+        out.settle()
+        _end(ending(), detection, out)
+        raise
+    end = ending()
+    _end(end, detection, out)
+    if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it
+        sys.stderr.write("faultbond: no verdict: no row has a value of a sensor.\n")
+    _tell(about, end, detection, diagnosis, out)
+    if detection is not None:
+        return Verdict.FAULT
+    return Verdict.HEALTHY if end.watched else Verdict.NONE
+
+
+def _end(end: _Ending, detection: Detection | None, out: Out) -> None:
+    """Write the last record."""
+    out.record(
+        end_record(
+            time=end.time,
+            samples=end.counts.samples,
+            watched=end.watched,
+            detections=int(detection is not None),
+            missing=end.counts.missing,
+            late=end.counts.late,
+            duplicate=end.counts.duplicate,
+            untimed=end.counts.untimed,
+            saturated=end.counts.saturated,
+        )
+    )
+
+
+def _tell(about: _Network, end: _Ending, detection: Detection | None, diagnosis: Diagnosis | None, out: Out) -> None:
+    """Print what was found, where somebody reads it."""
+    if out.text is None:
+        return
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond.report.observed import Observed, print_observed  # noqa: PLC0415 - loads rich
+
+    seen = Observed(
+        name=about.name,
+        sensors=about.sensors,
+        rows=end.counts.samples,
+        watched=end.watched,
+        detection=detection,
+        diagnosis=diagnosis,
+        graph=about.graph,
+    )
+    print_observed(Console(file=out.text), seen)
+
+
+def _refuse_report(report: Path | None, model: str) -> None:
+    if report is not None:
+        raise ModelError(f"{model}: a network without time has no curves to draw; leave out --report")

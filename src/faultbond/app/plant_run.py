@@ -1,0 +1,189 @@
+"""`run`: every sample of a plant passes the monitor."""
+
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from faultbond.app.course import Course, Following
+from faultbond.app.kept_run import Keeper, read_before
+from faultbond.app.methods import build_method
+from faultbond.app.network_run import run_circuit, run_static
+from faultbond.app.rows import begun, no_time, progress
+from faultbond.app.signals import Stopping
+from faultbond.app.watcher import Watcher
+from faultbond.contract.records import run_record
+from faultbond.contract.spec import EngineSpec
+from faultbond.errors import ModelError, RecordingError
+from faultbond.io.files import replaced_text
+from faultbond.io.grid import Grid, GridPoint, Row
+from faultbond.io.out import Out
+from faultbond.io.recording import STANDARD_INPUT, Columns, columns_of, read_rows
+from faultbond.io.saved import Saved
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import load_model
+from faultbond.networks.logic.dxc import is_circuit
+from faultbond.runtime.trace import Trace
+from faultbond.types import EngineChoice, Method, TimeGrid, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """How a plant is watched. accept: probability from which a rule accepts a diagnosis. state: file that keeps it."""
+
+    method: Method = Method.BANK
+    engine: EngineChoice = EngineChoice.AUTO
+    report: Path | None = None
+    accept: float | None = None
+    state: Path | None = None
+
+
+def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
+    """Watch a recording, a path or `-`, and give the verdict."""
+    if is_circuit(model):
+        _refuse_time(wanted, str(model))
+        return run_circuit(model, recording, method=wanted.method, report=wanted.report, out=out)
+    graph = load_model(model)
+    if graph.grid is TimeGrid.NONE:
+        _refuse_time(wanted, graph.file)
+        return run_static(graph, recording, method=wanted.method, report=wanted.report, out=out)
+    before = read_before(wanted.state, graph, wanted.method)
+    live = recording == STANDARD_INPUT
+    rows: Iterable[Row] = read_rows(recording, _columns(graph, before))
+    if not live:
+        rows = begun(iter(rows))  # a wrong file is refused before the engine is built
+    with progress(recording, out) as follow:
+        watcher = build_method(graph, wanted.method, wanted.engine, before.numbers if before else None)
+        grid = Grid(
+            watcher.spec.sample_time,
+            live=live,
+            noise=[item.noise for item in watcher.spec.outputs],
+            clock=before.clock if before else None,
+        )
+        curves = wanted.report is not None
+        trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
+        course = Course(watcher, grid, Following(out=out, trace=trace, level=wanted.accept), before)
+        records = before.records if before else None
+        if before is not None:
+            out.go_on(records)
+        out.record(_run_record(watcher.spec, wanted.method, before))
+        keeper = Keeper(wanted.state, course, wanted.method, out, records) if wanted.state else None
+        _pass(course, follow(rows), grid, keeper, out, live=live)
+    if not course.counts.samples:
+        passed = course.counts.duplicate and before
+        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
+    _conclude(graph, watcher, course, trace, wanted, out)
+    return course.verdict
+
+
+def _refuse_time(wanted: Wanted, model: str) -> None:
+    """Refuse what only a plant in time has."""
+    options = {
+        "--state": wanted.state is not None,
+        "--accept": wanted.accept is not None,
+        f"--method {wanted.method.value}": wanted.method is not Method.BANK,
+    }
+    for option, given in options.items():
+        if given:
+            raise ModelError(f"{model}: a network without time is diagnosed row by row; leave out {option}")
+
+
+def _columns(graph: BondGraph, before: Saved | None) -> Columns:
+    """Give the columns to read; without a time column the clock goes on from the run before."""
+    columns = columns_of(graph)
+    if before is None:
+        return columns
+    return replace(columns, first_time=before.clock.last_time + (columns.sample_time or 1.0))
+
+
+def _run_record(spec: EngineSpec, method: Method, before: Saved | None) -> dict[str, object]:
+    return run_record(
+        model=spec.model,
+        model_sha256=spec.model_sha256,
+        method=method,
+        version=spec.version,
+        sample_time=spec.sample_time,
+        explain_anything=[[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
+        continues=before.clock.last_time if before is not None else None,
+    )
+
+
+def _nothing_new(recording: str, before: Saved) -> str:
+    return (
+        f"{recording}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
+        "Give a recording that goes on from there, or another state file."
+    )
+
+
+def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
+    """Pass all rows through the method and write the records as they come; to be stopped is an end like another."""
+    with Stopping() as stopping:
+        try:
+            for row in stopping.between(rows):
+                _take(course, grid.push(row), out)
+                if live and keeper is not None:  # between rows: the points of one row are kept together
+                    keeper.look()
+        except KeyboardInterrupt:
+            out.settle()
+            _end(course, grid, keeper, out, live=live)
+            raise
+        _end(course, grid, keeper, out, live=live)
+
+
+def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
+    """Pass what was held back, write the last records, and keep the run."""
+    _take(course, grid.finish(), out)
+    if not course.counts.samples and not live:
+        return
+    if live and keeper is not None:
+        keeper.look()  # what a person decided since the last row
+    course.finish()
+    if keeper is not None:
+        keeper.write(last=True)
+
+
+def _take(course: Course, points: Iterable[GridPoint], out: Out) -> None:
+    for point in points:
+        out.settle()  # now that there is something to watch
+        course.take(point)
+
+
+def _conclude(
+    graph: BondGraph, watcher: Watcher, course: Course, trace: Trace | None, wanted: Wanted, out: Out
+) -> None:
+    """Say what was found, and on standard error that nothing can be said, where the text does not."""
+    reason = course.no_verdict()
+    if reason and not (out.text is not None and out.text.isatty()):
+        sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
+    if trace is not None:
+        _tell(graph, watcher, course, trace, wanted.report, out)
+
+
+def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, report: Path | None, out: Out) -> None:
+    """Print the result, and write the report where one is asked for."""
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
+    from faultbond.equations.causality import assign_causality  # noqa: PLC0415
+
+    counts = pages.Counts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
+    history, title = trace.history(), watcher.title
+    if out.text is not None:
+        console = Console(file=out.text)
+        untested = pages.unfalsifiable_text(watcher.spec)
+        try:
+            pages.print_diagnosis(console, graph, history, engine_title=title, counts=counts, untested=untested)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # the exit code and the report still come
+            out.lose_text(error)
+    if report is not None:
+        strokes = dict(assign_causality(graph).strokes)
+        page = pages.render_report(graph, history, strokes, title, watcher.spec.version, counts)
+        try:
+            with replaced_text(report) as stream:
+                stream.write(page)
+        except OSError as error:  # the verdict stands all the same
+            out.warn(f"{report}: the report cannot be written: {error.strerror or error}.")
+            return
+        out.say(f"Report: {report}")

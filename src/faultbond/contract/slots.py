@@ -1,0 +1,195 @@
+"""Which lanes have a slot, and what each has in it: drifts, faults that come and go, faults of sensors and inputs.
+
+A lane's roles (see `faultbond.contract.spec`) are constants, so faults of all kinds run through the same code. The
+widths and weights of the starts are those of docs/method.md, "Kinds of fault".
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import log
+
+import numpy as np
+
+from faultbond.contract.lanes import starts_of
+from faultbond.contract.spec import EngineSpec, ParameterSpec
+from faultbond.types import FaultKind, FloatArray, IntArray
+
+DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
+WANDER = 0.5  # variance that a rate gains in `span` samples, in that at its start: a drift may slow down or stop
+FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
+BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
+GAIN = 0.3  # sd of the relative error of a sensor's gain
+STUCK_NOISES = (0.1, 1.0)  # noise variance of a sensor that is stuck, in that declared
+STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
+NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
+INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
+COMMANDED = log(0.3)  # prior weight of an input's bias, beside the step of a component
+SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
+    FaultKind.BIAS: 0.577,
+    FaultKind.DRIFT: 0.12,
+    FaultKind.GAIN: 0.003,
+    FaultKind.STUCK: 0.2,
+    FaultKind.NOISE: 0.1,
+    FaultKind.INTERMITTENT: 0.1,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotLane:
+    """What one lane has in its slot, and on what it acts.
+
+    hypothesis : index among the hypotheses of the specification
+    parameter, input, output : index of what is at fault, or -1
+    acts : False while a fault that comes and goes is gone
+    sticks : whether the sensor does not follow the plant while its fault is there
+    old : whether the fault has been under way for long, so that the healthy filter has learned from it
+    size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
+        in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
+    span : samples over which the rate of a drift may become another one; 0: it stays
+    noise : noise variance of the sensor, in that declared
+    weight : logarithm of the prior weight
+    """
+
+    hypothesis: int
+    kind: FaultKind
+    parameter: int = -1
+    input: int = -1
+    output: int = -1
+    acts: bool = True
+    sticks: bool = False
+    old: bool = False
+    size: float = 0.0
+    size_sd: float = 0.0
+    rate_sd: float = 0.0
+    span: float = 0.0
+    noise: float = 1.0
+    weight: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotPlan:
+    """Lanes with a slot: first those that begin at an onset, then, from `switched` on, pairs (fault there, fault gone).
+
+    roles : (n_roles, n_lanes)
+    hypothesis, weight : (n_lanes,)
+    """
+
+    lanes: tuple[SlotLane, ...]
+    roles: FloatArray
+    hypothesis: IntArray
+    weight: FloatArray
+    switched: int
+
+    @property
+    def n_lanes(self) -> int:
+        """Number of lanes."""
+        return len(self.lanes)
+
+
+@lru_cache(maxsize=8)
+def plan_slots(spec: EngineSpec) -> SlotPlan:
+    """Give the lanes with a slot of a specification."""
+    singles = [(k, chosen[0]) for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1]
+    found = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
+    found += [lane for k, index in singles for lane in _changes(spec.parameters[index], index, k)]
+    for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
+        found += (_sensor_faults if instrument.is_output else _input_faults)(instrument.index, k)
+    from_onset = [lane for lane in found if lane.kind is not FaultKind.INTERMITTENT]
+    passing = [lane for lane in found if lane.kind is FaultKind.INTERMITTENT]
+    switched = [lane for there in passing for lane in (there, replace(there, acts=False))]
+    lanes = (*from_onset, *switched)
+    return SlotPlan(
+        lanes=lanes,
+        roles=np.stack([_roles(spec, lane) for lane in lanes], axis=1)
+        if lanes
+        else np.zeros((spec.slotted.n_roles, 0)),
+        hypothesis=np.array([lane.hypothesis for lane in lanes], dtype=np.intp),
+        weight=np.array([lane.weight for lane in lanes], dtype=np.float64),
+        switched=len(from_onset),
+    )
+
+
+def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give a drift that begins at the onset, and drifts that have already gone some way."""
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
+    starts = starts_of(item, 1)
+    rate = 2.0 * item.change / FRESH  # twice, since it may also slow down
+    yield replace(lane, size_sd=item.accuracy, rate_sd=rate, span=FRESH, weight=DRIFTING - log(2.0))
+    for start in starts:
+        yield replace(
+            lane,
+            size=start.value - item.healthy,
+            size_sd=start.sd,
+            rate_sd=item.change / OLD,
+            old=True,
+            weight=DRIFTING - log(2.0 * len(starts)),
+        )
+
+
+def _changes(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the starts of a change that comes and goes."""
+    starts = starts_of(item, 1)
+    for start in starts:
+        yield SlotLane(
+            hypothesis=hypothesis,
+            kind=FaultKind.INTERMITTENT,
+            parameter=index,
+            size=start.value - item.healthy,
+            size_sd=start.sd,
+            weight=SWITCHING - log(len(starts)),
+        )
+
+
+def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the faults of a sensor; those that come and go read wrongly by as much each time, or show the same."""
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, output=index)
+    stuck = replace(lane, kind=FaultKind.STUCK, sticks=True)
+    passing = replace(lane, kind=FaultKind.INTERMITTENT)
+    found = [
+        *(replace(lane, size_sd=sd) for sd in BIASES),
+        replace(lane, kind=FaultKind.DRIFT, size_sd=1.0, rate_sd=BIASES[0] / FRESH),
+        replace(lane, kind=FaultKind.DRIFT, size_sd=BIASES[0], rate_sd=BIASES[0] / OLD),
+        replace(lane, kind=FaultKind.GAIN, size_sd=GAIN),
+        *(replace(stuck, size_sd=sd, noise=noise) for sd in STUCK_AT for noise in STUCK_NOISES),
+        *(replace(lane, kind=FaultKind.NOISE, noise=noise) for noise in NOISES),
+        *(replace(passing, size_sd=sd) for sd in BIASES),
+        replace(passing, size_sd=STUCK_AT[-1], sticks=True),
+    ]
+    counts = Counter(item.kind for item in found)
+    for item in found:
+        yield replace(item, weight=log(SENSOR_KINDS[item.kind] / counts[item.kind]))
+
+
+def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give the faults of an input."""
+    for sd in INPUT_BIASES:
+        lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index, size_sd=sd)
+        weight = COMMANDED - log(len(INPUT_BIASES))
+        yield replace(lane, weight=weight)
+        yield replace(lane, kind=FaultKind.INTERMITTENT, weight=weight + SWITCHING)
+
+
+def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
+    """Give the roles of a lane, shape (n_roles,)."""
+    wide = spec.slotted
+    first = wide.loop_slice.stop
+    place = {name: where.start - first for name, where in wide.role_fields.items()}
+    roles = np.zeros(wide.n_roles)
+    for name in ("reads", "noise"):
+        roles[place[name] : place[name] + len(spec.outputs)] = 1.0
+    if lane.parameter >= 0:
+        roles[place["theta"] + lane.parameter] = float(lane.acts)
+    if lane.input >= 0:
+        roles[place["input"] + lane.input] = float(lane.acts)
+    if lane.output >= 0:
+        noise = spec.outputs[lane.output].noise
+        roles[place["reads"] + lane.output] = float(not (lane.sticks and lane.acts))
+        roles[place["gain"] + lane.output] = float(lane.kind is FaultKind.GAIN)
+        roles[place["bias"] + lane.output] = noise * (lane.kind in _ADDED and lane.acts)
+        roles[place["noise"] + lane.output] = lane.noise
+    return roles
+
+
+_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK, FaultKind.INTERMITTENT)

@@ -1,0 +1,100 @@
+"""The structure of a model on plain integers: which equation contains which unknown, and where a fault enters.
+
+The algorithms of `matching`, `overdetermined`, `isolability` and `placement` work on this and on nothing else.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from faultbond.equations.constraint_network import ConstraintNetwork
+from faultbond.errors import StructureError
+from faultbond.model.expression import names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StructuralModel:
+    """Equations as the unknowns they contain. All entries are indices; known signals do not appear.
+
+    equations : for each equation its variables, ascending
+    n_variables : variables are 0 .. n_variables - 1
+    faults : for each fault the equation that it makes untrue; a fault of several equations is an unknown with an
+        equation of its own (`p = p0`), which carries the fault
+    differentials : (equation, rate, quantity) of each equation `rate = d quantity / dt`; the equation contains both
+    variable_names, equation_names, fault_names : for messages; empty, or one for each
+    """
+
+    equations: tuple[tuple[int, ...], ...]
+    n_variables: int
+    faults: tuple[int, ...] = ()
+    differentials: tuple[tuple[int, int, int], ...] = ()
+    variable_names: tuple[str, ...] = ()
+    equation_names: tuple[str, ...] = ()
+    fault_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse indices that point at nothing; nothing after this looks again."""
+        if any(not 0 <= variable < self.n_variables for variables in self.equations for variable in variables):
+            raise StructureError(f"an equation contains a variable outside 0 to {self.n_variables - 1}")
+        if any(not 0 <= equation < len(self.equations) for equation in self.faults):
+            raise StructureError(f"a fault enters an equation outside 0 to {len(self.equations) - 1}")
+        for equation, rate, quantity in self.differentials:
+            if sorted(self.equations[equation]) != sorted((rate, quantity)):
+                raise StructureError(f"equation {equation} is differential, but contains other variables than its two")
+
+    def variable_name(self, variable: int) -> str:
+        """Give the name of a variable, for messages."""
+        return self.variable_names[variable] if self.variable_names else f"x{variable + 1}"
+
+
+def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> StructuralModel:
+    """Give the structure of a constraint network, with a fault for each suspect parameter.
+
+    Unknowns are the signals and the stored quantities. Equations are the constraints, a differential equation for each
+    store, and one for each sensor. A parameter of one constraint is a fault of it; a parameter of several (of a GY or a
+    TF, say) becomes an unknown with an equation of its own. That could be done for all alike, with the same result (an
+    unknown that two equations share is over-determined where both are); this way the structure is smaller.
+
+    Raises
+    ------
+    StructureError
+        Where a parameter stands in no constraint and no reading.
+    """
+    contents = [*(item.residual for item in network.constraints), *network.readings]
+    used = [frozenset(names(expression)) for expression in contents]
+    places = Counter(name for content in used for name in content)
+    shared = tuple(name for name in parameters if places[name] > 1)
+    stores = (*network.states, *network.dependent)
+    variables = tuple(dict.fromkeys([*network.signals, *(store.name for store in stores), *shared]))
+    index = {name: k for k, name in enumerate(variables)}
+    rows = [_row(content, index) for content in used]
+    first_store = len(rows)
+    rows += [_row((store.rate, store.name), index) for store in stores]
+    own = {name: len(rows) + k for k, name in enumerate(shared)}
+    rows += [(index[name],) for name in shared]
+    return StructuralModel(
+        equations=tuple(rows),
+        n_variables=len(variables),
+        faults=tuple(own[name] if name in own else _place(name, used) for name in parameters),
+        differentials=tuple((first_store + k, index[item.rate], index[item.name]) for k, item in enumerate(stores)),
+        variable_names=variables,
+        equation_names=(
+            *(item.owner for item in network.constraints),
+            *(f"sensor {k + 1}" for k in range(len(network.readings))),
+            *(f"d {store.name}/dt" for store in stores),
+            *shared,
+        ),
+        fault_names=tuple(parameters),
+    )
+
+
+def _row(content: Iterable[str], index: dict[str, int]) -> tuple[int, ...]:
+    return tuple(sorted({index[name] for name in content if name in index}))
+
+
+def _place(name: str, used: Sequence[frozenset[str]]) -> int:
+    """Give the only equation in which a parameter stands."""
+    for equation, content in enumerate(used):
+        if name in content:
+            return equation
+    raise StructureError(f"{name} stands in no law and no reading, so no fault of it can show; remove it or use it")

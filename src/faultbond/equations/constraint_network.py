@@ -1,0 +1,219 @@
+"""The constraint network of a plant: signals merged over junctions, one residual per law and junction sum.
+
+Junction equalities are merged away, so a signal that many bonds share has one name: that of the junction where there
+is one (`vessel.e`, `line.f`), else that of the component (`tank.f`). A block network is one already: its signals keep
+their names (`y`), and the rate of a store is a signal, `der(y)`. Source: thesis 3.2.3, 3.3; blocks 3.4, 3.9.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from faultbond.equations.causality import Causality
+from faultbond.errors import ModelError
+from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
+from faultbond.model.graph import BondGraph, Relation, SlowError
+from faultbond.model.parser import to_text
+from faultbond.types import ElementType, JunctionType
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constraint:
+    """`residual = 0`, by the component or junction `owner`."""
+
+    owner: str
+    residual: Expression
+    line: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Store:
+    """A stored quantity (`tank.q`) and the signal that is its rate of change (`tank.f`); `y` and `der(y)` of blocks."""
+
+    name: str
+    rate: str
+    component: str | None = None  # None: an integrated signal that only a sensor or a law reads
+    partner: str | None = None  # the co-energy signal: effort of a C, flow of an I
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstraintNetwork:
+    """Signals and constraints in canonical names.
+
+    signals: unknown at an instant, given states, inputs and parameters.
+    states: independent stores. dependent: stores in derivative causality; their quantity is one of the signals.
+    readings: one expression per sensor.
+    """
+
+    signals: tuple[str, ...]
+    constraints: tuple[Constraint, ...]
+    states: tuple[Store, ...]
+    dependent: tuple[Store, ...]
+    readings: tuple[Expression, ...]
+    slow_errors: tuple[SlowError, ...]
+
+
+class _Names:
+    """Union of signal names that are one signal."""
+
+    def __init__(self) -> None:
+        self.parent: dict[str, str] = {}
+        self.rank: dict[str, int] = {}
+
+    def add(self, name: str, rank: int) -> None:
+        self.parent.setdefault(name, name)
+        self.rank[name] = max(rank, self.rank.get(name, 0))
+
+    def find(self, name: str) -> str:
+        root = name
+        while self.parent[root] != root:
+            root = self.parent[root]
+        while self.parent[name] != root:
+            self.parent[name], name = root, self.parent[name]
+        return root
+
+    def join(self, first: str, second: str) -> None:
+        """Merge two signals; the name of higher rank (junction over component over bond) stays."""
+        one, two = self.find(first), self.find(second)
+        if one != two:
+            keep, drop = (one, two) if self.rank[one] >= self.rank[two] else (two, one)
+            self.parent[drop] = keep
+
+
+def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
+    """Give the constraint network of a bond graph whose causality is known, or of a block network.
+
+    Raises
+    ------
+    ModelError
+        Where an expression reads a signal that does not exist.
+    """
+    if graph.is_block_network:
+        return _block_network(graph)
+    table = _merge_signals(graph)
+    expressions = [
+        *(side for item in graph.components for law in item.laws for side in (law.left, law.right)),
+        *(sensor.reads for sensor in graph.sensors),
+    ]
+    stores, dependent = _component_stores(graph, causality, table)
+    stores += _integrals(graph, expressions, {store.name for store in (*stores, *dependent)}, table)
+    known = {store.name for store in (*stores, *dependent)}
+
+    def canonical(name: str) -> str:
+        if "." not in name or name in known:
+            return name
+        return table.find(name)
+
+    constraints = [*_junction_sums(graph, table)]
+    for item in graph.components:
+        for law in item.laws:
+            residual = Binary("-", rename(law.left, canonical), rename(law.right, canonical))
+            constraints.append(Constraint(owner=item.name, residual=residual, line=law.line))
+    signals = dict.fromkeys(table.find(name) for name in table.parent)
+    signals |= dict.fromkeys(store.name for store in dependent)
+    return ConstraintNetwork(
+        signals=tuple(signals),
+        constraints=tuple(constraints),
+        states=tuple(stores),
+        dependent=tuple(dependent),
+        readings=tuple(rename(sensor.reads, canonical) for sensor in graph.sensors),
+        slow_errors=tuple(replace(error, target=canonical(error.target)) for error in graph.slow_errors),
+    )
+
+
+def _block_network(graph: BondGraph) -> ConstraintNetwork:
+    """Give the laws of the blocks as they stand; der(y) on the left of a law makes y a store."""
+    laws = [(item.name, law) for item in graph.components for law in item.laws]
+    stores = [
+        Store(name=law.store, rate=to_text(law.left), component=owner) for owner, law in laws if law.store is not None
+    ]
+    states = {store.name for store in stores}
+    return ConstraintNetwork(
+        signals=(*(name for name in graph.block_signals if name not in states), *(store.rate for store in stores)),
+        constraints=tuple(Constraint(owner=owner, residual=_difference(law), line=law.line) for owner, law in laws),
+        states=tuple(stores),
+        dependent=(),
+        readings=tuple(sensor.reads for sensor in graph.sensors),
+        slow_errors=graph.slow_errors,
+    )
+
+
+def _difference(law: Relation) -> Expression:
+    """Give left - right of the law of a block, where a rate is the signal `der(y)`; `0 = x` is x itself."""
+    left = Name(to_text(law.left)) if law.store is not None else law.left
+    return law.right if left == Number(0.0) else Binary("-", left, law.right)
+
+
+def _merge_signals(graph: BondGraph) -> _Names:
+    """Name the two signals of each bond and merge the equal ones."""
+    table = _Names()
+    junctions = {item.name: item for item in graph.junctions}
+    elements = {item.name: item for item in graph.components}
+    for index, bond in enumerate(graph.bonds):
+        for letter in "ef":
+            table.add(_bond_signal(graph, index, letter), 0)
+        for node, port in ((bond.tail, "2"), (bond.head, "1")):
+            if node in junctions:
+                letter = "e" if junctions[node].type is JunctionType.ZERO else "f"
+                table.add(f"{node}.{letter}", 2)
+                table.join(f"{node}.{letter}", _bond_signal(graph, index, letter))
+            else:
+                suffix = port if elements[node].type.n_ports == 2 else ""
+                for letter in "ef":
+                    table.add(f"{node}.{letter}{suffix}", 1)
+                    table.join(f"{node}.{letter}{suffix}", _bond_signal(graph, index, letter))
+    return table
+
+
+def _bond_signal(graph: BondGraph, index: int, letter: str) -> str:
+    bond = graph.bonds[index]
+    return f"{bond.tail}->{bond.head}#{index}.{letter}"
+
+
+def _junction_sums(graph: BondGraph, table: _Names) -> Iterable[Constraint]:
+    """Flows sum to zero at a 0-junction, efforts at a 1-junction; positive along the half arrow into it."""
+    for junction in graph.junctions:
+        letter = "f" if junction.type is JunctionType.ZERO else "e"
+        terms: list[Expression] = []
+        for index, bond in enumerate(graph.bonds):
+            if junction.name in (bond.tail, bond.head):
+                term = Name(table.find(_bond_signal(graph, index, letter)))
+                terms.append(term if bond.head == junction.name else Negative(term))
+        total: Expression = terms[0] if terms else Number(0.0)
+        for term_ in terms[1:]:
+            total = Binary("-", total, term_.operand) if isinstance(term_, Negative) else Binary("+", total, term_)
+        yield Constraint(owner=junction.name, residual=total, line=junction.line)
+
+
+def _component_stores(graph: BondGraph, causality: Causality, table: _Names) -> tuple[list[Store], list[Store]]:
+    stores: list[Store] = []
+    dependent: list[Store] = []
+    for item in graph.components:
+        if item.type.is_store:
+            quantity, rate, partner = ("q", "f", "e") if item.type is ElementType.C else ("p", "e", "f")
+            store = Store(
+                name=f"{item.name}.{quantity}",
+                rate=table.find(f"{item.name}.{rate}"),
+                component=item.name,
+                partner=table.find(f"{item.name}.{partner}"),
+            )
+            (stores if item.name in causality.integral else dependent).append(store)
+    return stores, dependent
+
+
+def _integrals(graph: BondGraph, expressions: list[Expression], known: set[str], table: _Names) -> list[Store]:
+    """Stores for integrated signals that somebody reads: `shaft.q` is the integral of a flow, `node.p` of an effort."""
+    found: dict[str, Store] = {}
+    for expression in expressions:
+        for name in names(expression):
+            part, _, letter = name.partition(".")
+            if letter in ("q", "p") and name not in known and name not in found:
+                rate = f"{part}.{'f' if letter == 'q' else 'e'}"
+                if rate not in table.parent:
+                    raise ModelError(
+                        f"{graph.file}: {name} is read, but {part} has no single "
+                        f"{'flow' if letter == 'q' else 'effort'} to integrate"
+                    )
+                found[name] = Store(name=name, rate=table.find(rate))
+            elif letter and name not in known and name not in found and name not in table.parent:
+                raise ModelError(f"{graph.file}: {name} is read, but {part} has no such signal")
+    return list(found.values())

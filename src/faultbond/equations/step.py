@@ -1,0 +1,340 @@
+"""The plant in discrete time: one step of f and h with derivatives by automatic differentiation.
+
+Discretisation: the two-stage Rosenbrock method ROS2, gamma = 1 - 1/sqrt(2). It is of second order whatever Jacobian is
+used and L-stable, so a mode much faster than the sample time dies out instead of ringing as under the trapezoidal rule.
+Source: Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2. The input is held over the step.
+
+Implicit relations are solved by a fixed number of safeguarded Newton steps from the last solution; derivatives follow
+from the implicit function theorem.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from math import ceil, sqrt
+
+import casadi as ca
+import numpy as np
+
+from faultbond.equations.linear import back, eliminate, triangle
+from faultbond.equations.plant import Plant
+from faultbond.errors import StructureError
+from faultbond.types import FloatArray
+
+GAMMA = 1.0 - 1.0 / sqrt(2.0)
+NEWTON_STEPS = 10
+NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
+MAX_SUBSTEPS = 8
+_RESOLVED = 0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
+_REFERENCE_STEPS = 100
+_NUDGE_PARTS = (0.01, 0.1, 1.0)  # of what a step would bring to a store
+_SOLVED = 1e-6  # relative size of the next Newton step at a solution; far from one it is large
+_TINY = 1e-9  # a signal smaller than this is zero
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StepModel:
+    """Functions of the joint vector v = [x, b, factors of theta, input noise].
+
+    The coordinates x are efforts of C and flows of I where the law allows (then a change of the parameter leaves them
+    nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
+
+    predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
+    prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
+    reference: state, and implicit signals, of a nominal run, where the number of substeps was chosen.
+    """
+
+    plant: Plant
+    v: ca.SX
+    u: ca.SX
+    z: ca.SX
+    scales: FloatArray
+    noisy: tuple[int, ...]
+    rates: ca.Function
+    prediction: Callable[[], ca.Function]
+    measure: ca.Function
+    substeps: int
+    states: tuple[str, ...]
+    contents: ca.Function  # (x, theta) -> stored quantities
+    coordinates: ca.Function  # (stored quantities, theta) -> x
+    reference_state: FloatArray
+    reference_implicit: FloatArray
+    measure_is_linear: bool
+    direct: tuple[tuple[int, ...], ...]
+
+    @property
+    def predict(self) -> ca.Function:
+        """One step in time."""
+        return self.prediction()
+
+
+def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
+    """Give the discrete-time model of a plant.
+
+    Parameters
+    ----------
+    plant : the equations in continuous time
+    all_inputs : whether v holds an error of every input, not only of those with noise
+    """
+    graph = plant.graph
+    scales = np.array([item.scale for item in graph.parameters])
+    noisy = tuple(k for k, item in enumerate(graph.inputs) if item.noise > 0 or all_inputs)
+    n_x, n_b, n_p = plant.x.numel(), plant.b.numel(), plant.theta.numel()
+    v = ca.SX.sym("v", n_x + n_b + n_p + len(noisy))
+    x, b, factors, noise = ca.vertsplit(v, [0, n_x, n_x + n_b, n_x + n_b + n_p, v.numel()])
+    held = plant.u
+    for k, index in enumerate(noisy):
+        held = held + noise[k] * ca.SX(ca.DM.eye(plant.u.numel())[:, index])
+    contents, coordinates, rates_x = _coordinates(plant)
+    theta = factors * ca.DM(scales) if n_p else factors
+    old = ca.vertcat(plant.x, plant.b, plant.theta)
+    new = ca.vertcat(contents(x, theta), b, theta)
+    rates_, readings, gap = ca.substitute([rates_x, plant.readings, plant.gap], [old, plant.u], [new, held])
+    arguments = [v, plant.u, plant.z]
+    places = (n_x, n_x + n_b, n_x + n_b + n_p)
+    rates = _with_slope("rates", rates_, gap, arguments, places)
+    readings_ = _with_slope("readings", readings, gap, arguments, places)
+    newton = _newton(gap, arguments)
+    measure = _measure(readings_, newton, arguments)
+    start = _nominal_start(plant, coordinates, v.numel(), scales)
+    reference_x, reference_z, fastest = _reference(plant, rates, newton, start)
+    grid = graph.sample_time if graph.sample_time is not None else 1.0
+    substeps = int(np.clip(ceil(fastest * grid / _RESOLVED), 1, MAX_SUBSTEPS))
+    return StepModel(
+        plant=plant,
+        v=v,
+        u=plant.u,
+        z=plant.z,
+        scales=scales,
+        noisy=noisy,
+        rates=rates,
+        prediction=cache(lambda: _predict(rates, newton, arguments, n_x, substeps)),
+        measure=measure,
+        substeps=substeps,
+        states=tuple(
+            co.name if co is not None else state.name
+            for co, state in zip(plant.co_energy, plant.network.states, strict=True)
+        ),
+        contents=contents,
+        coordinates=coordinates,
+        reference_state=reference_x,
+        reference_implicit=reference_z,
+        measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
+        direct=_direct_inputs(readings, plant),
+    )
+
+
+def _coordinates(plant: Plant) -> tuple[ca.Function, ca.Function, ca.SX]:
+    """Give the maps between coordinates and contents, and the rates of the coordinates as functions of the contents."""
+    symbols, contents, values, rates = [], [], [], []
+    for k, co in enumerate(plant.co_energy):
+        symbols.append(plant.x[k] if co is None else co.symbol)
+        contents.append(plant.x[k] if co is None else co.content)
+        values.append(plant.x[k] if co is None else co.value)
+        rates.append(plant.rates[k] if co is None else ca.jacobian(co.value, plant.x) @ plant.rates)
+    empty = ca.SX(0, 1)
+    column = ca.vertcat(*symbols) if symbols else empty
+    return (
+        ca.Function("contents", [column, plant.theta], [ca.vertcat(*contents) if contents else empty]),
+        ca.Function("coordinates", [plant.x, plant.theta], [ca.vertcat(*values) if values else empty]),
+        ca.vertcat(*rates) if rates else empty,
+    )
+
+
+def _nominal_start(plant: Plant, coordinates: ca.Function, n_v: int, scales: FloatArray) -> FloatArray:
+    """Give the joint vector of the nominal plant at its declared start, or empty."""
+    graph, n_x, n_b = plant.graph, plant.x.numel(), plant.b.numel()
+    starts = {item.name: item.start.mean for item in graph.components if item.start is not None}
+    contents = np.array([starts.get(state.component or "", 0.0) for state in plant.network.states])
+    v = np.zeros(n_v)
+    nominal = np.array([item.nominal for item in graph.parameters])
+    v[:n_x] = coordinates(contents, nominal).full()[:, 0]
+    v[n_x + n_b : n_x + n_b + len(nominal)] = nominal / scales
+    return v
+
+
+def _with_slope(
+    name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX], places: tuple[int, int, int]
+) -> ca.Function:
+    """Give value and its total derivative by v; z follows v through gap = 0.
+
+    The slopes by parameters are those of a plant without slow errors: see docs/decisions/014-consistent-filters.md.
+
+    Parameters
+    ----------
+    places : where in v the slow errors and the parameters begin, and the parameters end
+    """
+    v, _, z = arguments
+    slope = ca.jacobian(value, v)
+    if z.numel():
+        slope = slope - ca.jacobian(value, z) @ eliminate(ca.jacobian(gap, z), ca.jacobian(gap, v))
+    by_states, by_parameters, by_inputs = ca.horzsplit(slope, [0, places[1], places[2], v.numel()])
+    errors = v[places[0] : places[1]]
+    by_parameters = ca.substitute(by_parameters, errors, ca.SX.zeros(errors.shape))
+    slope = ca.horzcat(by_states, by_parameters, by_inputs)
+    return ca.Function(name, arguments, [ca.densify(value), ca.densify(slope)], {"cse": True})
+
+
+def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
+    """Give z with gap = 0 from a first guess, and the size of the step that would come next.
+
+    Each step tries parts and multiples of Newton's step and keeps the best: parts, since an exponential is overshot
+    from its flat side, and multiples, since from its steep side Newton's step is ever the same small one.
+    """
+    v, u, z = arguments
+    if not z.numel():
+        return ca.Function("newton", arguments, [z, 0])
+    full = -eliminate(ca.jacobian(gap, z), gap)
+    step = ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)])
+    size = ca.Function("gap_size", arguments, [ca.sumsqr(gap)])
+    current = z
+    for _ in range(NEWTON_STEPS):
+        move, best = step(v, u, current)
+        kept = current
+        for part in NEWTON_PARTS:
+            trial = current + part * move
+            misfit = size(v, u, trial)
+            better = misfit <= best  # false for nan, so a wild step is never kept
+            kept, best = ca.if_else(better, trial, kept), ca.if_else(better, misfit, best)
+        current = kept
+    left = ca.norm_1(step(v, u, current)[0])  # not norm_inf: that of nan is 0
+    return ca.Function("newton", arguments, [current, left], {"cse": True})
+
+
+def _measure(readings: ca.Function, newton: ca.Function, arguments: list[ca.SX]) -> ca.Function:
+    v, u, z = arguments
+    solved = newton(v, u, z)[0]
+    y, slope = readings(v, u, solved)
+    return ca.Function("measure", arguments, [y, slope, solved], {"cse": True})
+
+
+def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_x: int, substeps: int) -> ca.Function:
+    """ROS2 over dt, in equal substeps; the slope treats the Jacobian inside the method as constant."""
+    v, u, z = arguments
+    dt = ca.SX.sym("dt")
+    h = dt / substeps
+    x, rest = ca.vertsplit(v, [0, n_x, v.numel()])  # slicing a scalar would turn it
+    slope = ca.horzcat(ca.SX.eye(n_x), ca.SX(n_x, rest.numel()))  # of x by v
+    still = ca.horzcat(ca.SX(rest.numel(), n_x), ca.SX.eye(rest.numel()))  # of rest by v
+    solved = z
+    for _ in range(substeps):
+        solved = newton(ca.vertcat(x, rest), u, solved)[0]
+        f0, d0 = rates(ca.vertcat(x, rest), u, solved)
+        matrix = triangle(ca.SX.eye(n_x) - GAMMA * h * d0[:, :n_x])
+        k1 = back(matrix, ca.horzcat(f0, d0 @ ca.vertcat(slope, still)))
+        middle, middle_slope = x + h * k1[:, 0], slope + h * k1[:, 1:]
+        solved = newton(ca.vertcat(middle, rest), u, solved)[0]
+        f1, d1 = rates(ca.vertcat(middle, rest), u, solved)
+        k2 = back(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
+        x = x + 1.5 * h * k1[:, 0] + 0.5 * h * k2[:, 0]
+        slope = slope + 1.5 * h * k1[:, 1:] + 0.5 * h * k2[:, 1:]
+    return ca.Function("predict", [v, u, z, dt], [x, slope, solved])
+
+
+def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]:
+    """For each output the inputs that reach it without passing a state."""
+    if not plant.u.numel():
+        return ((),) * readings.numel()
+    pattern = ca.DM(ca.jacobian_sparsity(ca.vertcat(readings), plant.u), 1.0).full() != 0
+    if plant.z.numel():  # an implicit signal passes on every input
+        through = ca.DM(ca.jacobian_sparsity(readings, plant.z), 1.0).full() != 0
+        pattern |= through.any(axis=1, keepdims=True)
+    return tuple(tuple(int(k) for k in np.flatnonzero(row)) for row in pattern)
+
+
+def reference_inputs(plant: Plant) -> FloatArray:
+    """Inputs of the nominal run: half range for percent, else one unit of the model file."""
+    return np.array([50.0 if item.unit.text == "percent" else item.unit.to_si(1.0) for item in plant.graph.inputs])
+
+
+def _reference(
+    plant: Plant, rates: ca.Function, newton: ca.Function, start: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Run the nominal plant a while; give its last state, implicit signals, and the usual fastest rate (1/s).
+
+    Where the start is one that the equations cannot leave, as tanks in a row that are all empty (a turbulent
+    pipe between equal levels has an endless slope), the run is begun near it, with stores filled unlike each other.
+    """
+    u = reference_inputs(plant)
+    first = _first_implicit(plant, newton, start, u)
+    step = plant.graph.sample_time if plant.graph.sample_time is not None else 1.0
+
+    def run(begin: FloatArray) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        v, z, slopes = begin.copy(), first, list[FloatArray]()
+        for _ in range(count):
+            x, after, slope = _advance(rates, newton, v, u, z, step)
+            if not (np.all(np.isfinite(x)) and np.all(np.isfinite(slope))):
+                break
+            v[: len(x)], z = x, after
+            slopes.append(slope)
+        return v[: plant.x.numel()], z, slopes
+
+    count = _REFERENCE_STEPS if plant.x.numel() else 0
+    best = run(start)
+    for nudge in _nudges(rates(start, u, first)[0].full()[:, 0], step):
+        if len(best[2]) == count:
+            break
+        near = start.copy()
+        near[: len(nudge)] = np.where(np.isfinite(start[: len(nudge)]), start[: len(nudge)], 0.0) + nudge
+        best = max(best, run(near), key=lambda item: len(item[2]))
+    return best[0], best[1], _usual_rate(best[2])
+
+
+def _nudges(rates: FloatArray, step: float) -> Iterator[FloatArray]:
+    """Give moves of the states, no two alike: parts of what a step would bring, then of many sizes."""
+    unlike = 1.0 + np.arange(len(rates)) / max(1, len(rates))
+    moved = np.where(np.isfinite(rates), np.abs(rates), 0.0) * step
+    yield from (part * moved * unlike for part in _NUDGE_PARTS)
+    yield from (10.0**k * unlike for k in range(-6, 7))
+
+
+def _advance(
+    rates: ca.Function, newton: ca.Function, v: FloatArray, u: FloatArray, z: FloatArray, h: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Take one ROS2 step in numbers; give the state (nan: there is none), implicit signals, slope of the rates."""
+    z = newton(v, u, z)[0].full()[:, 0]
+    f, by = (item.full() for item in rates(v, u, z))
+    n_x, rate = len(f), f[:, 0]
+    slope = by[:, :n_x]
+    matrix = np.eye(n_x) - GAMMA * h * slope
+    try:
+        k1 = np.linalg.solve(matrix, rate)
+        middle = np.concatenate([v[:n_x] + h * k1, v[n_x:]])
+        z = newton(middle, u, z)[0].full()[:, 0]
+        k2 = np.linalg.solve(matrix, rates(middle, u, z)[0].full()[:, 0] - 2.0 * k1)
+    except np.linalg.LinAlgError:
+        return np.full(n_x, np.nan), z, slope
+    return v[:n_x] + 1.5 * h * k1 + 0.5 * h * k2, z, slope
+
+
+def _usual_rate(slopes: list[FloatArray]) -> float:
+    """Give the median of the fastest rates, 1/s; equal slopes, as those of linear laws, are looked at once."""
+    speeds: list[float] = []
+    for k, slope in enumerate(slopes):
+        same = k > 0 and np.array_equal(slope, slopes[k - 1])
+        speeds.append(speeds[-1] if same else float(np.max(np.abs(np.linalg.eigvals(slope)))))
+    return float(np.median(speeds)) if speeds else 0.0
+
+
+def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatArray) -> FloatArray:
+    """Find a first solution of the implicit relations from guesses over many sizes and both signs.
+
+    Raises
+    ------
+    StructureError
+        Where none is found; names the loop's signals.
+    """
+    n_z = plant.z.numel()
+    if not n_z:
+        return np.zeros(0)
+    for size in (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0))):
+        z, left = np.full(n_z, size), np.inf
+        for _ in range(20):
+            found, step = newton(v, u, z)
+            z, left = found.full()[:, 0], float(step)
+        if left <= _SOLVED * max(float(np.max(np.abs(z))), _TINY):
+            return z
+    raise StructureError(
+        f"{plant.graph.file}: no solution was found for the loop of {', '.join(plant.implicit)} at nominal parameters; "
+        "check the laws in it (a root is easier to solve as its square, f*abs(f) = k**2*e), or give a known `start`"
+    )

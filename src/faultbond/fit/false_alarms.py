@@ -1,0 +1,126 @@
+"""How often a healthy plant would alarm, from what the detector saw of it; and what must be declared for a promise.
+
+The CUSUM of scores with mean m, long-run variance v and drift k climbs to h about every
+(exp(w) - 1 - w) v / (2 d^2) samples, with d = m - k (for the lower side, -m - k), w = -2 d (h + b) / v,
+b = 1.166 sqrt(v): Brownian motion with a correction for steps. One is counted for each side of each sensor. A slow
+error alarms when its estimate leaves its limit; the time between is that of a Gaussian process with the spread and the
+memory seen.
+
+Source: Siegmund, Sequential Analysis, 1985, section 10.2 (the approximation); Rice, Bell Syst. Tech. J. 24 (1945) 46.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.contract.spec import EngineSpec
+from faultbond.fit.certainty import long_run_variance
+from faultbond.fit.innovations import Watch
+
+OVERSHOOT = 1.166  # standard deviations
+LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing
+STILL = 1e-9
+FARTHEST = 1e30  # s; longer is for ever
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rate:
+    """What one statistic does while the plant is healthy.
+
+    name: the sensor, or the slow error; peak: its largest value as a part of the limit; between: expected seconds
+    between false alarms; mean, spread: of the scores of a sensor, 0 and 1 if all is as declared; memory: seconds.
+    """
+
+    name: str
+    is_sensor: bool
+    peak: float
+    between: float
+    mean: float
+    spread: float
+    memory: float
+
+
+def rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
+    """Give the rate of each sensor, and of each slow error that can alarm.
+
+    Parameters
+    ----------
+    spec : the model
+    watches : what the detector saw of each recording
+    step : seconds between samples
+    """
+    sensors = (_sensor_rate(spec, watches, j, step) for j in range(len(spec.outputs)))
+    slow = (_slow_rate(spec, watches, k, step) for k, item in enumerate(spec.slow_errors) if item.alarms)
+    return (*sensors, *slow)
+
+
+def between_alarms(found: Sequence[Rate]) -> float:
+    """Give the expected seconds between false alarms of all statistics together."""
+    total = sum(1.0 / item.between for item in found)
+    return 1.0 / total if total > 0.0 else np.inf
+
+
+def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float) -> Rate:
+    settings = spec.thresholds
+    scores = [np.clip(item.scores[:, j], -settings.cusum_clip, settings.cusum_clip) for item in watches]
+    scores = [item[np.isfinite(item)] for item in scores]
+    every = np.concatenate(scores) if scores else np.zeros(0)
+    peak = max((float(np.max(item.cusum[:, :, j], initial=0.0)) for item in watches), default=0.0)
+    if len(every) < 2:
+        return Rate(
+            name=spec.outputs[j].name, is_sensor=True, peak=0.0, between=np.inf, mean=0.0, spread=0.0, memory=0.0
+        )
+    mean, spread = float(every.mean()), float(every.std())
+    total = sum(float(long_run_variance((item - mean)[:, None])[0, 0]) for item in scores if len(item) > 3)
+    variance = max(total / len(every), LEAST_VARIANCE)
+    samples = [cusum_time(side * mean - settings.cusum_drift, variance, settings.cusum_limit) for side in (1.0, -1.0)]
+    return Rate(
+        name=spec.outputs[j].name,
+        is_sensor=True,
+        peak=peak / settings.cusum_limit,
+        between=step / sum(1.0 / item for item in samples),
+        mean=mean,
+        spread=spread,
+        memory=step * max(variance / max(spread**2, 1e-12), 1.0),
+    )
+
+
+def cusum_time(drift: float, variance: float, limit: float) -> float:
+    """Give the expected samples until a one-sided CUSUM climbs to its limit.
+
+    Parameters
+    ----------
+    drift : mean of a score, less what the CUSUM takes off
+    variance : long-run variance of the scores
+    limit : of the CUSUM
+    """
+    height = limit + OVERSHOOT * np.sqrt(variance)
+    if abs(drift) < STILL:
+        return float(height**2 / variance)
+    with np.errstate(over="ignore"):
+        w = -2.0 * drift * height / variance
+        return float(min((np.exp(min(w, 700.0)) - 1.0 - w) * variance / (2.0 * drift**2), FARTHEST))
+
+
+def _slow_rate(spec: EngineSpec, watches: Sequence[Watch], k: int, step: float) -> Rate:
+    limit = spec.thresholds.slow_error_limit
+    paths = [item.slow[np.isfinite(item.slow[:, k]), k] for item in watches]
+    paths = [item for item in paths if len(item) > 2]
+    every = np.concatenate(paths) if paths else np.zeros(1)
+    peak = float(np.max(np.abs(every), initial=0.0)) / limit
+    size = float(np.sqrt(np.mean(every**2)))
+    moves = float(np.sqrt(np.mean(np.concatenate([np.diff(item) for item in paths]) ** 2))) / step if paths else 0.0
+    between = FARTHEST
+    if size > STILL and moves > 0.0:
+        with np.errstate(over="ignore"):
+            between = float(min(np.pi * size / moves * np.exp(min(0.5 * (limit / size) ** 2, 70.0)), FARTHEST))
+    return Rate(
+        name=spec.slow_errors[k].name,
+        is_sensor=False,
+        peak=peak,
+        between=between,
+        mean=float(every.mean()),
+        spread=size,
+        memory=spec.slow_errors[k].memory,
+    )

@@ -1,0 +1,254 @@
+"""A plant fitted to healthy recordings: parameters, noise of the sensors, and how sure both are.
+
+Maximum of the posterior: the likelihood of the innovations of all recordings, with the declared accuracies as prior.
+Where the data contradict an accuracy, it is widened until both agree (the evidence of the data at its largest), and
+with it those of all parameters that the data cannot tell from this one. So a nominal value that is far off does no
+harm, and what the data do not tell stays where it was.
+
+Source: Ljung 1999, chapter 7 (likelihood of innovations); MacKay, Neural Computation 4 (1992) 415 (width of the prior).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from faultbond.errors import NoVerdictError, RecordingError
+from faultbond.fit.certainty import Certainty, certainty_of, together
+from faultbond.fit.constancy import Change, changes_of
+from faultbond.fit.objective import Course, Plant, Point, course
+from faultbond.fit.samples import Record
+from faultbond.fit.scoring import START_PRIOR, Summit, climb, spread_noise
+from faultbond.fit.unknowns import Unknowns
+from faultbond.fit.whiteness import Whiteness, test_whiteness
+from faultbond.types import BoolArray, FloatArray
+
+WIDE = 30.0  # accuracies: the prior of the search from several starts
+ROUNDS = 8  # of the width of the prior
+WIDER = 1.05  # times an accuracy is widened that is worth telling
+LEAST_TOLD = 0.3  # parameters of a group; data that tell less say nothing about its accuracies
+CAUTION = 1.5  # times the widening of a group of several: which of them is off is not known
+STEADY = 0.02  # relative change of the width at which it stands
+START_SPREAD = 0.7  # sd of further starts, logarithms or parts of the scale
+WILD = 8.0  # standard deviations; a reading farther off is none
+FEW_WILD = 0.01  # of all readings; more of them are no accident
+WILD_ROUNDS = 4
+ALIKE = 1.0  # nats; starts that end so close have found the same
+
+
+class Prior(Enum):
+    """What declared accuracies count for."""
+
+    WIDENED = "widened"
+    DECLARED = "declared"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """What was found.
+
+    prior: what declared accuracies counted for; widths: (n_theta,), factors on them; reached: how many of `starts`
+    ended at the best summit; courses and simulated, (N, n_outputs), of each recording: innovations of the filter, and
+    the plant alone under the inputs.
+    """
+
+    plant: Plant
+    records: tuple[Record, ...]
+    summit: Summit
+    certainty: Certainty
+    prior: Prior
+    widths: FloatArray
+    starts: int
+    reached: int
+    before: float
+    courses: tuple[Course, ...]
+    simulated: tuple[FloatArray, ...]
+    whiteness: tuple[Whiteness, ...]
+    changes: tuple[Change, ...]
+
+    @property
+    def wild(self) -> int:
+        """How many readings were left out since they lie far off all others."""
+        return sum(item.wild for item in self.records)
+
+    @property
+    def contradicted(self) -> dict[str, float]:
+        """How many times as large declared accuracies must be for the data to agree with them, by parameter."""
+        if self.prior is Prior.NONE:
+            return {}
+        parameters = self.plant.unknowns.parameters
+        return {item.name: float(x) for item, x in zip(parameters, self.widths, strict=True) if x > WIDER}
+
+
+def fit_plant(
+    plant: Plant,
+    records: Sequence[Record],
+    begin: Point,
+    *,
+    prior: Prior = Prior.WIDENED,
+    starts: int = 4,
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """Fit a plant to healthy recordings.
+
+    Parameters
+    ----------
+    plant : likelihood and unknowns
+    records : the recordings
+    begin : nominal values, and the starts of the recordings
+    prior : what declared accuracies count for
+    starts : how many starts the search has, the nominal values among them
+    seed : of the other starts
+    tell : takes what is being done
+
+    Raises
+    ------
+    RecordingError
+        Where the plant has no course along the recordings, or they have fewer readings than there are unknowns.
+    """
+    _refuse(plant, records)
+    best, reached = _search(plant, records, begin, starts, seed, tell)
+    records, best = _without_wild(plant, records, best)
+    tell("weighing the declared accuracies")
+    best, widths = _weigh(plant, records, begin, best, prior)
+    unknowns = plant.unknowns
+    courses = tuple(course(plant, record, best.point, r) for r, record in enumerate(records))
+    full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
+    found = certainty_of(
+        best.evaluation.information,
+        full,
+        courses,
+        len(unknowns.places),
+        unknowns.n_theta,
+        unknowns.prior[: unknowns.n_theta],
+    )
+    return Fit(
+        plant=plant,
+        records=tuple(records),
+        summit=best,
+        certainty=found,
+        prior=prior,
+        widths=widths,
+        starts=starts,
+        reached=reached,
+        before=_likelihood(plant, records, begin),
+        courses=courses,
+        simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
+        whiteness=_whiteness(plant, courses),
+        changes=changes_of(plant, records, courses),
+    )
+
+
+def _refuse(plant: Plant, records: Sequence[Record]) -> None:
+    """Refuse recordings with too little in them."""
+    unknown = len(plant.unknowns.places) + plant.n_own * len(records)
+    readings = sum(record.readings for record in records)
+    if readings <= unknown:
+        names = ", ".join(record.name for record in records)
+        raise NoVerdictError(
+            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
+        )
+
+
+def _search(
+    plant: Plant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
+) -> tuple[Summit, int]:
+    """Climb from several starts under a wide prior; give the best summit and how many reached it."""
+    rng = np.random.default_rng(seed)
+    prior = plant.unknowns.widened(WIDE)
+    summits = []
+    for k in range(starts):
+        tell(f"start {k + 1} of {starts}")
+        point = begin if k == 0 else _elsewhere(plant, begin, rng)
+        summits.append(climb(plant, records, spread_noise(plant, records, point), prior))
+    best = max(summits, key=lambda item: item.posterior)
+    if not np.isfinite(best.posterior):
+        names = ", ".join(record.name for record in records)
+        raise RecordingError(
+            f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
+        )
+    return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
+
+
+def _without_wild(plant: Plant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
+    """Leave out readings that lie far off, as long as they are few, and climb on without them."""
+    kept = tuple(records)
+    for _ in range(WILD_ROUNDS):
+        far = [np.abs(course(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
+        count = sum(int(item.sum()) for item in far)
+        if not count or count > FEW_WILD * sum(item.readings for item in kept):
+            break
+        kept = tuple(item.without(plant.layout, wild) for item, wild in zip(kept, far, strict=True))
+        begin = spread_noise(plant, kept, best.point)
+        best = climb(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
+    return kept, best
+
+
+def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:
+    """Give another start: parameters some factor off."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    values = begin.values.copy()
+    values[:n] += START_SPREAD * rng.standard_normal(n)
+    return replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper))
+
+
+def _weigh(
+    plant: Plant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
+) -> tuple[Summit, FloatArray]:
+    """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    if prior is Prior.NONE or not n:
+        return best, np.full(n, WIDE)
+    accuracies = unknowns.prior[:n]
+    groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
+    alone = groups.sum(axis=1) == 1
+    widths = _contradiction(unknowns, best, groups, n) if prior is Prior.WIDENED else np.ones(n)
+    for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
+        best = climb(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
+        away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
+        left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
+        told = 1.0 - np.clip(left, 0.0, 1.0)
+        wanted = np.sqrt(groups @ away / np.maximum(groups @ told, 1e-3))
+        wanted = np.clip(np.where(alone, wanted, 1.0 + CAUTION * (wanted - 1.0)), 1.0, WIDE)
+        if prior is Prior.DECLARED:
+            break
+        wanted = np.where(groups @ told < LEAST_TOLD, np.minimum(wanted, widths), wanted)
+        if np.all(np.abs(wanted - widths) <= STEADY * widths):
+            break
+        widths = wanted
+    return best, widths
+
+
+def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) -> FloatArray:
+    """Give how many times as wide as declared accuracies must be for what the data say almost alone.
+
+    The widening begins there: from a narrow prior it may not get away, where this outweighs data that are clear.
+    """
+    accuracies = unknowns.prior[:n]
+    known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
+    away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
+    return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
+
+
+def _likelihood(plant: Plant, records: Sequence[Record], point: Point) -> float:
+    """Give the logarithm of the likelihood at a point."""
+    return float(sum(course(plant, record, point, r).value for r, record in enumerate(records)))
+
+
+def _simulated(plant: Plant, record: Record, point: Point, number: int) -> FloatArray:
+    """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
+    layout = plant.layout
+    alone = record.without(layout, np.ones_like(record.use))
+    alone = replace(alone, use=np.ones_like(record.use))
+    found = course(plant, alone, point, number)
+    return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
+
+
+def _whiteness(plant: Plant, courses: Sequence[Course]) -> tuple[Whiteness, ...]:
+    """Test each sensor."""
+    return tuple(
+        test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
+    )

@@ -1,0 +1,230 @@
+"""One sample of the innovations of a plant with fixed parameters, and their derivative along one direction.
+
+The same extended Kalman filter as that of the engine, but for states, slow errors and input noise alone: parameters
+and sizes of noise are given. Each lane carries a direction in which the unknowns move, and how everything follows it:
+exact derivatives (forward automatic differentiation), one direction a lane, eight lanes at a time.
+
+Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (prediction errors, maximum likelihood).
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from faultbond.equations.step import StepModel
+from faultbond.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How the numbers of a lane and of a sample lie.
+
+    A lane: filter mean and packed covariance, q, implicit signals, then the direction of mean, covariance and q.
+    q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy inputs.
+    """
+
+    n_x: int
+    n_b: int
+    n_w: int
+    n_p: int
+    n_y: int
+    n_u: int
+    n_z: int
+
+    @property
+    def n_mean(self) -> int:
+        """States, slow errors, input noise."""
+        return self.n_x + self.n_b + self.n_w
+
+    @property
+    def n_filter(self) -> int:
+        """Mean and packed covariance."""
+        return self.n_mean + self.n_mean * (self.n_mean + 1) // 2
+
+    @property
+    def n_q(self) -> int:
+        """Numbers that may be unknown, without the start."""
+        return self.n_p + self.n_y + self.n_b + self.n_w
+
+    @property
+    def first_noise(self) -> int:
+        """Where the sizes of noise begin in q: sensors, slow errors, inputs."""
+        return self.n_p
+
+    @property
+    def sample_fields(self) -> dict[str, slice]:
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), kick (variance added to slow errors)."""
+        sizes = {"dt": 1, "u_before": self.n_u, "u": self.n_u, "y": self.n_y, "use": self.n_y, "kick": self.n_b}
+        ends = np.cumsum([0, *sizes.values()])
+        return {name: slice(int(ends[k]), int(ends[k + 1])) for k, name in enumerate(sizes)}
+
+    @property
+    def n_sample(self) -> int:
+        """Length of a sample."""
+        return 1 + 2 * self.n_u + 2 * self.n_y + self.n_b
+
+
+def layout_of(model: StepModel) -> Layout:
+    """Give the sizes of a plant."""
+    plant = model.plant
+    return Layout(
+        n_x=len(model.states),
+        n_b=plant.b.numel(),
+        n_w=len(model.noisy),
+        n_p=plant.theta.numel(),
+        n_y=len(plant.graph.sensors),
+        n_u=plant.u.numel(),
+        n_z=plant.z.numel(),
+    )
+
+
+def build_likelihood(model: StepModel) -> ca.Function:
+    """Give (lane, sample) -> (lane, innovations) of one sample.
+
+    innovations: for each sensor the difference between the measured value and what the past and the sensors before it
+    predict, then the variances of these, then the derivatives of both along the lane's direction; SI.
+    """
+    size = layout_of(model)
+    sample = ca.SX.sym("sample", size.n_sample)
+    fields = {name: sample[place] for name, place in size.sample_fields.items()}
+    moving = ca.SX.sym("moving", size.n_filter + size.n_q)
+    implicit = ca.SX.sym("implicit", size.n_z)
+    direction = ca.SX.sym("direction", moving.numel())
+    following, seen, solved = _sample(model, size, moving, implicit, fields)
+    n_f = size.n_filter
+    change = ca.jtimes(ca.vertcat(following, seen), moving, direction)
+    lane = ca.vertcat(moving, implicit, direction)
+    after = ca.vertcat(following, moving[n_f:], solved, change[:n_f], direction[n_f:])
+    innovations = ca.vertcat(seen, change[n_f:])
+    return ca.Function(
+        "filter_step",
+        [lane, sample],
+        [ca.densify(after), ca.densify(innovations)],
+        ["lane", "sample"],
+        ["lane_next", "innovations"],
+        {"cse": True},
+    )
+
+
+def _sample(
+    model: StepModel, size: Layout, moving: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Predict and update; give filter state, innovations with variances, implicit signals."""
+    n = size.n_mean
+    mean, packed, factors, sensor_noise, slow_noise, input_noise = ca.vertsplit(
+        moving, list(np.cumsum([0, n, size.n_filter - n, size.n_p, size.n_y, size.n_b, size.n_w]))
+    )
+    covariance = _unpacked(packed, n)
+    kept = [*range(size.n_x + size.n_b), *range(n + size.n_p - size.n_w, n + size.n_p)]
+    x_next, slope, implicit = model.predict(_joint(size, mean, factors), fields["u_before"], implicit, fields["dt"])
+    transition, added = ca.SX(n, n), ca.SX(n, n)
+    transition[: size.n_x, :] = slope[:, kept]
+    for k, error in enumerate(model.plant.graph.slow_errors, size.n_x):
+        decay = ca.exp(-fields["dt"] / error.memory)
+        transition[k, k] = decay
+        added[k, k] = ca.exp(2 * slow_noise[k - size.n_x]) * (1 - decay * decay) + fields["kick"][k - size.n_x]
+    for k in range(size.n_w):
+        added[n - size.n_w + k, n - size.n_w + k] = ca.exp(2 * input_noise[k])
+    slow = [transition[k, k] * mean[k] for k in range(size.n_x, size.n_x + size.n_b)]
+    mean = ca.vertcat(x_next, *slow, ca.SX.zeros(size.n_w, 1))
+    covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
+    expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
+    shift, covariance, seen = _update(fields, covariance, expected, slope[:, kept], sensor_noise)
+    return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
+
+
+def _joint(size: Layout, mean: ca.SX, factors: ca.SX) -> ca.SX:
+    """Give the step model's vector from filter mean and factors."""
+    n = size.n_x + size.n_b
+    known, noise = ca.vertsplit(mean, [0, n, size.n_mean])
+    return ca.vertcat(known, factors, noise)
+
+
+def _update(
+    fields: dict[str, ca.SX], covariance: ca.SX, expected: ca.SX, slope: ca.SX, log_noise: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Take the sensors one after the other."""
+    shift = ca.SX.zeros(covariance.shape[0], 1)
+    innovations, variances = [], []
+    for j in range(expected.numel()):
+        row = slope[j, :]
+        cross = covariance @ row.T
+        variance = row @ cross + ca.exp(2 * log_noise[j])
+        innovation = fields["y"][j] - expected[j] - row @ shift
+        weight = cross * (fields["use"][j] / variance)
+        shift = shift + weight * innovation
+        covariance = ca.triu2symm(ca.triu(covariance - weight @ cross.T))
+        innovations.append(innovation)
+        variances.append(variance)
+    return shift, covariance, ca.vertcat(*innovations, *variances)
+
+
+def _unpacked(packed: ca.SX, n: int) -> ca.SX:
+    full, k = ca.SX(n, n), 0
+    for i in range(n):
+        for j in range(i, n):
+            full[i, j] = full[j, i] = packed[k]
+            k += 1
+    return full
+
+
+def _packed(full: ca.SX) -> ca.SX:
+    n = full.shape[0]
+    return ca.vertcat(*(full[i, j] for i in range(n) for j in range(i, n)))
+
+
+def build_begin(model: StepModel) -> ca.Function:
+    """Give (q, start) -> filter mean and packed covariance before the first sample, and their slopes by q and start.
+
+    start (n_states,), SI, coordinates of the step model: used where the model file gives no start. Where it does,
+    content and its sd are those of the file.
+    """
+    size, graph = layout_of(model), model.plant.graph
+    q, start = ca.SX.sym("q", size.n_q), ca.SX.sym("start", size.n_x)
+    factors, _, slow, noise = ca.vertsplit(q, list(np.cumsum([0, size.n_p, size.n_y, size.n_b, size.n_w])))
+    theta = factors * ca.DM(model.scales) if size.n_p else factors
+    nominal = np.array([item.nominal for item in graph.parameters])
+    content = model.contents(model.reference_state, nominal).full()[:, 0]
+    known = known_starts(model)
+    for k, item in known.items():
+        content[k] = item[0]
+    held = ca.SX.sym("content", size.n_x)
+    value = model.coordinates(held, theta)
+    by_content = ca.jacobian(value, held)
+    value, by_content = ca.substitute([value, by_content], [held], [ca.SX(ca.DM(content))])
+    mean, spread = ca.SX.zeros(size.n_mean, 1), ca.SX(size.n_mean, size.n_mean)
+    for k in range(size.n_x):
+        mean[k] = value[k] if k in known else start[k]
+        if k in known:
+            spread[k, k] = (by_content[k, k] * known[k][1]) ** 2
+    for k in range(size.n_b):
+        spread[size.n_x + k, size.n_x + k] = ca.exp(2 * slow[k])
+    for k in range(size.n_w):
+        place = size.n_x + size.n_b + k
+        spread[place, place] = ca.exp(2 * noise[k])
+    begin = ca.vertcat(mean, _packed(spread))
+    slopes = [ca.densify(ca.jacobian(begin, item)) for item in (q, start)]
+    return ca.Function("begin", [q, start], [ca.densify(begin), *slopes])
+
+
+def known_starts(model: StepModel) -> dict[int, tuple[float, float]]:
+    """Give content and its sd, SI, of the states whose start the model file gives, by state."""
+    starts = {item.name: item.start for item in model.plant.graph.components}
+    found = ((k, starts.get(state.component or "")) for k, state in enumerate(model.plant.network.states))
+    return {k: (start.mean, start.sd) for k, start in found if start is not None}
+
+
+def nominal_q(model: StepModel) -> FloatArray:
+    """Give q as the model file states it, shape (n_q,)."""
+    graph = model.plant.graph
+    factors = [item.nominal / item.scale for item in graph.parameters]
+    noises = [
+        *(item.noise for item in graph.sensors),
+        *(item.sd for item in graph.slow_errors),
+        *(graph.inputs[k].noise for k in model.noisy),
+    ]
+    return np.array([*factors, *np.log(np.maximum(noises, _LEAST))])
+
+
+_LEAST = 1e-150  # a size of noise whose square is still a number

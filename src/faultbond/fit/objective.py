@@ -1,0 +1,192 @@
+"""Likelihood, its slopes and its information over recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from faultbond.contract.spec import Engine
+from faultbond.fit.likelihood import Layout
+from faultbond.fit.samples import Record
+from faultbond.fit.unknowns import Unknowns
+from faultbond.types import BoolArray, FloatArray
+
+BLOCK = 4096  # samples whose innovations are held at a time
+LOG_2_PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plant:
+    """All that an evaluation needs of a plant.
+
+    begin: see `build_begin`; free: states whose start is to be found; own: places in q of parameters that each
+    recording has for itself, with the sd before the data, in factors.
+    """
+
+    sensors: tuple[str, ...]
+    layout: Layout
+    engine: Engine
+    begin: ca.Function
+    base: FloatArray
+    implicit: FloatArray
+    unknowns: Unknowns
+    free: tuple[int, ...]
+    own: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def n_own(self) -> int:
+        """How many unknowns each recording has for itself."""
+        return len(self.free) + len(self.own)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Point:
+    """Values of the unknowns, (n,), and what each recording has for itself.
+
+    starts (n_records, n_own): starts of the free states, SI, then factors of its own parameters; sizes alike: the units
+    in which they are found.
+    """
+
+    values: FloatArray
+    starts: FloatArray
+    sizes: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evaluation:
+    """What the recordings say at a point; unknowns first, then what each recording has for itself.
+
+    value: logarithm of the likelihood, -inf where the plant has no finite course; score (m,); information (m, m),
+    expected (Fisher).
+    """
+
+    value: float
+    score: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """One recording at a point, per sample.
+
+    innovations, variances : (N, n_outputs), SI, each given the past and the sensors before it; nan where not used
+    scores : (N, n), by the unknowns and what this recording has for itself
+    information : (n, n)
+    """
+
+    innovations: FloatArray
+    variances: FloatArray
+    scores: FloatArray
+    information: FloatArray
+    value: float
+
+    @property
+    def standardised(self) -> FloatArray:
+        """Innovations in their standard deviations; white with sd 1 if the model is right."""
+        return np.asarray(self.innovations / np.sqrt(self.variances))
+
+
+def evaluate(plant: Plant, records: Sequence[Record], point: Point) -> Evaluation:
+    """Give likelihood, score and information of all recordings."""
+    n, n_own = len(point.values), plant.n_own
+    total = n + n_own * len(records)
+    value, score, information = 0.0, np.zeros(total), np.zeros((total, total))
+    for r, record in enumerate(records):
+        places = np.concatenate([np.arange(n), n + n_own * r + np.arange(n_own)])
+        found = _run(plant, record, point, r, keep=False)
+        value += found.value
+        if not np.isfinite(value):
+            break
+        score[places] += found.scores.sum(axis=0)
+        information[np.ix_(places, places)] += found.information
+    sane = bool(np.isfinite(value) and np.all(np.isfinite(score)) and np.all(np.isfinite(information)))
+    return Evaluation(value=value if sane else -np.inf, score=score, information=information)
+
+
+def course(plant: Plant, record: Record, point: Point, number: int) -> Course:
+    """Give what one recording, the `number`th of the point, says sample by sample."""
+    return _run(plant, record, point, number, keep=True)
+
+
+def _run(plant: Plant, record: Record, point: Point, number: int, *, keep: bool) -> Course:
+    """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
+    lanes = _lanes(plant, point, number)
+    count = lanes.shape[1]
+    information, value = np.zeros((count, count)), 0.0
+    scores, errors, variances = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    with np.errstate(all="ignore"):
+        for first in range(0, len(record.time), BLOCK):
+            part = slice(first, first + BLOCK)
+            lanes, found = plant.engine.advance(lanes, record.samples[part])
+            block = _Block(found, record.use[part], plant.layout.n_y)
+            value += block.value()
+            if not np.isfinite(value):
+                value = -np.inf
+                break
+            information += block.information()
+            score = block.scores()
+            scores.append(score if keep else score.sum(axis=0, keepdims=True))
+            if keep:
+                errors.append(block.errors)
+                variances.append(block.variances)
+    return Course(
+        innovations=np.concatenate(errors) if errors else np.zeros((0, plant.layout.n_y)),
+        variances=np.concatenate(variances) if variances else np.zeros((0, plant.layout.n_y)),
+        scores=np.concatenate(scores) if scores else np.zeros((1, count)),
+        information=information,
+        value=value,
+    )
+
+
+class _Block:
+    """Sums over some samples: (samples, 4 n_outputs, lanes), one direction a lane."""
+
+    def __init__(self, found: FloatArray, use: BoolArray, n_y: int) -> None:
+        self.use = use[:, :, None]
+        self.e = np.where(self.use, found[:, :n_y, :1], 0.0)
+        self.s = np.where(self.use, found[:, n_y : 2 * n_y, :1], 1.0)
+        self.de = np.where(self.use, found[:, 2 * n_y : 3 * n_y], 0.0)
+        self.ds = np.where(self.use, found[:, 3 * n_y :], 0.0)
+
+    @property
+    def errors(self) -> FloatArray:
+        return np.where(self.use, self.e, np.nan)[:, :, 0]
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.where(self.use, self.s, np.nan)[:, :, 0]
+
+    def value(self) -> float:
+        terms = np.where(self.use, self.e**2 / self.s + np.log(self.s) + LOG_2_PI, 0.0)
+        return -0.5 * float(terms.sum()) if np.all(self.s > 0.0) else -np.inf
+
+    def scores(self) -> FloatArray:
+        ratio = self.e / self.s
+        return np.asarray((-ratio * self.de + 0.5 * (ratio**2 - 1.0 / self.s) * self.ds).sum(axis=1))
+
+    def information(self) -> FloatArray:
+        count = self.de.shape[2]
+        by_e = (self.de / np.sqrt(self.s)).reshape(-1, count)
+        by_s = (self.ds / self.s).reshape(-1, count)
+        return np.asarray(by_e.T @ by_e + 0.5 * by_s.T @ by_s)
+
+
+def _lanes(plant: Plant, point: Point, number: int) -> FloatArray:
+    """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
+    layout, unknowns = plant.layout, plant.unknowns
+    q, slopes = unknowns.fill(plant.base, point.values)
+    start = np.zeros(layout.n_x)
+    n, n_free, n_own = len(point.values), len(plant.free), plant.n_own
+    start[list(plant.free)] = point.starts[number, :n_free]
+    own = [place for place, _ in plant.own]
+    q[own] = point.starts[number, n_free:]
+    begin, by_q, by_start = (item.full() for item in plant.begin(q, start))
+    count = max(n + n_own, 1)
+    along = np.zeros((layout.n_q, count))
+    along[unknowns.places, np.arange(n)] = slopes
+    along[own, np.arange(n + n_free, n + n_own)] = point.sizes[number, n_free:]
+    moved = by_q @ along
+    moved[:, n : n + n_free] += by_start[:, list(plant.free)] * point.sizes[number, :n_free]
+    held = np.concatenate([begin[:, 0], q, plant.implicit])
+    return np.concatenate([np.repeat(held[:, None], count, axis=1), moved, along])

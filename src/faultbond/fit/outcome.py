@@ -1,0 +1,142 @@
+"""What a fit means for the model: values, what is to be written into the file, and what the data did not tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.fit.certainty import UNSURE
+from faultbond.fit.identification import Fit
+from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
+from faultbond.types import FloatArray
+
+LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smaller one is kept where it is declared
+MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault
+AT_END = 1e-6  # logarithms or factors from the end of a range
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A parameter that was fitted; SI.
+
+    sd: standard error. alone: what it would be without the declared accuracies. inflation: factor in both for errors
+    that are not white. accuracy: what is to be declared. determined: whether the data alone fix it.
+    """
+
+    parameter: Parameter
+    value: float
+    sd: float
+    alone: float
+    inflation: float
+    accuracy: float
+    determined: bool
+    at_end: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseFound:
+    """The noise of a sensor, or the size of a slow error; SI, of a relative error in parts. sd: of `found`."""
+
+    of: Sensor | SlowError
+    declared: float
+    found: float
+    sd: float
+
+    @property
+    def name(self) -> str:
+        """The sensor, or what is in error."""
+        return self.of.name if isinstance(self.of, Sensor) else self.of.target
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the data tell the size; of noise that drowns in other errors they only tell that it is small."""
+        return self.sd <= UNSURE * self.found
+
+    @property
+    def to_declare(self) -> float:
+        """What the model is to declare: noise as found; a slow error is there for days that are worse than these."""
+        return self.found if isinstance(self.of, Sensor) and self.is_known else self.declared
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Silence:
+    """Parameters that change together, in parts of their values, without the sensors showing it."""
+
+    changes: tuple[tuple[str, float], ...]
+
+
+def estimates_of(found: Fit) -> tuple[Estimate, ...]:
+    """Give the parameters that were fitted, in the order of the model."""
+    unknowns, certainty = found.plant.unknowns, found.certainty
+    q, slopes = unknowns.fill(found.plant.base, found.summit.point.values)
+    values = found.summit.point.values
+    estimates = []
+    for k, item in enumerate(unknowns.parameters):
+        factor, unit = float(q[unknowns.places[k]]), abs(float(slopes[k]) * item.scale)
+        sd = float(certainty.sd[k]) * unit
+        value = factor * item.scale
+        estimates.append(
+            Estimate(
+                parameter=item,
+                value=value,
+                sd=sd,
+                alone=float(certainty.alone[k]) * unit,
+                inflation=float(certainty.inflation[k]),
+                accuracy=_accuracy(item, value, sd),
+                determined=bool(certainty.determined[k]),
+                at_end=bool(
+                    values[k] - unknowns.lower[k] < AT_END or unknowns.upper[k] - values[k] < AT_END,
+                ),
+            )
+        )
+    return tuple(estimates)
+
+
+def _accuracy(item: Parameter, value: float, sd: float) -> float:
+    """Give the accuracy to declare: at least the standard error, and no more than a fault would change."""
+    least = min(LEAST_ACCURACY * abs(value), item.accuracy)
+    return min(max(sd, least), max(MOST_CHANGE * item.change * _grown(item, value), item.accuracy))
+
+
+def _grown(item: Parameter, value: float) -> float:
+    return abs(value / item.nominal) if item.nominal != 0.0 else 1.0
+
+
+def noises_of(found: Fit, graph: BondGraph) -> tuple[NoiseFound, ...]:
+    """Give the noise of the sensors and the sizes of slow errors that were found."""
+    unknowns, n, first = found.plant.unknowns, found.plant.unknowns.n_theta, found.plant.layout.first_noise
+    things: tuple[Sensor | SlowError, ...] = (*graph.sensors, *graph.slow_errors)
+    noises = []
+    for k, place in enumerate(unknowns.places[n:], start=n):
+        thing = things[int(place) - first]
+        size = float(np.exp(found.summit.point.values[k]))
+        noises.append(
+            NoiseFound(
+                of=thing,
+                declared=thing.noise if isinstance(thing, Sensor) else thing.sd,
+                found=size,
+                sd=size * float(found.certainty.sd[k]),
+            )
+        )
+    return tuple(noises)
+
+
+def silences_of(found: Fit) -> tuple[Silence, ...]:
+    """Give the combinations that the data do not fix."""
+    names = [item.name for item in found.plant.unknowns.parameters]
+    return tuple(
+        Silence(changes=tuple((name, float(part)) for name, part in zip(names, row, strict=True) if part))
+        for row in found.certainty.silent
+    )
+
+
+def residual_sizes(found: Fit) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Give the root mean square of innovations and of simulation errors, (n_outputs,) each, for each recording; SI."""
+    return tuple(
+        (_size(item.innovations), _size(np.where(record.use, record.y, np.nan) - alone))
+        for item, alone, record in zip(found.courses, found.simulated, found.records, strict=True)
+    )
+
+
+def _size(errors: FloatArray) -> FloatArray:
+    counts = np.maximum(np.isfinite(errors).sum(axis=0), 1)
+    return np.asarray(np.sqrt(np.nansum(errors**2, axis=0) / counts))

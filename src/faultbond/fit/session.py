@@ -1,0 +1,96 @@
+"""From a model and its recordings to what a fit needs."""
+
+from collections.abc import Sequence
+
+from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.equations.step import StepModel
+from faultbond.errors import ModelError
+from faultbond.fit.likelihood import Layout, build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.objective import Plant, Point
+from faultbond.fit.samples import Record, prepare
+from faultbond.fit.starts import begin_at
+from faultbond.fit.unknowns import unknowns_of
+from faultbond.model.graph import BondGraph, Parameter
+from faultbond.model.source import closest
+from faultbond.runtime.state import Sample
+
+
+def free_parameters(
+    graph: BondGraph, fixed: Sequence[str] = (), free: Sequence[str] | None = None, own: Sequence[str] = ()
+) -> tuple[tuple[int, Parameter], ...]:
+    """Give the parameters to be found, with their places.
+
+    Parameters
+    ----------
+    graph : the plant
+    fixed : parameters that are known
+    free : the only ones to be found; None: all that are not fixed and whose accuracy is not 0
+    own : found for each recording by itself
+
+    Raises
+    ------
+    ModelError
+        Where a name is no parameter, stands in both lists, or a parameter with accuracy 0 is to be found.
+    """
+    known = {item.name: item for item in graph.parameters}
+    for name in (*fixed, *(free or ()), *own):
+        if name not in known:
+            near = closest(name, known) or f"it has {', '.join(known) or 'none'}"
+            raise ModelError(f"{graph.file}: no parameter `{name}`; {near}")
+        if name in fixed and name in (*(free or ()), *own):
+            raise ModelError(f"parameter {name} is both fixed and free; name it once")
+    for name in (*(free or ()), *own):
+        if known[name].accuracy <= 0.0:
+            raise ModelError(f"parameter {name} has accuracy 0, so it is known exactly; state how well it is known")
+    wanted = {*free, *own} if free is not None else {name for name, item in known.items() if item.accuracy > 0.0}
+    return tuple((k, item) for k, item in enumerate(graph.parameters) if item.name in wanted - set(fixed))
+
+
+def layout_of_graph(graph: BondGraph) -> Layout:
+    """Give the sizes of a plant as recordings need them, without its equations."""
+    return Layout(
+        n_x=0,
+        n_b=len(graph.slow_errors),
+        n_w=sum(item.noise > 0.0 for item in graph.inputs),
+        n_p=len(graph.parameters),
+        n_y=len(graph.sensors),
+        n_u=len(graph.inputs),
+        n_z=0,
+    )
+
+
+def build_fit(
+    model: StepModel,
+    likelihood: Engine,
+    spec: EngineSpec,
+    engine: Engine,
+    recordings: Sequence[tuple[str, Sequence[Sample]]],
+    parameters: tuple[tuple[int, Parameter], ...],
+    own: tuple[str, ...] = (),
+) -> tuple[Plant, tuple[Record, ...], Point]:
+    """Give the plant, its recordings, and where the search begins.
+
+    Parameters
+    ----------
+    model : the plant in discrete time
+    likelihood : runs `build_likelihood` of it
+    spec, engine : of the same model, as the monitor runs it
+    recordings : names and grid points
+    parameters : those to be found, with their places; noise of sensors and sizes of slow errors are found beside
+    own : names of those that each recording has for itself
+    """
+    layout, base, known = layout_of(model), nominal_q(model), known_starts(model)
+    noises = tuple(range(layout.first_noise, layout.first_noise + layout.n_y + layout.n_b))
+    plant = Plant(
+        sensors=tuple(item.name for item in model.plant.graph.sensors),
+        layout=layout,
+        engine=likelihood,
+        begin=build_begin(model),
+        base=base,
+        implicit=model.reference_implicit,
+        unknowns=unknowns_of(layout, base, tuple(item for item in parameters if item[1].name not in own), noises),
+        free=tuple(k for k in range(layout.n_x) if k not in known),
+        own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),
+    )
+    records = tuple(prepare(name, points, spec, layout) for name, points in recordings)
+    return plant, records, begin_at(plant, records, spec, engine)

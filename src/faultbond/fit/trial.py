@@ -1,0 +1,108 @@
+"""A model on trial on healthy recordings: would it alarm, how often, where is it wrong, and what must it declare."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.fit.false_alarms import Rate, between_alarms, rates
+from faultbond.fit.innovations import Variant, Watch, watch
+from faultbond.fit.lack_of_fit import Moment, Region, moments, regions
+from faultbond.fit.likelihood import Layout
+from faultbond.fit.samples import Record
+
+FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+MONTH = 30.0 * 86400.0  # s
+KINDS = ("accuracy", "noise", "slow")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What the detector would do if accuracies, noise or slow errors were declared so many times larger.
+
+    peak: the largest statistic as a part of its limit; between: expected seconds between false alarms.
+    """
+
+    kind: str
+    factor: float
+    peak: float
+    between: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Health:
+    """A model on healthy recordings. needed: smallest factor of each kind that keeps the promise; None: none does."""
+
+    promise: float
+    step: float
+    records: tuple[Record, ...]
+    watches: tuple[Watch, ...]
+    rates: tuple[Rate, ...]
+    regions: tuple[Region, ...]
+    moments: tuple[Moment, ...]
+    trials: tuple[Trial, ...]
+
+    @property
+    def between(self) -> float:
+        """Expected seconds between false alarms as declared."""
+        return between_alarms(self.rates)
+
+    @property
+    def peak(self) -> float:
+        """The largest statistic on the recordings as a part of its limit; an alarm above 1."""
+        return max((item.peak for item in self.rates), default=0.0)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the promise is kept as declared."""
+        return self.peak <= 1.0 and self.between >= self.promise
+
+    @property
+    def needed(self) -> dict[str, float | None]:
+        """The smallest factor of each kind that keeps the promise; None where none of those tried does."""
+        found: dict[str, float | None] = {}
+        for kind in dict.fromkeys(item.kind for item in self.trials):
+            good = [item.factor for item in self.trials if item.kind == kind and self._is_good(item)]
+            found[kind] = min(good) if good else None
+        return found
+
+    def _is_good(self, item: Trial) -> bool:
+        return item.peak <= 1.0 and item.between >= self.promise
+
+
+def on_trial(
+    spec: EngineSpec, engine: Engine, layout: Layout, records: Sequence[Record], promise: float = MONTH
+) -> Health:
+    """Put a model on trial.
+
+    Parameters
+    ----------
+    spec, engine : the model as the monitor runs it
+    layout : of the recordings' samples
+    records : healthy recordings
+    promise : seconds between false alarms that are wanted at least
+    """
+    steps = np.concatenate([item.samples[1:, 0] for item in records])
+    step = float(np.median(steps)) if len(steps) else 1.0
+    watches = tuple(watch(spec, engine, item, layout) for item in records)
+    trials = []
+    for kind in KINDS:
+        if (kind == "slow" and not spec.slow_errors) or (kind == "accuracy" and not spec.parameters):
+            continue
+        for factor in FACTORS:
+            variant = replace(Variant(), **{kind: factor})
+            seen = watches if factor == 1.0 else tuple(watch(spec, engine, item, layout, variant) for item in records)
+            found = rates(spec, seen, step)
+            peak = max((item.peak for item in found), default=0.0)
+            trials.append(Trial(kind=kind, factor=factor, peak=peak, between=between_alarms(found)))
+    return Health(
+        promise=promise,
+        step=step,
+        records=tuple(records),
+        watches=watches,
+        rates=rates(spec, watches, step),
+        regions=regions(spec, records, watches),
+        moments=moments(spec, records, watches),
+        trials=tuple(trials),
+    )

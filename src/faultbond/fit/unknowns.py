@@ -1,0 +1,94 @@
+"""What is to be found, as a vector without bounds, and what was known before.
+
+A parameter whose range has one sign is found by its logarithm, relative to nominal; any other by its factor. Sizes of
+noise are found by their logarithms, an unknown start by parts of its size. Declared accuracies are the prior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.fit.likelihood import Layout
+from faultbond.model.graph import Parameter
+from faultbond.types import BoolArray, FloatArray, IntArray
+
+FURTHEST = 1e3  # a parameter is at most so many times larger or smaller than nominal
+NOISE_PRIOR = 3.0  # sd of the logarithm of a size of noise: a factor of 20 either way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Unknowns:
+    """Places in q of what is to be found: parameters first, then sizes of noise. All arrays are per unknown.
+
+    logarithmic: the unknown is the logarithm of the factor (of the sd, of noise). prior: sd before the data.
+    """
+
+    places: IntArray
+    parameters: tuple[Parameter, ...]
+    logarithmic: BoolArray
+    nominal: FloatArray
+    prior: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    @property
+    def n_theta(self) -> int:
+        """How many of them are parameters."""
+        return len(self.parameters)
+
+    def fill(self, base: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Give q with the unknowns at their values, and the slope of each entry of q by its unknown."""
+        q, n = base.copy(), self.n_theta
+        entries = values.copy()
+        entries[:n] = np.where(self.logarithmic[:n], np.exp(values[:n]), values[:n])
+        q[self.places] = entries
+        slopes = np.ones(len(values))
+        slopes[:n] = np.where(self.logarithmic[:n], entries[:n], 1.0)
+        return q, slopes
+
+    def widened(self, times: float | FloatArray) -> FloatArray:
+        """Give the prior with accuracies that many times wider."""
+        return np.concatenate([times * self.prior[: self.n_theta], self.prior[self.n_theta :]])
+
+
+def unknowns_of(
+    layout: Layout, base: FloatArray, parameters: tuple[tuple[int, Parameter], ...], noises: tuple[int, ...]
+) -> Unknowns:
+    """Give the unknowns.
+
+    Parameters
+    ----------
+    layout : of q
+    base : q as the model file states it
+    parameters : those to be found, with their places in q
+    noises : places in q of the sizes of noise to be found; slow errors are not larger than declared, since one that
+        may grow explains away whatever the model does wrong
+    """
+    logs = [_has_sign(item) for _, item in parameters]
+    nominal, prior, lower, upper = [], [], [], []
+    for (place, item), log in zip(parameters, logs, strict=True):
+        ends = sorted((item.lower / item.scale, item.upper / item.scale))
+        nominal.append(0.0 if log else base[place])
+        prior.append(item.accuracy / abs(item.scale))
+        lower.append(_log(max(ends[0], 1.0 / FURTHEST)) if log else ends[0])
+        upper.append(_log(min(ends[1], FURTHEST)) if log else ends[1])
+    several = len(noises)
+    own = base[list(noises)]
+    return Unknowns(
+        places=np.array([*(place for place, _ in parameters), *noises], dtype=np.intp),
+        parameters=tuple(item for _, item in parameters),
+        logarithmic=np.array([*logs, *([True] * several)], dtype=bool),
+        nominal=np.array([*nominal, *own]),
+        prior=np.array([*prior, *([NOISE_PRIOR] * several)]),
+        lower=np.array([*lower, *(own - np.log(1e8))]),
+        upper=np.array([*upper, *(own + np.where(np.array(noises) < layout.n_p + layout.n_y, np.log(1e8), 0.0))]),
+    )
+
+
+def _has_sign(item: Parameter) -> bool:
+    """Whether the parameter stays on the side of zero on which its nominal is."""
+    return (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
+
+
+def _log(factor: float) -> float:
+    return float(np.log(factor))

@@ -1,1 +1,0 @@
-"""Method `classic`, the thesis' own: the on-line part. numpy only."""

@@ -1,1 +1,0 @@
-"""Networks of logic: all smallest diagnoses."""

@@ -1,1 +1,0 @@
-"""Routes from what is known to what is sought, through time."""

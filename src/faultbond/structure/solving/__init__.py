@@ -1,1 +1,0 @@
-"""Solving routes: closed forms, roots, noise."""

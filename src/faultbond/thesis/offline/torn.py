@@ -1,0 +1,130 @@
+"""Functions without a closed form: the same equations, torn, for Newton's method beside the plant.
+
+Of the unknowns of a block that must be solved together a few are guessed, the others follow from them one by one, and
+as many equations are left over, whose misfits are zero at the right guess. Source: Elmqvist and Otter 1994 (tearing).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from faultbond.algebra.route import Route
+from faultbond.algebra.solving.backward_euler import Plant
+from faultbond.algebra.solving.problem import Block, prepare, trials_of
+from faultbond.algebra.solving.solution import Line
+from faultbond.equations.component_network import ComponentNetwork
+from faultbond.equations.inversion import isolate
+from faultbond.errors import StructureError
+from faultbond.model.expression import Call, Expression, names, walk
+from faultbond.thesis.online.tape import OPERATIONS
+
+MOST_GUESSED = 3  # unknowns of a block that are guessed
+_MOST_TRIED = 400  # choices of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Torn:
+    """How targets follow: `guessed` unknowns and where they are about, lines one by one, and what must be zero.
+
+    misfits: names of the lines that must be zero, as many as there are guesses.
+    """
+
+    guessed: tuple[str, ...]
+    about: tuple[float, ...]
+    lines: tuple[Line, ...]
+    misfits: tuple[str, ...]
+
+
+def tear(network: ComponentNetwork, route: Route, plant: Plant, prefer: Sequence[str]) -> Torn:
+    """Tear the equations of a route.
+
+    Parameters
+    ----------
+    network, route, plant : what follows from what, and the nominal numbers
+    prefer : names that are guessed rather than others, since it is known where they are about
+
+    Raises
+    ------
+    StructureError
+        Where more than a few unknowns would have to be guessed, or the nominal plant has no values to begin with.
+    """
+    problem = prepare(network, route, plant)
+    records, _ = trials_of(network, problem, plant)
+    if not records:
+        raise StructureError(
+            f"{network.file}: the nominal plant cannot be computed where {route.question.title} is sought"
+        )
+    guessed: list[str] = []
+    lines: list[Line] = []
+    misfits: list[str] = []
+    for block in problem.blocks:
+        found = _tear_block(block, prefer)
+        if found is None:
+            raise StructureError(
+                f"{network.file}: {route.question.title} takes {len(block.unknown)} equations at once that neither a "
+                "closed form nor a few guesses solve; take method `bank`"
+            )
+        chosen, steps, left = found
+        guessed += chosen
+        lines += steps
+        for residual in left:
+            misfits.append(f"misfit {len(misfits)}")
+            lines.append(Line(name=misfits[-1], value=residual))
+    about = tuple(float(records[0].true[name]) for name in guessed)
+    return Torn(guessed=tuple(guessed), about=about, lines=tuple(lines), misfits=tuple(misfits))
+
+
+def _tear_block(block: Block, prefer: Sequence[str]) -> tuple[tuple[str, ...], list[Line], list[Expression]] | None:
+    """Give what is guessed, how the other unknowns follow, and what is left over; None where that takes too many."""
+    for number, chosen in enumerate(_choices(block, prefer)):
+        if number > _MOST_TRIED:
+            return None
+        found = _follow(block, chosen)
+        if found is not None:
+            return chosen, *found
+    return None
+
+
+def _choices(block: Block, prefer: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    order = sorted(block.unknown, key=lambda name: name not in prefer)
+    for size in range(min(MOST_GUESSED, len(order)) + 1):
+        yield from combinations(order, size)
+
+
+def _follow(block: Block, chosen: Sequence[str]) -> tuple[list[Line], list[Expression]] | None:
+    """Solve equation after equation for the one unknown that is left in it; None where that comes to a stop."""
+    open_ = [name for name in block.unknown if name not in chosen]
+    left = list(block.residuals)
+    lines: list[Line] = []
+    while open_:
+        step = _next(left, open_)
+        if step is None:
+            return None
+        residual, line = step
+        left.remove(residual)
+        open_.remove(line.name)
+        lines.append(line)
+    return lines, left
+
+
+def _next(left: Sequence[Expression], open_: Sequence[str]) -> tuple[Expression, Line] | None:
+    for residual in left:
+        unknown = [name for name in names(residual) if name in open_]
+        if len(unknown) == 1:
+            value = isolate(residual, unknown[0])
+            if value is not None and _can_run(value):
+                return residual, Line(name=unknown[0], value=value)
+    return None
+
+
+def _can_run(value: Expression) -> bool:
+    return all(part.function in OPERATIONS for part in walk(value) if isinstance(part, Call))
+
+
+def starts_of(torn: Torn, places: Mapping[str, int]) -> tuple[int, ...]:
+    """Give the place of each guessed signal one frame earlier, -1 where that is not known."""
+    found = []
+    for name in torn.guessed:
+        signal, _, frame = name.rpartition("_")
+        found.append(places.get(f"{signal}_{int(frame) + 1}", -1) if frame.isdigit() else -1)
+    return tuple(found)

@@ -1,0 +1,75 @@
+"""Plants and runs that the tests of the analysis share."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivity
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
+from faultbond.model.text import load_model, parse_model
+from faultbond.types import FloatArray
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+TANK_SENSORS = "  flow:     {reads: sqrt(orifice.e/K_meter), unit: m^3/s, noise: 2.8e-6 m^3/s}\n"
+
+
+def example(name: str, *changes: tuple[str, str]) -> StepModel:
+    """A built-in plant, by its folder or its file, some words of it changed."""
+    path = EXAMPLES / (name if name.endswith(".yaml") else f"{name}/model.yaml")
+    if not changes:
+        return build_step_model(build_plant(load_model(path)))
+    text = path.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return stated(text)
+
+
+def stated(text: str) -> StepModel:
+    """The plant of a model text."""
+    return build_step_model(build_plant(parse_model(text)))
+
+
+def circuit(components: str, junctions: str, bonds: str, sensors: str, extra: str = "") -> StepModel:
+    """A circuit with the voltage V as its input."""
+    return stated(
+        f"name: circuit\nsample_time: 0.1 s\nmax_faults: 2\ninputs: {{V: {{unit: V}}}}\n{extra}components:\n"
+        f"  source: {{type: Se, law: e = V}}\n{components}\njunctions: {{{junctions}}}\nbonds: [{bonds}]\n"
+        f"sensors: {{{sensors}}}\n"
+    )
+
+
+def run(
+    model: StepModel,
+    inputs: FloatArray,
+    dt: float | FloatArray,
+    start: Sequence[float] | FloatArray,
+    theta: FloatArray | None = None,
+) -> Sensitivity:
+    """A run with equal steps, or given ones, the first sample at the start."""
+    n = len(inputs)
+    steps = np.full(n, dt) if isinstance(dt, float) else dt.copy()
+    steps[0] = 0.0
+    nominal = np.array([item.nominal for item in model.plant.graph.parameters])
+    experiment = Experiment(
+        start=np.asarray(start, dtype=np.float64),
+        inputs=np.asarray(inputs, dtype=np.float64).reshape(n, -1),
+        dt=steps,
+        theta=nominal if theta is None else theta,
+        implicit=model.reference_implicit,
+    )
+    return sensitivity(build_recursion(model.plant), experiment)
+
+
+def positions(model: StepModel, *names: str) -> tuple[int, ...]:
+    """Where parameters stand."""
+    return tuple([item.name for item in model.plant.graph.parameters].index(name) for name in names)
+
+
+def named(model: StepModel, sets: Iterable[tuple[int, ...]]) -> list[tuple[str, ...]]:
+    """Sets by the names of their parameters."""
+    names = [item.name for item in model.plant.graph.parameters]
+    return [tuple(names[k] for k in chosen) for chosen in sets]

@@ -1,0 +1,178 @@
+"""The records of a run."""
+
+import json
+
+import numpy as np
+
+from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.contract.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, ParameterSpec, StateSpec, Thresholds
+from faultbond.runtime.bank import no_bank
+from faultbond.runtime.ranking import rank
+from faultbond.types import FaultKind, Method
+
+
+def parameter(name: str, owner: str) -> ParameterSpec:
+    """Give a parameter of nominal 2 in units of 1e3."""
+    return ParameterSpec(
+        name=name,
+        component=owner,
+        nominal=2.0,
+        scale=2.0,
+        accuracy=0.03,
+        change=2.0,
+        lower=0.02,
+        upper=50.0,
+        suspect=True,
+        unit="kohm",
+        unit_factor=1e3,
+    )
+
+
+SPEC = EngineSpec(
+    model="circuit",
+    model_sha256="ab" * 32,
+    version="0.1.0",
+    sample_time=0.5,
+    states=(StateSpec(name="C.q", start_mean=0.0, start_sd=1.0, noise=0.0),),
+    slow_errors=(),
+    parameters=(parameter("R", "R"), parameter("C", "C")),
+    inputs=(InputSpec(name="V", noise=0.0, settling=0.0, step=1.0, step_part=0.0),),
+    outputs=(OutputSpec(name="V_C", noise=0.1, direct_inputs=(), unit="V", unit_factor=1.0, unit_offset=0.0),),
+    loops=(),
+    hypotheses=((0,), (1,), (0, 1)),
+    thresholds=Thresholds(),
+)
+
+
+def test_the_first_record() -> None:
+    """It names the model, its hash, the method, the version and the sample time."""
+    assert run_record(
+        model="circuit",
+        model_sha256="ab" * 32,
+        method=Method.BANK,
+        version="0.1.0",
+        sample_time=0.5,
+        explain_anything=[("R", "C")],
+    ) == {
+        "record": "run",
+        "model": "circuit",
+        "model_sha256": "ab" * 32,
+        "method": "bank",
+        "version": "0.1.0",
+        "sample_time": 0.5,
+        "explain_anything": [["R", "C"]],
+        "continues": None,
+    }
+
+
+def test_a_detection() -> None:
+    """It has the time of the alarm, its sample, the onset and the signals as a list."""
+    detection = Detection(time=12.5, sample=25, change_time=10.0, signals=("V_C",))
+    assert detection_record(detection) == {
+        "record": "detection",
+        "time": 12.5,
+        "sample": 25,
+        "change_time": 10.0,
+        "signals": ["V_C"],
+    }
+
+
+def test_a_diagnosis() -> None:
+    """Each candidate has its components, each once, and its parameters with nominal, estimate and sd in SI."""
+    pair = tuple(Suspect(parameter=n, component="K", nominal=2.0, estimate=3.0, sd=0.1) for n in ("K1", "K2"))
+    found = Candidate(suspects=pair, probability=0.75, group=True, kinds=((FaultKind.STEP, 1.0),))
+    numbers = {"nominal": 2.0, "estimate": 3.0, "sd": 0.1}
+    assert diagnosis_record(Diagnosis(time=20.0, candidates=(found,))) == {
+        "record": "diagnosis",
+        "time": 20.0,
+        "candidates": [
+            {
+                "components": ["K"],
+                "parameters": {"K1": numbers, "K2": numbers},
+                "probability": 0.75,
+                "group": True,
+                "kind": "step",
+                "kinds": {"step": 1.0},
+                "present": True,
+            }
+        ],
+        "unexplained": None,
+        "advice": [],
+        "untested": None,
+    }
+
+
+def candidates(*found: Candidate) -> list[dict[str, object]]:
+    """Give the members of a diagnosis record as a program reads them."""
+    record = json.loads(json.dumps(diagnosis_record(Diagnosis(time=20.0, candidates=found))))
+    listed: list[dict[str, object]] = record["candidates"]
+    return listed
+
+
+def test_a_drift_has_its_rate_and_forecasts() -> None:
+    """Only a value that moves has a rate; a limit that is never reached has no latest time."""
+    limit = Forecast(limit=4.0, time=90.0, earliest=50.0, latest=None)
+    moving = Suspect(
+        parameter="K1", component="K", nominal=2.0, estimate=3.0, sd=0.1, rate=0.01, rate_sd=0.002, forecasts=(limit,)
+    )
+    kinds = ((FaultKind.DRIFT, 0.9), (FaultKind.STEP, 0.1))
+    record = candidates(Candidate(suspects=(moving,), probability=1.0, group=True, kind=FaultKind.DRIFT, kinds=kinds))
+    assert record[0]["kind"] == "drift"
+    assert record[0]["kinds"] == {"drift": 0.9, "step": 0.1}
+    assert record[0]["parameters"] == {
+        "K1": {
+            "nominal": 2.0,
+            "estimate": 3.0,
+            "sd": 0.1,
+            "rate": 0.01,
+            "rate_sd": 0.002,
+            "forecasts": [{"limit": 4.0, "time": 90.0, "earliest": 50.0, "latest": None}],
+        }
+    }
+
+
+def test_a_fault_of_a_sensor() -> None:
+    """Its component is the sensor; where there is no healthy value to compare with, nominal is null."""
+    stuck = Suspect(parameter="V_C.stuck", component="V_C", nominal=None, estimate=3.0, sd=0.1)
+    kinds = ((FaultKind.STUCK, 1.0),)
+    record = candidates(Candidate(suspects=(stuck,), probability=1.0, group=True, kind=FaultKind.STUCK, kinds=kinds))
+    assert record[0]["components"] == ["V_C"]
+    assert record[0]["parameters"] == {"V_C.stuck": {"nominal": None, "estimate": 3.0, "sd": 0.1}}
+
+
+def test_a_network_without_time_has_no_kinds() -> None:
+    """Kinds of fault differ in time; a network without time knows none."""
+    record = candidates(Candidate(suspects=(), blocks=("A",), probability=1.0, group=True))
+    assert (record[0]["kind"], record[0]["kinds"]) == (None, {})
+
+
+def test_what_no_fault_explains_is_in_the_diagnosis() -> None:
+    """Signal, size in standard deviations and the time over which the best candidate is off."""
+    off = Unexplained(signal="V_C", sd=3.5, since=12.0, until=19.0)
+    record = diagnosis_record(Diagnosis(time=20.0, candidates=(), unexplained=off))
+    assert record["unexplained"] == {"signal": "V_C", "sd": 3.5, "since": 12.0, "until": 19.0}
+
+
+def test_the_last_record() -> None:
+    """It has all counts, and no time where there was no sample."""
+    counts = {"samples": 9, "watched": 4, "detections": 1, "missing": 3, "late": 2, "duplicate": 1}
+    more = {"untimed": 5, "unused": 6, "clock_jumps": 7, "saturated": 8, "frozen": 10, "wild": 11}
+    assert end_record(time=4.0, **counts, **more) == {"record": "end", "time": 4.0} | counts | more
+    assert end_record(time=4.0, **counts) == {"record": "end", "time": 4.0} | counts | dict.fromkeys(more, 0)
+    assert end_record(time=None, **counts)["time"] is None
+
+
+def test_probabilities_of_all_tested_sets_sum_to_one() -> None:
+    """A ranked bank gives every set, best first, with probabilities and shares of kinds that sum to 1."""
+    bank = no_bank(SPEC)
+    bank.steps[-1] = np.linspace(-9.0, -3.0, bank.steps.shape[1])
+    bank.slots[-1] = np.linspace(-9.0, -3.0, bank.slots.shape[1])
+    record = json.loads(json.dumps(diagnosis_record(rank(SPEC, 1.0, bank))))
+    probabilities = [candidate["probability"] for candidate in record["candidates"]]
+    assert len(probabilities) == SPEC.n_hypotheses
+    assert probabilities == sorted(probabilities, reverse=True)
+    assert abs(sum(probabilities) - 1.0) < 1e-12
+    assert all(abs(sum(candidate["kinds"].values()) - 1.0) < 1e-12 for candidate in record["candidates"])
+    assert all(candidate["kind"] == next(iter(candidate["kinds"])) for candidate in record["candidates"])
+    assert record["candidates"][0]["group"] is True

@@ -1,0 +1,182 @@
+"""What lanes with a slot have in it: kinds of fault, their starts and prior weights, and on what each acts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from faultbond.contract.lanes import starts_of
+from faultbond.contract.slots import (
+    DRIFTING,
+    FRESH,
+    NOISES,
+    OLD,
+    SENSOR_KINDS,
+    STUCK_AT,
+    STUCK_NOISES,
+    SWITCHING,
+    SlotLane,
+    SlotPlan,
+    plan_slots,
+)
+from faultbond.contract.spec import EngineSpec
+from faultbond.types import FaultKind, FloatArray
+from made import plant
+
+SPEC = plant("dc_motor_current")[1]  # R L K J C; sensors omega, i; input V
+
+
+def lanes_of(plan: SlotPlan, hypothesis: int) -> list[SlotLane]:
+    """The lanes of a hypothesis."""
+    return [lane for lane in plan.lanes if lane.hypothesis == hypothesis]
+
+
+def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
+    """One role of all lanes, shape (things it acts on, n_lanes)."""
+    first, place = spec.slotted.loop_slice.stop, spec.slotted.role_fields[name]
+    return plan.roles[place.start - first : place.stop - first]
+
+
+@pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
+def test_single_parameters_drift_or_come_and_go(name: str) -> None:
+    """Sets of one parameter have lanes of a drift and of a fault that comes and goes, each rarer than a step."""
+    spec = plant(name)[1]
+    plan = plan_slots(spec)
+    for k, chosen in enumerate(spec.hypotheses):
+        own = lanes_of(plan, k)
+        if len(chosen) > 1:
+            assert not own
+            continue
+        assert {lane.parameter for lane in own} == {chosen[0]}
+        drifts = [lane for lane in own if lane.kind is FaultKind.DRIFT]
+        pairs = [lane for lane in own if lane.kind is FaultKind.INTERMITTENT]
+        assert len(drifts) + len(pairs) == len(own)
+        assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
+        assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
+
+
+@pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
+def test_kinds_of_an_instrument(name: str) -> None:
+    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input is biased or errs.
+
+    Those of an input are rarer; what comes and goes has lanes of both, with the weight of one.
+    """
+    spec = plant(name)[1]
+    plan = plan_slots(spec)
+    for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
+        own, shares = lanes_of(plan, k), dict[FaultKind, float]()
+        for lane in own:
+            index = (lane.output, lane.input) if instrument.is_output else (lane.input, lane.output)
+            assert index == (instrument.index, -1)
+            shares[lane.kind] = shares.get(lane.kind, 0.0) + lane.acts * float(np.exp(lane.weight))
+        of_input = {FaultKind.BIAS: 0.3, FaultKind.INTERMITTENT: 0.3 * np.exp(SWITCHING)}
+        assert shares == pytest.approx(SENSOR_KINDS if instrument.is_output else of_input)
+        for kind in shares:
+            assert len({lane.weight for lane in own if lane.kind is kind}) == 1
+    assert set(SENSOR_KINDS) == set(FaultKind) - {FaultKind.STEP}
+
+
+def test_instruments_that_are_trusted_have_no_lanes() -> None:
+    """A sensor or input that is no suspect has no hypothesis; the numbers of the others go on without a gap."""
+    trusting = replace(SPEC, outputs=(replace(SPEC.outputs[0], suspect=False), SPEC.outputs[1]))
+    assert [item.name for item in trusting.instruments] == ["i", "V"]
+    assert trusting.n_hypotheses == SPEC.n_hypotheses - 1
+    plan = plan_slots(trusting)
+    assert {lane.output for lane in plan.lanes} == {-1, 1}
+    assert set(plan.hypothesis) == {*range(5), len(SPEC.hypotheses), len(SPEC.hypotheses) + 1}
+
+
+def test_nothing_to_suspect_is_an_empty_plan() -> None:
+    """Without single parameters and suspect instruments there are no lanes, and arrays of no columns."""
+    sets = tuple(chosen for chosen in SPEC.hypotheses if len(chosen) > 1)
+    outputs = tuple(replace(item, suspect=False) for item in SPEC.outputs)
+    inputs = tuple(replace(item, suspect=False) for item in SPEC.inputs)
+    plan = plan_slots(replace(SPEC, hypotheses=sets, outputs=outputs, inputs=inputs))
+    assert (plan.n_lanes, plan.switched) == (0, 0)
+    assert plan.roles.shape == (SPEC.slotted.n_roles, 0)
+
+
+def test_pairs_come_last_and_differ_only_in_whether_the_fault_is_there() -> None:
+    """From `switched` on, lanes are pairs of the same fault, there and gone; none is before."""
+    plan = plan_slots(SPEC)
+    assert all(lane.kind is not FaultKind.INTERMITTENT for lane in plan.lanes[: plan.switched])
+    there, gone = plan.lanes[plan.switched :: 2], plan.lanes[plan.switched + 1 :: 2]
+    assert len(there) == len(gone) > 0
+    for one, two in zip(there, gone, strict=True):
+        assert (one.kind, one.acts, two.acts) == (FaultKind.INTERMITTENT, True, False)
+        assert replace(two, acts=True) == one
+
+
+def test_starts_of_parameters_are_those_of_steps() -> None:
+    """A fault that comes and goes begins at the starts of a step, as what it adds; so does a drift under way."""
+    plan = plan_slots(SPEC)
+    for k, item in enumerate(SPEC.parameters):
+        wanted = [(start.value - 1.0, start.sd) for start in starts_of(item, 1)]
+        own = lanes_of(plan, SPEC.hypotheses.index((k,)))
+        pairs = [(lane.size, lane.size_sd) for lane in own if lane.kind is FaultKind.INTERMITTENT and lane.acts]
+        fresh, *old = (lane for lane in own if lane.kind is FaultKind.DRIFT)
+        assert pairs == wanted
+        assert [(lane.size, lane.size_sd) for lane in old] == wanted
+        assert (fresh.size, fresh.size_sd) == (0.0, item.accuracy)
+        assert (fresh.rate_sd, fresh.span) == (2.0 * item.change / FRESH, FRESH)
+        assert all(lane.rate_sd == item.change / OLD for lane in old)
+        assert all(lane.rate_sd == 0.0 for lane in own if lane.kind is FaultKind.INTERMITTENT)
+
+
+def test_starts_where_the_nominal_is_zero() -> None:
+    """A parameter that is healthy at 0 begins at its starts themselves, which add to 0."""
+    leak = replace(SPEC.parameters[0], nominal=0.0, change=3.0, lower=0.0)
+    spec = replace(SPEC, parameters=(leak, *SPEC.parameters[1:]))
+    pairs = [lane for lane in lanes_of(plan_slots(spec), 0) if lane.kind is FaultKind.INTERMITTENT and lane.acts]
+    assert [(lane.size, lane.size_sd) for lane in pairs] == [(0.0, 3.0), (1.0, 3.0)]
+
+
+def test_a_parameter_is_acted_on_while_its_fault_is_there() -> None:
+    """The size adds to the factor of the parameter at fault and to nothing else; to nothing while the fault is gone."""
+    plan = plan_slots(SPEC)
+    theta = role(SPEC, plan, "theta")
+    for k, lane in enumerate(plan.lanes):
+        wanted = np.zeros(len(SPEC.parameters))
+        if lane.parameter >= 0:
+            wanted[lane.parameter] = float(lane.acts)
+        assert np.array_equal(theta[:, k], wanted)
+        assert np.array_equal(role(SPEC, plan, "input")[:, k], [float(lane.input == 0 and lane.acts)])
+
+
+SENSOR_ROLES = {  # reads, gain, bias in noise, noise variance in that declared
+    FaultKind.BIAS: (1.0, 0.0, 1.0, [1.0, 1.0]),
+    FaultKind.DRIFT: (1.0, 0.0, 1.0, [1.0, 1.0]),
+    FaultKind.GAIN: (1.0, 1.0, 0.0, [1.0]),
+    FaultKind.STUCK: (0.0, 0.0, 1.0, [*STUCK_NOISES] * len(STUCK_AT)),
+    FaultKind.NOISE: (1.0, 0.0, 0.0, [*NOISES]),
+}
+
+
+def test_roles_of_each_kind_of_fault_of_a_sensor() -> None:
+    """Each kind acts on its own sensor as its name says, and leaves the other sensors healthy."""
+    plan = plan_slots(SPEC)
+    numbers = {name: role(SPEC, plan, name) for name in ("reads", "gain", "bias", "noise")}
+    for output, item in enumerate(SPEC.outputs):
+        for kind, (reads, gain, bias, noises) in SENSOR_ROLES.items():
+            own = [k for k, lane in enumerate(plan.lanes) if lane.output == output and lane.kind is kind]
+            assert numbers["reads"][output, own] == pytest.approx(reads)
+            assert numbers["gain"][output, own] == pytest.approx(gain)
+            assert numbers["bias"][output, own] == pytest.approx(bias * item.noise)
+            assert numbers["noise"][output, own].tolist() == noises
+        pairs = [
+            k for k, lane in enumerate(plan.lanes) if lane.output == output and lane.kind is FaultKind.INTERMITTENT
+        ]
+        assert numbers["reads"][output, pairs].tolist() == [1.0, 1.0, 1.0, 1.0, 0.0, 1.0]  # biased twice, stuck
+        assert numbers["bias"][output, pairs] == pytest.approx(item.noise * np.array([1.0, 0.0] * 3))
+        assert np.all(numbers["gain"][output, pairs] == 0.0)
+        assert np.all(numbers["noise"][output, pairs] == 1.0)
+        others = [k for k, lane in enumerate(plan.lanes) if lane.output != output]
+        for name, healthy in (("reads", 1.0), ("gain", 0.0), ("bias", 0.0), ("noise", 1.0)):
+            assert np.all(numbers[name][output, others] == healthy)
+
+
+def test_what_moves_has_a_rate() -> None:
+    """Only drifts have an uncertain rate; only noise has no uncertain size."""
+    for lane in plan_slots(SPEC).lanes:
+        assert (lane.rate_sd > 0.0) == (lane.kind is FaultKind.DRIFT)
+        assert (lane.size_sd > 0.0) == (lane.kind is not FaultKind.NOISE)

@@ -1,0 +1,160 @@
+"""The likelihood of innovations, its slopes, and the tests of what is left."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from faultbond.errors import ModelError, RecordingError
+from faultbond.fit.likelihood import build_likelihood
+from faultbond.fit.objective import Plant, Point, course, evaluate
+from faultbond.fit.samples import Record
+from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.whiteness import test_whiteness as whiteness_of
+from faultbond.model.text import parse_model
+from faultbond.runtime.state import Sample
+from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.machine import VirtualMachine
+
+RC = """
+name: rc
+sample_time: 0.1 s
+inputs: {V: {unit: V, noise: 0.2 V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 ohm}}
+  C: {type: C, parameters: {C: 50 mF}, start: {q: 0.1 C, sd: 0.02 C}}
+junctions: {loop: 1}
+bonds: [source -> loop -> R, loop -> C]
+sensors: {v: {reads: C.e, unit: V, noise: 0.1 V}, i: {reads: loop.f, unit: A, noise: 0.05 A}}
+slow_error: {v: 0.3 V over 2 s}
+"""
+
+
+def recording(n: int = 60, seed: int = 1) -> list[Sample]:
+    """Give grid points with steps of the input, noise for readings, and two values missing."""
+    rng = np.random.default_rng(seed)
+    points = []
+    for k in range(n):
+        y = np.array([2.0, 0.1]) + 0.3 * rng.standard_normal(2)
+        if k in (7, 20):
+            y[k % 2] = np.nan
+        points.append(Sample(time=0.1 * k, dt=0.1 if k else 0.0, u=np.array([3.0 * (k % 20 < 10)]), y=y))
+    return points
+
+
+def prepared(text: str, points: list[Sample]) -> tuple[Plant, tuple[Record, ...], Point]:
+    """Give what a fit needs, run without a compiler."""
+    graph = parse_model(text)
+    model = build_model(graph)
+    spec, engine = build_engine(graph, compiled=False)
+    likelihood = VirtualMachine(build_likelihood(model))
+    return build_fit(model, likelihood, spec, engine, [("made", points)], free_parameters(graph))
+
+
+def dense_likelihood(points: list[Sample]) -> float:
+    """Give the likelihood of the readings of `RC` from their joint normal distribution, without a filter."""
+    r, c, h, n = 10.0, 0.05, 0.1, len(points)
+    pole = -1.0 / (r * c)
+    gamma = 1.0 - 1.0 / np.sqrt(2.0)
+    z = pole * h
+    k1, scale = 1.0 / (1.0 - gamma * z), z / (1.0 - gamma * z)
+    a = 1.0 + 1.5 * scale + 0.5 * (scale * (1.0 + scale) - 2.0 * k1 * scale)  # ROS2 on a linear plant
+    b = 1.0 - a  # at rest the voltage is that of the source
+    # unknowns: start, slow error s_0..s_n-1 as driven by white noise, input noise w_0..w_n-1
+    size = 1 + 2 * n
+    x, x_mean = np.zeros((n, size)), np.zeros(n)
+    x[0, 0], x_mean[0] = 0.02 / c, 0.1 / c
+    slow, decay = np.zeros((n, size)), np.exp(-h / 2.0)
+    slow[0, 1] = 0.3
+    for k in range(1, n):
+        x[k], x_mean[k] = a * x[k - 1], a * x_mean[k - 1] + b * points[k - 1].u[0]
+        x[k, 1 + n + k - 1] += b * 0.2
+        slow[k] = decay * slow[k - 1]
+        slow[k, 1 + k] = 0.3 * np.sqrt(1.0 - decay**2)
+    current = -x / r
+    for k in range(n):
+        current[k, 1 + n + k] += 0.2 / r
+    current_mean = (np.array([p.u[0] for p in points]) - x_mean) / r
+    rows = np.concatenate([x + slow, current])
+    mean = np.concatenate([x_mean, current_mean])
+    noise = np.concatenate([np.full(n, 0.1), np.full(n, 0.05)])
+    y = np.concatenate([[p.y[j] for p in points] for j in (0, 1)])
+    here = np.isfinite(y)
+    covariance = (rows @ rows.T + np.diag(noise**2))[np.ix_(here, here)]
+    off = (y - mean)[here]
+    _, log_det = np.linalg.slogdet(2.0 * np.pi * covariance)
+    return float(-0.5 * (off @ np.linalg.solve(covariance, off) + log_det))
+
+
+def test_the_likelihood_is_that_of_the_joint_distribution() -> None:
+    """Innovations one by one give the density of all readings, with input noise, slow error and missing values."""
+    points = recording()
+    plant, records, begin = prepared(RC, points)
+    assert evaluate(plant, records, begin).value == pytest.approx(dense_likelihood(points), rel=1e-9)
+
+
+def test_slopes_are_exact() -> None:
+    """The score is the derivative of the likelihood, also by the start and by the sizes of noise."""
+    text = RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
+    plant, records, begin = prepared(text, recording())
+    found = evaluate(plant, records, begin)
+    for k in range(len(found.score)):
+        values = []
+        for sign in (1.0, -1.0):
+            move = np.zeros(len(found.score))
+            move[k] = sign * 1e-5
+            n = len(begin.values)
+            there = replace(
+                begin, values=begin.values + move[:n], starts=begin.starts + (move[n:] * begin.sizes.ravel())
+            )
+            values.append(evaluate(plant, records, there).value)
+        assert found.score[k] == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5, abs=1e-4)
+
+
+def test_scores_of_samples_add_up() -> None:
+    """The score is the sum of those of the samples, the value that of the parts of the recording."""
+    plant, records, begin = prepared(RC, recording())
+    found, parts = evaluate(plant, records, begin), course(plant, records[0], begin, 0)
+    assert parts.scores.sum(axis=0) == pytest.approx(found.score)
+    assert np.isnan(parts.innovations[7, 1])
+    assert np.isnan(parts.innovations[20, 0])
+    assert np.isfinite(parts.innovations).sum() == 2 * 60 - 2
+
+
+def test_white_noise_is_white_and_a_walk_is_not() -> None:
+    """The test keeps white noise with gaps, and refuses what is correlated."""
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal(400)
+    noise[::7] = np.nan
+    white = whiteness_of("y", [noise[:200], noise[200:]])
+    assert white.white
+    smooth = np.convolve(rng.standard_normal(401), [1.0, 1.0], mode="valid")
+    coloured = whiteness_of("y", [smooth])
+    assert not coloured.white
+    assert coloured.correlation[0] == pytest.approx(0.5, abs=0.1)
+    assert "slow" in coloured.words
+
+
+def test_too_little_is_not_judged() -> None:
+    """Three readings say nothing about whiteness."""
+    found = whiteness_of("y", [np.array([1.0, -1.0, 2.0])])
+    assert np.isnan(found.p)
+    assert "too few" in found.words
+
+
+def test_a_sensor_without_values_is_refused() -> None:
+    """A recording without a value of a sensor names the sensor."""
+    points = [replace(item, y=np.array([1.0, np.nan])) for item in recording()]
+    with pytest.raises(RecordingError, match="no row has a value of the sensor i"):
+        prepared(RC, points)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "free", "match"),
+    [(("X",), None, "no parameter `X`"), (("R",), ("R",), "both fixed and free"), ((), ("r",), "did you mean `R`")],
+)
+def test_names_that_make_no_sense(fixed: tuple[str, ...], free: tuple[str, ...] | None, match: str) -> None:
+    """Names of parameters are checked."""
+    with pytest.raises(ModelError, match=match):
+        free_parameters(parse_model(RC), fixed, free)
