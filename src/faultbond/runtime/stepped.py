@@ -18,7 +18,7 @@ from faultbond.runtime.trail import Trail
 from faultbond.types import FloatArray, IntArray
 
 ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
-IN_REACH = 20.0  # nats by which a filter may lag behind the best of its hypothesis and still come to lead it
+IN_REACH = 20.0  # nats by which a filter, or a hypothesis, may lag behind the best and still come to lead
 SAME, TINY = 0.3, 1e-12  # standard deviations by which two filters that found the same may differ; and rounding
 LOWEST = -1e300  # likelihood of a lane that is no number
 _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
@@ -100,21 +100,26 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
 
 
 def renew_all_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray) -> FloatArray:
-    """Begin every filter that may come to lead its hypothesis again at the onset, from what it has found itself.
+    """Begin every filter that may come to lead again at the onset, from what it has found itself.
 
+    These are the best of each hypothesis and, of hypotheses within reach of the best, all within reach of its best.
     What a filter has once linearised far from the truth stays in its covariance. It then follows the data too well, and
     over thousands of samples its likelihood passes that of filters which began nearer. It is kept as it was where the
-    new beginning led astray.
+    new beginning led astray. All others go on from the best of their hypothesis, as little likely as they were.
     """
     plan, likelihoods = plan_lanes(spec), _likelihoods(bank)
     best, _ = extremes(plan, likelihoods)
-    near = np.flatnonzero(likelihoods > likelihoods[best][plan.hypothesis] - IN_REACH)
+    found = likelihoods[best]
+    reach = np.where(found > np.max(found) - IN_REACH, IN_REACH, 0.0)
+    near = np.flatnonzero(likelihoods >= (found - reach)[plan.hypothesis])
     begun, stands_for = np.unique(_alike(spec, plan, bank, near), return_inverse=True)
     starts = found_lanes(spec, plan, bank, begun, trail.lanes[0][spec.parameter_slice])
     again = begin_near(spec, engine, trail, starts)[:, stands_for]
     kept = _likelihoods(again) > likelihoods[near] - ASTRAY
     renewed = bank.copy()
     renewed[:, near[kept]] = again[:, kept]
+    far = np.setdiff1d(np.arange(plan.n_lanes), near)
+    renewed[:-1, far] = renewed[:-1, best[plan.hypothesis[far]]]
     return renewed
 
 
