@@ -2,20 +2,19 @@
 
 The healthy filter is linear about a run (`operation`), so noise of sensors and inputs, and healthy parameters off by
 their accuracy, pass its own recursion; slow errors are zero in the plant, since their declared size is a bound. The
-statistics are those of `runtime.monitor` (Page 1954), for arrays.
+sums are those of the monitor (`runtime.cusum`), of all realisations at once.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from faultbond.analysis.operation import Operation
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
+from faultbond.runtime.cusum import Floats, Sums, added, height_of, no_sums
 from faultbond.types import BoolArray, FloatArray, IntArray
-
-Single = NDArray[np.float32]  # as good for noise, and faster
 
 REALISATIONS = 60  # of noise, per onset
 _SEED = 20
@@ -26,13 +25,14 @@ class Windows:
     """The stretches after each onset, one row per onset o and sample w.
 
     rows: (o, w), of the operation. noise: (o, w, m, n_outputs), innovations without fault, in their sd. slow: (o, w, m,
-    n_slow), in declared sd. cusum: (2, o, m, n_outputs), before the onset. quiet: (o, m), no alarm before it.
+    n_slow), in declared sd. sums: before the onset, axes behind the first (o, m, n_outputs). quiet: (o, m), no alarm
+    before it.
     """
 
     rows: IntArray
     noise: FloatArray
     slow: FloatArray
-    cusum: FloatArray
+    sums: Sums
     quiet: BoolArray
 
 
@@ -40,21 +40,23 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
     """Run noise through the filter and its statistics without a fault."""
     scores, ratios = _noise_run(spec, operation)
     count = len(operation.time)
-    cusum = np.zeros((2, REALISATIONS, len(spec.outputs)))
+    sums = no_sums(REALISATIONS, len(spec.outputs))
     quiet = np.ones(REALISATIONS, dtype=bool)
     before, quiets = {}, {}
     for k in range(count):
         if k in onsets:
-            before[k], quiets[k] = cusum, quiet
+            before[k], quiets[k] = sums, quiet
         if k >= operation.warm:
-            cusum = accumulated(spec, cusum, scores[k], operation.counted[k])
-            quiet = quiet & ~alarms(spec, cusum, ratios[k])
+            sums = added(spec.thresholds, sums, scores[k], operation.counted[k])
+            quiet = quiet & ~alarms(spec, sums, ratios[k])
     rows = np.array(onsets)[:, None] + np.arange(length + 1)
     return Windows(
         rows=rows,
         noise=scores[rows],
         slow=ratios[rows],
-        cusum=np.stack([before[k] for k in onsets], axis=1),
+        sums=Sums(
+            **{item.name: np.stack([getattr(before[k], item.name) for k in onsets], axis=1) for item in fields(Sums)}
+        ),
         quiet=np.stack([quiets[k] for k in onsets]),
     )
 
@@ -105,21 +107,9 @@ def ratios_of(spec: EngineSpec, joint: FloatArray) -> FloatArray:
     return np.asarray(joint[..., spec.slow_slice][..., places] / spec.slow_sizes[places])
 
 
-def accumulated(spec: EngineSpec, cusum: FloatArray, score: FloatArray, counted: BoolArray) -> FloatArray:
-    """Take one sample into the CUSUM, shape (2, .., n_outputs); `counted` as the last axes of `score`."""
-    settings = spec.thresholds
-    clipped = np.minimum(np.maximum(score, -settings.cusum_clip), settings.cusum_clip)
-    grown = np.empty((2, *clipped.shape))
-    np.add(cusum[0], clipped, out=grown[0])
-    np.subtract(cusum[1], clipped, out=grown[1])
-    grown -= settings.cusum_drift
-    np.maximum(grown, 0.0, out=grown)
-    return grown if counted.all() else np.where(counted, grown, cusum)
-
-
-def alarms(spec: EngineSpec, cusum: FloatArray, ratios: FloatArray) -> BoolArray:
-    """Give whether a statistic has crossed its limit; CUSUM (2, .., n_outputs), ratios (.., n_alarming)."""
-    crossed = np.any(np.max(cusum, axis=0) > spec.thresholds.cusum_limit, axis=-1)
+def alarms(spec: EngineSpec, sums: Sums, ratios: FloatArray) -> BoolArray:
+    """Give whether a statistic has crossed its limit; sums (.., n_outputs), ratios (.., n_alarming)."""
+    crossed = np.any(height_of(spec.thresholds, sums) > spec.thresholds.cusum_limit, axis=-1)
     return np.asarray(crossed | np.any(np.abs(ratios) > spec.thresholds.slow_error_limit, axis=-1))
 
 
@@ -138,9 +128,9 @@ class Trial:
 
 
 class Detector:
-    """The two statistics of the detector after each onset, with noise, for faults of any size.
+    """The statistics of the detector after each onset, with noise, for faults of any size.
 
-    `counted`: (o, w, n_outputs), whether the CUSUM takes the value.
+    `counted`: (o, w, n_outputs), whether the sums take the value. Single precision: as good for noise, and faster.
 
     Raises
     ------
@@ -152,7 +142,7 @@ class Detector:
         self.spec, self.quiet = spec, windows.quiet
         self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
         self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
-        self.cusum = windows.cusum.transpose(0, 1, 3, 2).astype(np.float32)
+        self.sums = _each(windows.sums, lambda item: item.transpose(0, 1, 3, 2).astype(np.float32))
         self.counted = counted.transpose(1, 0, 2)
         if not windows.quiet.any():
             raise RecordingError(
@@ -189,38 +179,25 @@ class Detector:
         ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
         return np.asarray(ordered[:, min(int(certainty * len(counted)), len(counted) - 1)])
 
-    def _found(self, innovations: Single, slow: Single, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
+    def _found(self, innovations: Floats, slow: Floats, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
         """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation."""
         settings, larger = self.spec.thresholds, factor.astype(np.float32)[:, :, None, :]
         shape = (*larger.shape[:2], innovations.shape[-1], larger.shape[3])
-        up, down = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        sums = _each(no_sums(*shape), lambda item: item.astype(np.float32))
         if noisy:
-            up += self.cusum[0, :, :, some]
-            down += self.cusum[1, :, :, some]
-        peak, slowest = np.maximum(up, down), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
-        score = np.empty(shape, np.float32)
+            sums = _each(self.sums, lambda item: np.broadcast_to(item[:, None, :, :, some], (len(item), *shape)))
+        peak, slowest = height_of(settings, sums), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
         for w in range(len(innovations)):
-            np.multiply(larger, innovations[w, ..., None], out=score)
+            score, ratios = larger * innovations[w, ..., None], larger * slow[w, ..., None]
             if noisy:
-                score += self.noise[w, :, :, some]
-            np.clip(score, -settings.cusum_clip, settings.cusum_clip, out=score)
-            _accumulate(up, score, settings.cusum_drift, self.counted[w])
-            _accumulate(down, np.negative(score, out=score), settings.cusum_drift, self.counted[w])
-            np.maximum(peak, up, out=peak)
-            np.maximum(peak, down, out=peak)
-            if slowest.size:
-                ratios = larger * slow[w, ..., None]
-                if noisy:
-                    ratios += self.slow[w, :, :, some]
-                np.maximum(slowest, np.abs(ratios), out=slowest)
+                score, ratios = score + self.noise[w, :, :, some], ratios + self.slow[w, :, :, some]
+            sums = added(settings, sums, score, self.counted[w, :, :, None])
+            peak = np.maximum(peak, height_of(settings, sums))
+            slowest = np.maximum(slowest, np.abs(ratios))
         crossed = np.any(peak > settings.cusum_limit, axis=2)
         return np.asarray(crossed | np.any(slowest > settings.slow_error_limit, axis=2))
 
 
-def _accumulate(cusum: Single, score: Single, drift: float, counted: BoolArray) -> None:
-    """Take one sample into one side of a CUSUM (c, o, n_outputs, m); `counted` (o, n_outputs)."""
-    moved = score - np.float32(drift)
-    if not counted.all():
-        moved *= counted[None, :, :, None]
-    cusum += moved
-    np.maximum(cusum, 0.0, out=cusum)
+def _each(sums: Sums, change: Callable[[Floats], Floats]) -> Sums:
+    """Change all sums alike."""
+    return Sums(**{field.name: change(getattr(sums, field.name)) for field in fields(Sums)})

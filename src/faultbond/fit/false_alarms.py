@@ -2,25 +2,29 @@
 
 The CUSUM of scores with mean m, long-run variance v and drift k climbs to h about every
 (exp(w) - 1 - w) v / (2 d^2) samples, with d = m - k (for the lower side, -m - k), w = -2 d (h + b) / v,
-b = 1.166 sqrt(v): Brownian motion with a correction for steps. One is counted for each side of each sensor. A slow
-error alarms when its estimate leaves its limit; the time between is that of a Gaussian process with the spread and the
-memory seen.
+b = 1.166 sqrt(v): Brownian motion with a correction for steps. One is counted for each side of each sensor, slow and
+fast, and one for the sum of its scatter. A slow error alarms when its estimate leaves its limit; the time between is
+that of a Gaussian process with the spread and the memory seen.
 
 Source: Siegmund, Sequential Analysis, 1985, section 10.2 (the approximation); Rice, Bell Syst. Tech. J. 24 (1945) 46.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from faultbond.contract.spec import EngineSpec
+from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.innovations import Watch
+from faultbond.runtime.cusum import LAGS, clip, scatter_gain
+from faultbond.types import FloatArray
 
 OVERSHOOT = 1.166  # standard deviations
 LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing
 STILL = 1e-9
+STEEPEST = 16.0  # exponent; where crossings are rarer still, they are for ever
 FARTHEST = 1e30  # s; longer is for ever
 
 
@@ -42,7 +46,7 @@ class Rate:
 
 
 def rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
-    """Give the rate of each sensor, and of each slow error that can alarm.
+    """Give the rate of each sensor, and of each slow error that can alarm: what has alarmed does so at least as often.
 
     Parameters
     ----------
@@ -52,7 +56,10 @@ def rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate
     """
     sensors = (_sensor_rate(spec, watches, j, step) for j in range(len(spec.outputs)))
     slow = (_slow_rate(spec, watches, k, step) for k, item in enumerate(spec.slow_errors) if item.alarms)
-    return (*sensors, *slow)
+    watched = step * sum(len(item.scores) for item in watches)
+    return tuple(
+        replace(item, between=min(item.between, watched)) if item.peak > 1.0 else item for item in (*sensors, *slow)
+    )
 
 
 def between_alarms(found: Sequence[Rate]) -> float:
@@ -63,18 +70,23 @@ def between_alarms(found: Sequence[Rate]) -> float:
 
 def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float) -> Rate:
     settings = spec.thresholds
-    scores = [np.clip(item.scores[:, j], -settings.cusum_clip, settings.cusum_clip) for item in watches]
-    scores = [item[np.isfinite(item)] for item in scores]
+    wild = [item.scores[np.isfinite(item.scores[:, j]), j] for item in watches]
+    scores = [clip(settings, item) for item in wild]
     every = np.concatenate(scores) if scores else np.zeros(0)
-    peak = max((float(np.max(item.cusum[:, :, j], initial=0.0)) for item in watches), default=0.0)
+    peak = max((float(np.max(item.height[:, j], initial=0.0)) for item in watches), default=0.0)
     if len(every) < 2:
         return Rate(
             name=spec.outputs[j].name, is_sensor=True, peak=0.0, between=np.inf, mean=0.0, spread=0.0, memory=0.0
         )
     mean, spread = float(every.mean()), float(every.std())
-    total = sum(float(long_run_variance((item - mean)[:, None])[0, 0]) for item in scores if len(item) > 3)
-    variance = max(total / len(every), LEAST_VARIANCE)
-    samples = [cusum_time(side * mean - settings.cusum_drift, variance, settings.cusum_limit) for side in (1.0, -1.0)]
+    variance = max(_variance(scores), LEAST_VARIANCE)
+    samples = [
+        cusum_time(side * mean - drift, variance, limit)
+        for drift, limit in ((settings.cusum_drift, settings.cusum_limit), (settings.fast_drift, settings.fast_limit))
+        for side in (1.0, -1.0)
+    ]
+    # The sum of the scatter alarms where it is high against each of the last innovations: not before the slowest.
+    samples.append(max(scatter_time(settings, wild, lag) for lag in range(1, LAGS + 1)))
     return Rate(
         name=spec.outputs[j].name,
         is_sensor=True,
@@ -84,6 +96,13 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
         spread=spread,
         memory=step * max(variance / max(spread**2, 1e-12), 1.0),
     )
+
+
+def _variance(series: Sequence[FloatArray]) -> float:
+    """Give the long-run variance of several series about their common mean."""
+    every = np.concatenate(series)
+    total = sum(float(long_run_variance((item - every.mean())[:, None])[0, 0]) for item in series if len(item) > 3)
+    return total / len(every)
 
 
 def cusum_time(drift: float, variance: float, limit: float) -> float:
@@ -101,6 +120,38 @@ def cusum_time(drift: float, variance: float, limit: float) -> float:
     with np.errstate(over="ignore"):
         w = -2.0 * drift * height / variance
         return float(min((np.exp(min(w, 700.0)) - 1.0 - w) * variance / (2.0 * drift**2), FARTHEST))
+
+
+def scatter_time(settings: Thresholds, scores: Sequence[FloatArray], lag: int) -> float:
+    """Give the expected samples until the sum of the scatter, against the innovation `lag` samples before, alarms.
+
+    What it gains is skewed, so the exponent r with which crossings become rare is that of Lundberg, mean(exp(r g)) = 1;
+    gains that come together make it smaller, as their long-run variance is larger.
+    """
+    gains = [scatter_gain(settings, item[lag:] - item[:-lag]) for item in scores if len(item) > lag]
+    every = np.concatenate(gains) if gains else np.zeros(0)
+    if len(every) < 2:
+        return FARTHEST
+    mean, variance = float(every.mean()), max(_variance(gains), LEAST_VARIANCE)
+    if mean < -STILL:
+        together = max(_variance(gains) / max(float(every.var()), STILL), 1.0)
+        variance = -2.0 * mean * together / _lundberg(every)
+    return cusum_time(mean, variance, settings.scatter_limit)
+
+
+def _lundberg(gains: FloatArray) -> float:
+    """Give the root r > 0 of mean(exp(r g)) = 1 of gains with a negative mean; where none gains, the largest tried."""
+
+    def excess(exponent: float) -> float:
+        return float(np.mean(np.exp(exponent * gains))) - 1.0
+
+    high = STEEPEST
+    if excess(high) < 0.0:
+        return high
+    low = high
+    while excess(low) >= 0.0:
+        low /= 2.0
+    return float(brentq(excess, low, 2.0 * low))
 
 
 def _slow_rate(spec: EngineSpec, watches: Sequence[Watch], k: int, step: float) -> Rate:

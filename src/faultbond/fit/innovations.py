@@ -1,9 +1,10 @@
 """The monitor's healthy filter along a recording, all samples in one call, with sizes of noise and accuracies varied.
 
-What the detector sums up is that of `runtime.monitor`, number for number; accuracies, noise and slow errors enter as
-data, so that none of the variants needs another engine.
+The sums are those of the monitor (`runtime.cusum`); accuracies, noise and slow errors enter as data, so that none of
+the variants needs another engine.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.fit.likelihood import Layout
 from faultbond.fit.samples import Record
+from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import START_PATIENCE, START_SAMPLES
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.types import BoolArray, FloatArray
@@ -30,47 +32,56 @@ class Watch:
     """What the detector saw; nan where it looked at nothing.
 
     scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; cusum (2, N,
-    n_outputs): up, down; slow (N, n_slow): slow errors in their declared sizes.
+    n_outputs): up, down; height (N, n_outputs): the largest sum, see `runtime.cusum`; slow (N, n_slow): slow errors in
+    their declared sizes.
     """
 
     scores: FloatArray
     cusum: FloatArray
+    height: FloatArray
     slow: FloatArray
 
-    @property
-    def peak(self) -> float:
-        """The largest CUSUM."""
-        return float(np.max(self.cusum, initial=0.0))
 
-
-def watch(spec: EngineSpec, engine: Engine, record: Record, layout: Layout, variant: Variant | None = None) -> Watch:
-    """Give what the detector sees of a recording, alarms or not.
+def watch(
+    spec: EngineSpec, engine: Engine, record: Record, layout: Layout, variants: Sequence[Variant] = (Variant(),)
+) -> tuple[Watch, ...]:
+    """Give what the detector sees of a recording, alarms or not, for each way to declare.
 
     Parameters
     ----------
     spec, engine : the model as the monitor runs it
     record, layout : the recording
-    variant : what is declared otherwise
+    variants : what is declared otherwise
     """
-    variant = variant or Variant()
-    samples = _packed(spec, record, layout, variant)
+    seen = [_filtered(spec, engine, record, layout, variant) for variant in variants]
+    warm = np.arange(len(record.time)) >= spec.thresholds.warm_up_samples
+    use = record.use & warm[:, None]
+    scores, slow = np.array([score for score, _ in seen]), [item for _, item in seen]
+    cusum, height = _summed(spec, scores, use, np.isfinite(record.y) & ~record.use)
+    return tuple(
+        Watch(
+            scores=np.where(use, scores[k], np.nan),
+            cusum=cusum[:, k],
+            height=height[k],
+            slow=np.where(warm[:, None], slow[k], np.nan),
+        )
+        for k in range(len(variants))
+    )
+
+
+def _filtered(
+    spec: EngineSpec, engine: Engine, record: Record, layout: Layout, variant: Variant
+) -> tuple[FloatArray, FloatArray]:
+    """Give innovations in their sd (N, n_outputs), and slow errors in their declared sizes (N, n_slow)."""
+    samples, n_y = _packed(spec, record, layout, variant), len(spec.outputs)
     varied = replace(
         spec,
         parameters=tuple(replace(item, accuracy=variant.accuracy * item.accuracy) for item in spec.parameters),
         slow_errors=tuple(replace(item, sd=variant.slow * item.sd) for item in spec.slow_errors),
     )
     mean, covariance = solve_start(varied, engine, samples[: _start_length(spec, record)])
-    lane = healthy_lane(varied, mean, covariance)
-    n_y = len(spec.outputs)
-    slow, innovations = _advanced(varied, engine, lane, samples)
-    score = innovations[:, :n_y] / np.sqrt(innovations[:, n_y:])
-    warm = np.arange(len(samples)) >= spec.thresholds.warm_up_samples
-    use = record.use & warm[:, None]
-    return Watch(
-        scores=np.where(use, score, np.nan),
-        cusum=_sums(spec, score, use),
-        slow=np.where(warm[:, None], slow, np.nan),
-    )
+    slow, innovations = _advanced(varied, engine, healthy_lane(varied, mean, covariance), samples)
+    return innovations[:, :n_y] / np.sqrt(innovations[:, n_y:]), slow
 
 
 def _packed(spec: EngineSpec, record: Record, layout: Layout, variant: Variant) -> FloatArray:
@@ -115,14 +126,13 @@ def _advanced(spec: EngineSpec, engine: Engine, lane: FloatArray, samples: Float
     return slow, innovations
 
 
-def _sums(spec: EngineSpec, scores: FloatArray, use: BoolArray) -> FloatArray:
-    """Give the two-sided CUSUM after each sample, (2, N, n_outputs)."""
-    settings = spec.thresholds
-    clipped = np.clip(np.nan_to_num(scores), -settings.cusum_clip, settings.cusum_clip)
-    sums = np.zeros((2, *scores.shape))
-    now = np.zeros((2, scores.shape[1]))
-    for t in range(len(scores)):
-        grown = np.maximum(now + np.array([clipped[t], -clipped[t]]) - settings.cusum_drift, 0.0)
-        now = np.where(use[t], grown, now)
-        sums[:, t] = now
-    return sums
+def _summed(spec: EngineSpec, scores: FloatArray, use: BoolArray, settling: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Give the slow sums after each sample, (2, n, N, n_outputs), and the largest of all, (n, N, n_outputs)."""
+    n, _, n_y = scores.shape
+    sums = no_sums(n, n_y)
+    slow, height = np.zeros((2, *scores.shape)), np.zeros(scores.shape)
+    for t in range(scores.shape[1]):
+        sums = added(spec.thresholds, sums, scores[:, t], use[t])
+        sums.before[:, :, settling[t]] = np.nan
+        slow[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
+    return slow, height

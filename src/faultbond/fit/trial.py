@@ -85,24 +85,23 @@ def on_trial(
     """
     steps = np.concatenate([item.samples[1:, 0] for item in records])
     step = float(np.median(steps)) if len(steps) else 1.0
-    watches = tuple(watch(spec, engine, item, layout) for item in records)
+    none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
+    tried = [(kind, factor) for kind in KINDS if not none[kind] for factor in FACTORS]
+    variants = list(dict.fromkeys([Variant(), *(replace(Variant(), **{kind: factor}) for kind, factor in tried)]))
+    seen = list(zip(*(watch(spec, engine, item, layout, variants) for item in records), strict=True))
+    found = {variant: rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
-    for kind in KINDS:
-        if (kind == "slow" and not spec.slow_errors) or (kind == "accuracy" and not spec.parameters):
-            continue
-        for factor in FACTORS:
-            variant = replace(Variant(), **{kind: factor})
-            seen = watches if factor == 1.0 else tuple(watch(spec, engine, item, layout, variant) for item in records)
-            found = rates(spec, seen, step)
-            peak = max((item.peak for item in found), default=0.0)
-            trials.append(Trial(kind=kind, factor=factor, peak=peak, between=between_alarms(found)))
+    for kind, factor in tried:
+        statistics = found[replace(Variant(), **{kind: factor})]
+        peak = max((item.peak for item in statistics), default=0.0)
+        trials.append(Trial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
     return Health(
         promise=promise,
         step=step,
         records=tuple(records),
-        watches=watches,
-        rates=rates(spec, watches, step),
-        regions=regions(spec, records, watches),
-        moments=moments(spec, records, watches),
+        watches=seen[0],
+        rates=found[Variant()],
+        regions=regions(spec, records, seen[0]),
+        moments=moments(spec, records, seen[0]),
         trials=tuple(trials),
     )

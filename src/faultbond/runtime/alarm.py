@@ -1,25 +1,16 @@
-"""The alarm: CUSUMs of the innovations of each sensor and of their scatter, and slow errors beyond their declared size.
-
-A sum with a small drift finds small faults; one with a large drift and a low limit finds large ones in half the time.
-The latter alarms only where a time between false alarms is promised: a few wild values in a row, which real sensors
-have, are enough for it. They also scatter in bursts, of some hundred samples; so the sum of the scatter has patience.
-
-Source: Page, Biometrika 41 (1954) 100.
-"""
-
-from math import isfinite, log, sqrt
+"""The alarm: sums of the innovations of each sensor (`cusum`), and slow errors beyond their declared size."""
 
 import numpy as np
 
 from faultbond.contract.findings import Detection
 from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.cusum import Sums, added, clip, height_of, scales
 from faultbond.runtime.state import Changes, State
 from faultbond.runtime.unseen import unknown_inputs
 from faultbond.types import FloatArray
 
 NIS_TRUST, NIS_MEMORY = 1000, 10_000  # samples for which the declaration counts; over which squares are a mean
 NIS_RANGE = (0.25, 4.0)
-SQRT2 = sqrt(2.0)  # standard deviation of a difference of innovations as declared
 
 
 def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Changes:
@@ -28,27 +19,30 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     So do all while an input is unknown for several samples: it may stand elsewhere, and then errs to one side.
     """
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
-    whole = innovations[:n_y] / np.sqrt(innovations[n_y:])
-    score = np.minimum(np.maximum(whole, -settings.cusum_clip), settings.cusum_clip)
+    score = innovations[:n_y] / np.sqrt(innovations[n_y:])
     present, settled = packed[place["use"]] > 0, packed[place["scale"]] < settings.blank_factor
-    use = present & settled
-    if unknown_inputs(state).any():
-        use = np.zeros_like(use)
-    sides = np.array([score, -score])
-    cusum = np.maximum(state.cusum + (sides - settings.cusum_drift), 0.0)
-    fast = np.maximum(state.fast + (sides - settings.fast_drift), 0.0)
-    scatter = _scattered(spec, state, whole)
-    if np.count_nonzero(use) < n_y:
-        cusum, fast = np.where(use, cusum, state.cusum), np.where(use, fast, state.fast)
-        scatter = np.where(use, scatter, state.scatter)
-        scatter[2, :, present & ~settled] = np.nan
+    use = present & settled & ~unknown_inputs(state).any()
+    sums = sums_of(state)
+    after = added(settings, sums, score, use)
+    scatter, before = after.scatter, after.before
     if state.astray.any():  # after a gap
-        scatter = state.scatter.copy()
-        scatter[2] = np.nan
+        scatter, before = sums.scatter, np.full_like(before, np.nan)
+    elif not settled.all():
+        before[:, present & ~settled] = np.nan
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
-    start = np.where(cusum <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep))
-    nis = state.nis if state.alarm >= 0 else usual_squares(state, np.where(use, score, np.nan))
-    return {"cusum": cusum, "cusum_start": start, "fast": fast, "scatter": scatter, "nis": nis}
+    nis = state.nis if state.alarm >= 0 else usual_squares(state, np.where(use, clip(settings, score), np.nan))
+    return {
+        "cusum": after.slow,
+        "cusum_start": np.where(after.slow <= 0.0, float(state.index), np.maximum(state.cusum_start, asleep)),
+        "fast": after.fast,
+        "scatter": np.array([scatter, np.where(scatter <= 0.0, float(state.index), state.scatter[1]), before]),
+        "nis": nis,
+    }
+
+
+def sums_of(state: State) -> Sums:
+    """Give the sums of a state."""
+    return Sums(slow=state.cusum, fast=state.fast, scatter=state.scatter[0], before=state.scatter[2])
 
 
 def usual_squares(state: State, score: FloatArray) -> FloatArray:
@@ -60,24 +54,6 @@ def usual_squares(state: State, score: FloatArray) -> FloatArray:
     memory = min(NIS_TRUST + state.index - state.begun, NIS_MEMORY)
     after = state.nis + (score * score - state.nis) / memory
     return np.asarray(np.clip(np.where(np.isfinite(score), after, state.nis), *NIS_RANGE))
-
-
-def _scattered(spec: EngineSpec, state: State, score: FloatArray) -> FloatArray:
-    """CUSUMs of the log-likelihood ratio of `scatter_ratio` times the noise and that declared.
-
-    They take differences to each of the last innovations, since a bias, or what the model gets wrong slowly, is no
-    noise; nor is an oscillation, which returns to where it was after some samples.
-    """
-    settings, changed = spec.thresholds, state.scatter.copy()
-    sums, start, before = changed
-    apart = np.minimum(np.abs(score - before), SQRT2 * settings.cusum_clip)
-    slope, cost = 0.25 * (1.0 - settings.scatter_ratio**-2), log(settings.scatter_ratio)
-    gained = slope * apart * apart - cost
-    np.copyto(sums, np.maximum(sums + gained, 0.0), where=np.isfinite(apart))  # nan: nothing to compare with
-    np.copyto(start, state.index, where=sums <= 0.0)
-    before[1:] = before[:-1].copy()
-    before[0] = score
-    return changed
 
 
 def detect(spec: EngineSpec, state: State, peak: FloatArray) -> tuple[Detection | None, int]:
@@ -102,22 +78,13 @@ def _start(spec: EngineSpec, state: State, leading: int) -> float:
     """Give the sample after which the largest sum of a sensor began to grow."""
     side = int(np.argmax(state.cusum[:, leading]))
     sums, starts, _ = state.scatter[..., leading]
-    scattered = _scales(spec)[1] * np.min(sums) > state.cusum[side, leading]
+    scattered = scales(spec.thresholds)[1] * np.min(sums) > state.cusum[side, leading]
     return float(np.min(starts) if scattered else state.cusum_start[side, leading])
 
 
 def statistic(spec: EngineSpec, state: State) -> FloatArray:
     """Give the largest sum of each sensor, (n_outputs,); how far others are on their way counts."""
-    fast, scatter = _scales(spec)
-    largest = np.maximum(np.maximum(*state.cusum), fast * np.maximum(*state.fast))
-    return np.asarray(np.maximum(largest, scatter * state.scatter[0].min(axis=0)))
-
-
-def _scales(spec: EngineSpec) -> tuple[float, float]:
-    """Give the limit of the CUSUM in those of the fast sum and of that of the scatter."""
-    settings = spec.thresholds
-    limit = settings.cusum_limit
-    return (limit / settings.fast_limit, limit / settings.scatter_limit) if isfinite(limit) else (1.0, 1.0)
+    return height_of(spec.thresholds, sums_of(state))
 
 
 def _slow_error_alarms(spec: EngineSpec, state: State) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.cusum import climb, clip
 from faultbond.types import FloatArray
 
 
@@ -53,11 +54,9 @@ def add_misfit(
     settings, fields, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         score = np.nan_to_num(innovations[:n_y] / np.sqrt(innovations[n_y:]), nan=settings.cusum_clip)
-    score = np.clip(score, -settings.cusum_clip, settings.cusum_clip)
     use = (packed[fields["use"]] > 0) & (packed[fields["scale"]] < settings.blank_factor)
-    sums = np.maximum(
-        misfit.sums + np.where(use[:, None], [score, -score], settings.cusum_drift) - settings.cusum_drift, 0.0
-    )
+    sums = climb(misfit.sums, clip(settings, score), settings.cusum_drift)
+    sums = np.where(use[:, None], sums, misfit.sums)
     comes_and_goes = np.arange(score.shape[1]) >= (score.shape[1] if switched is None else switched)
     contradicted = comes_and_goes & (misfit.sums > settings.cusum_limit)
     sums = np.where(contradicted, np.maximum(sums, misfit.sums), sums)

@@ -10,11 +10,11 @@ from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.runtime.bank import Bank, no_bank
+from faultbond.runtime.cusum import no_sums
 from faultbond.runtime.misfit import Misfit
 from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name
-LAGS = 4  # innovations with which each new one is compared
 SNAPSHOTS, SNAPSHOT_EVERY = 12, 300  # how many healthy lanes are kept for long, and after how many samples each
 _COUNTS = ("index", "begun", "running", "alarm", "detections", "accepted", "silent", "odd_since")
 
@@ -222,7 +222,8 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
 
 def no_scatter(n_outputs: int, last: int = 0) -> FloatArray:
     """Give the sums of the scatter as they begin after sample `last`; there are no innovations yet (nan)."""
-    return np.broadcast_to(np.array([0.0, float(last), np.nan])[:, None, None], (3, LAGS, n_outputs)).copy()
+    none = no_sums(n_outputs)
+    return np.array([none.scatter, np.full_like(none.scatter, last), none.before])
 
 
 def bank_fields(bank: Bank) -> Changes:

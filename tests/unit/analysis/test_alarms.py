@@ -1,10 +1,13 @@
 """Noise through the linearised detector, against the monitor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from faultbond.analysis.alarms import Detector, Trial, accumulated, alarms, windows_of
+from faultbond.analysis.alarms import Detector, Trial, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
+from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Inputs, simulate
@@ -28,41 +31,56 @@ def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> No
 
 
 def test_the_sums_are_those_of_the_monitor() -> None:
-    """From the monitor's own innovations the array form accumulates the same CUSUM, sample for sample."""
+    """From the monitor's own innovations many realisations at once have the same sums, sample for sample.
+
+    Of all sums: the sensor scatters for a while, and a promise makes the fast sums count.
+    """
     model = example("dc_motor")
-    spec = build_spec(model)
+    built = build_spec(model)
+    spec = replace(built, thresholds=replace(built.thresholds, fast_limit=12.0, cusum_limit=60.0))
     engine = VirtualMachine(build_filter(spec, model))
     time = 0.02 * np.arange(160, dtype=np.float64)
     made = simulate(model.plant.graph, Inputs(time=time, values=np.where(time < 1.5, 4.0, 9.0)[:, None]), seed=3)
-    state, cusum = init(spec), np.zeros((2, 1))
+    outputs = made.outputs.copy()
+    outputs[110:125] += np.random.default_rng(5).standard_normal((15, 1)) * 4.0 * spec.output_noise
+    state, sums, leading = init(spec), no_sums(3, 1), set()
     for k in range(160):
-        sample = Sample(time=float(time[k]), dt=0.02 * (k > 0), u=made.inputs[k], y=made.outputs[k])
+        sample = Sample(time=float(time[k]), dt=0.02 * (k > 0), u=made.inputs[k], y=outputs[k])
         state, report = step(spec, engine, state, sample)
         if state.index > spec.thresholds.warm_up_samples and state.running and k >= spec.thresholds.warm_up_samples:
-            score = (made.outputs[k] - report.expected) / np.sqrt(report.variance)
-            cusum = accumulated(spec, cusum, score, np.array([True]))
-            assert report.cusum == pytest.approx(cusum.max(axis=0), abs=1e-9)
-    assert cusum.max() > 0.0
+            score = (outputs[k] - report.expected) / np.sqrt(report.variance)
+            sums = added(spec.thresholds, sums, np.array([score, -score, 0.0 * score]), np.array([True]))
+            seen = height_of(spec.thresholds, sums)
+            assert seen[0] == pytest.approx(report.cusum, abs=1e-9)
+            assert seen[1] == pytest.approx(report.cusum, abs=1e-9)
+            assert not seen[2].any()
+            leading |= {"slow"} if seen[0] == sums.slow[:, 0].max() else {"other"}
+    assert leading == {"slow", "other"}
 
 
-def test_the_factor_parts_what_alarms_from_what_does_not() -> None:
+@pytest.mark.parametrize(("shape", "promised"), [("step", False), ("step", True), ("burst", False)])
+def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: bool) -> None:
     """With effects a little larger than the factor says most realisations alarm, with a little smaller ones too few.
 
-    Counted sample by sample with the statistics of the monitor.
+    Counted sample by sample with the statistics of the monitor: for a step, with and without a promise, and for what
+    moves the sum of the scatter alone.
     """
     model = example("rlc")
-    spec = build_spec(model)
+    built = build_spec(model)
+    spec = replace(built, thresholds=replace(built.thresholds, fast_limit=6.0)) if promised else built
     operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 200)
     windows = windows_of(spec, operation, [50, 70, 90], 100)
     effects = np.full((101, 1, 3, 1), 0.2) * np.array([1.0, 0.8, 1.2])[:, None]
+    if shape == "burst":
+        effects *= np.random.default_rng(7).choice([-4.0, 4.0], (101, 1, 1, 1))
     detector = Detector(spec, windows, operation.counted[windows.rows])
     (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Trial(np.log(20.0), 12, 1, 0.0), 0.6)
     share = []
     for larger in (1.02 * factor, factor / 1.02):
-        cusum, found = windows.cusum, np.zeros(windows.quiet.shape, dtype=bool)
+        sums, found = windows.sums, np.zeros(windows.quiet.shape, dtype=bool)
         for w in range(101):
             counted = operation.counted[windows.rows[:, w]][:, None, :]
-            cusum = accumulated(spec, cusum, windows.noise[:, w] + larger * effects[w, 0][:, None, :], counted)
-            found |= alarms(spec, cusum, np.zeros((*found.shape, 0)))
+            sums = added(spec.thresholds, sums, windows.noise[:, w] + larger * effects[w, 0][:, None, :], counted)
+            found |= alarms(spec, sums, np.zeros((*found.shape, 0)))
         share.append(float(found[windows.quiet].mean()))
     assert share[0] > 0.6 > share[1] > 0.3

@@ -1,41 +1,90 @@
 """The detector along a recording in one call, and how often it would alarm."""
 
+from dataclasses import replace
 from math import erf
 
 import numpy as np
 import pytest
 
+from faultbond.contract.spec import Thresholds
 from faultbond.fit.certainty import long_run_variance
-from faultbond.fit.false_alarms import cusum_time
+from faultbond.fit.false_alarms import cusum_time, scatter_time
 from faultbond.fit.innovations import watch
 from faultbond.fit.likelihood import layout_of
 from faultbond.fit.samples import prepare
+from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
+from faultbond.runtime.cusum import added, no_sums
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, init
 from faultbond.synthesis.engine import build_engine, build_model
 
 
 def test_it_sees_what_the_monitor_sees() -> None:
-    """Sums and slow errors of the tank, with inputs that settle, are those of the monitor sample by sample."""
+    """Sums and slow errors of the tank, with inputs that settle, are those of the monitor sample by sample.
+
+    Of all sums: a sensor scatters for a while, and a promise makes the fast sums count.
+    """
     graph = load_model(example("tank") / "model.yaml")
-    spec, engine = build_engine(graph)
+    built, engine = build_engine(graph)
+    spec = replace(built, thresholds=replace(built.thresholds, fast_limit=12.0, cusum_limit=60.0))
     rows = list(read_rows(example("tank") / "healthy.csv", columns_of(graph)))[:700]
     points = [
         Sample(time=item.time, dt=item.dt, u=item.u, y=item.y if item.index % 97 else np.full(2, np.nan))
         for item in on_grid(rows, Grid(spec.sample_time))
     ]
+    noise = np.random.default_rng(4).standard_normal((40, 2)) * 3.0 * spec.output_noise
+    points[300:340] = [replace(item, y=item.y + off) for item, off in zip(points[300:340], noise, strict=True)]
     layout = layout_of(build_model(graph))
-    seen = watch(spec, engine, prepare("tank", points, spec, layout), layout)
+    (seen,) = watch(spec, engine, prepare("tank", points, spec, layout), layout)
     state = init(spec)
     for k, point in enumerate(points):
         state, report = step(spec, engine, state, point)
         if k > spec.thresholds.warm_up_samples:
-            assert report.cusum == pytest.approx(seen.cusum[:, k].max(axis=0), rel=1e-6, abs=1e-6)
+            assert report.cusum == pytest.approx(seen.height[k], rel=1e-6, abs=1e-6)
             assert report.slow == pytest.approx(seen.slow[k], rel=1e-6, abs=1e-9)
+    assert np.any(seen.height > 1.2 * seen.cusum.max(axis=0), axis=0).all()
+
+
+@pytest.mark.parametrize("size", [1.6, 1.8])
+def test_the_time_between_false_alarms_of_the_scatter_is_that_of_noise(size: float) -> None:
+    """Of noise larger than declared the sum of its scatter alarms as often as the formula says, within a half."""
+    settings, rng = Thresholds(), np.random.default_rng(6)
+    scores = size * rng.standard_normal(60_000)
+    told = scatter_time(settings, [scores], 1)
+    sums, taken = no_sums(400), []
+    last = np.zeros(400)
+    for k in range(1, 40 * round(told)):
+        sums = added(settings, sums, size * rng.standard_normal(400), np.array([True]))
+        over = sums.scatter[0] > settings.scatter_limit
+        taken += list(k - last[over])
+        last[over], sums.scatter[0, over] = k, 0.0
+    assert len(taken) > 1000
+    assert told == pytest.approx(np.mean(taken), rel=0.5)
+
+
+def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
+    """A recording in which a sensor scatters for a while alarms in a run; the trial says so, and how often at least."""
+    graph = load_model(example("tank") / "model.yaml")
+    spec, engine = build_engine(graph)
+    rows = list(read_rows(example("tank") / "healthy.csv", columns_of(graph)))[:1200]
+    grid = on_grid(rows, Grid(spec.sample_time))
+    points = [Sample(time=item.time, dt=item.dt, u=item.u, y=item.y) for item in grid]
+    noise = np.random.default_rng(8).standard_normal((80, 2)) * 4.0 * spec.output_noise * [1.0, 0.0]
+    points[800:880] = [replace(item, y=item.y + off) for item, off in zip(points[800:880], noise, strict=True)]
+    state = init(spec)
+    for point in points[:900]:
+        state, _ = step(spec, engine, state, point)
+    assert state.alarm > 800
+    layout = layout_of(build_model(graph))
+    flow, pressure = on_trial(spec, engine, layout, [prepare("tank", points, spec, layout)]).rates[:2]
+    assert flow.peak > 1.0
+    assert flow.between <= 1200.0
+    assert pressure.peak < 1.0
+    assert pressure.between > 1200.0
 
 
 def test_the_time_between_false_alarms_is_that_of_white_noise() -> None:

@@ -74,7 +74,7 @@ def diagnosing() -> tuple[EngineSpec, Trail, FloatArray]:
 
 
 def test_all_that_may_lead_begins_again() -> None:
-    """Filters within reach begin again and are not much less likely then; the others follow the best, unlikely as ever."""
+    """Filters within reach begin again and are not much less likely then; others follow the best, unlikely as ever."""
     spec, trail, before = diagnosing()
     plan = plan_lanes(spec)
     after = renew_all_steps(spec, plant("dc_motor_current")[2], trail, before)

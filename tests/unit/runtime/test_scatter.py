@@ -10,7 +10,8 @@ import pytest
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
-from faultbond.runtime.state import LAGS, Sample, State, init
+from faultbond.runtime.cusum import LAGS
+from faultbond.runtime.state import Sample, State, init
 from faultbond.types import FaultKind, FloatArray
 from made import differing, plant, recorded, run
 
