@@ -110,7 +110,7 @@ def renew_all_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatA
     plan, likelihoods = plan_lanes(spec), _likelihoods(bank)
     best, _ = extremes(plan, likelihoods)
     found = likelihoods[best]
-    reach = np.where(found > np.max(found) - IN_REACH, IN_REACH, 0.0)
+    reach = np.where(found > np.max(found, initial=LOWEST) - IN_REACH, IN_REACH, 0.0)
     near = np.flatnonzero(likelihoods >= (found - reach)[plan.hypothesis])
     begun, stands_for = np.unique(_alike(spec, plan, bank, near), return_inverse=True)
     starts = found_lanes(spec, plan, bank, begun, trail.lanes[0][spec.parameter_slice])
