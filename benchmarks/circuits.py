@@ -26,11 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import FaultbondError, StructureError
 from faultbond.model.logic import Diagnosis, LogicNetwork, Scenario
 from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses
 from faultbond.networks.logic.dxc import is_circuit, read_circuit, read_scenario
-from faultbond.types import FloatArray
 
 CHUNK = 1024  # rows of the answer scored at once
 

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from benchmarks.page import as_markdown, machine, today, write_part
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import LanePlan
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
@@ -36,7 +37,6 @@ from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import forget_slow_errors, relinearised, suspect_lanes
 from faultbond.synthesis.engine import build_engine, build_model
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 DATA = Path(os.environ.get("FAULTBOND_DATA") or "no recordings")

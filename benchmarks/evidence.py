@@ -21,10 +21,10 @@ from benchmarks.play import engine_of
 from benchmarks.trust_arrival import watched
 from benchmarks.trust_cases import CASES, SMALL, SMALL_MOVED
 from benchmarks.trust_plants import Played
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import LanePlan
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.stepped import relinearised, suspect_lanes
-from faultbond.types import FloatArray
 
 WITHIN = 600.0  # s after the onset
 QUIET = 36000  # samples between false alarms: ten hours

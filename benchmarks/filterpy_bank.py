@@ -23,13 +23,13 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from benchmarks.play import Watched
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.runtime.monitor import DIAGNOSIS_EVERY, START_SAMPLES, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Simulation
-from faultbond.types import FloatArray
 
 CHANGE_PART = 0.25  # sd of a suspected parameter, of its declared change
 _EPSILON = 1e-9  # s

@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.clock import samples
 from benchmarks.equations import six_tanks
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.text import parse_model
 from faultbond.runtime.bank import no_bank
@@ -25,7 +26,6 @@ from faultbond.runtime.monitor import step
 from faultbond.runtime.state import init
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 
 PERIOD = 0.1  # s between samples as they come
 ROWS, SEED = 2000, 3

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import EXAMPLES, recipe_module
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -26,7 +27,6 @@ from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, Status, init
 from faultbond.simulate import Effects, Inputs, Policy, Simulation, random_steps, simulate, sines
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 
 HOUR = 3600.0
 HEADER = ("plant", "promised", "watched", "false alarms", "promised times", "mean time at least", "verdict")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Grid, GridPoint, on_grid
@@ -25,7 +26,6 @@ from faultbond.model.text import load_model
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 RECORDINGS = {  # example folder: recordings in FAULTBOND_DATA

@@ -22,9 +22,9 @@ import numpy as np
 
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Diagnosis
 from faultbond.io.grid import GridPoint
-from faultbond.types import FloatArray
 
 MODEL = EXAMPLES / "skab" / "model.yaml"
 SUSPECTS = frozenset({"pump", "pipe", "valve"})  # one flow cannot tell them apart

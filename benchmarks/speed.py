@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.clock import alarmed_at_once, fresh_cache, play_through, samples
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import EXAMPLES, case
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
@@ -27,7 +28,6 @@ from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, Status, init
 from faultbond.simulate import Inputs, simulate, sines
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 
 FOLDERS = ("tank", "dc_motor", "dc_motor_current", "rlc", "rc")
 SECTIONS = range(2, 9)

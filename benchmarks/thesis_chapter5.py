@@ -12,13 +12,13 @@ from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import Figure, percent, row
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.simulate import Fault, Inputs, Simulation, simulate, sines
 from faultbond.thesis.online.indices import trust_in_samples
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.types import FloatArray
 
 RATE, SECONDS, SEED = 40.0, 10.0, 5
 WAVES = ((10.0, 0.25, 3.8), (4.0, 0.6, 6.1))  # V, Hz, phase

@@ -17,9 +17,9 @@ from benchmarks.thesis_chapter5 import (
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import DIFFERS, Figure, Row, row
 from benchmarks.thesis_watch import bank
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.thesis.online.settings import Erratum
-from faultbond.types import FloatArray
 
 
 def figures() -> tuple[Figure, ...]:

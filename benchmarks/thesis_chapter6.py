@@ -9,9 +9,9 @@ from benchmarks.thesis_chapter6_exact import FAULTY, SEED, model
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import Figure, percent, row
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
+from faultbond.arrays import FloatArray
 from faultbond.simulate import Fault, Simulation
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.types import FloatArray
 
 ONSET, ROWS = 10.0, 2000  # s and samples of the noisy run
 NAMES = {"R": "{L, K, J, C}", "L": "{R, K, J, C}"}

@@ -16,13 +16,13 @@ from faultbond.algebra.routes.questions import parameters
 from faultbond.algebra.solving.backward_euler import plant_of
 from faultbond.algebra.solving.solution import evaluate_root
 from faultbond.algebra.solving.solve import solve
+from faultbond.arrays import FloatArray
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import SAMPLE_TIME, build_components, frame_name
 from faultbond.equations.constraint_network import build_network
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.types import FloatArray
 
 RATE, SECONDS, SEED = 50.0, 10.0, 3
 FAULTY = 6.0  # ohm

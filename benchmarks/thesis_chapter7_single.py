@@ -6,7 +6,7 @@ from benchmarks import thesis_tank as tank
 from benchmarks.thesis_chart import Panel
 from benchmarks.thesis_figure import Figure, Row, row, short
 from benchmarks.thesis_watch import Curves
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 LEADING = ("K1", "K8", "K2", "K7", "K6", "K4", "K3")
 WORDS = {"pipe": "a restriction in the pipe", "leak": "a leak in the tank"}

@@ -9,9 +9,9 @@ from benchmarks.plants import EXAMPLES
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_figure import Figure, row, short
 from benchmarks.thesis_tank import MINUTE
+from faultbond.arrays import FloatArray
 from faultbond.model.text import parse_model
 from faultbond.simulate import Inputs, simulate
-from faultbond.types import FloatArray
 
 OPENINGS = (10.0, 20.0, 30.0, 40.0, 50.0, 65.0)  # %
 FULL, NEARLY_EMPTY = 1.2, 0.1  # m

@@ -12,12 +12,12 @@ import numpy as np
 from benchmarks.plants import EXAMPLES, recipe_module, tank_case
 from benchmarks.thesis_chart import Curve, Panel
 from benchmarks.thesis_watch import Banked, Curves, bank, watch
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Fault, Inputs, Simulation, simulate
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.types import FloatArray
 
 SEED = 7
 MINUTE, LITRE, METRE = 60.0, 1e-3, 9810.0  # s, m3, Pa

@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.thesis_figure import percent
 from benchmarks.thesis_page import set_text
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
@@ -20,7 +21,6 @@ from faultbond.thesis.online import watch as classic_watch
 from faultbond.thesis.online.curves import point_of, stacked
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Settings
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

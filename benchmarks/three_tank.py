@@ -24,11 +24,11 @@ import numpy as np
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from benchmarks.plants import case
 from benchmarks.play import engine_of
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Diagnosis
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, init
 from faultbond.simulate import Fault, Simulation
-from faultbond.types import FloatArray
 
 # Median delays, s, after the start of the ramp: the residuals of the toolbox, measured with 20 seeds of another stream.
 ASKED = {"V1": 1.6, "V2": 3.6, "V3": 4.35, "T1": 2.5, "T2": 2.8, "T3": 1.9}

@@ -13,12 +13,13 @@ import numpy as np
 from benchmarks.plants import EXAMPLES, case, recipe_module
 from benchmarks.play import engine_of
 from benchmarks.variants import effort_or_flow_goes_on
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import starts_of
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 TANK_SECONDS, MOTOR_SECONDS = 4920.0, 60.0
 ONSETS = {"tank": (1200.0, 1800.0), "dc_motor": (15.0, 25.0), "dc_motor_current": (15.0, 25.0)}

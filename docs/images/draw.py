@@ -18,6 +18,7 @@ from faultbond.analysis.ranks import Reduced, bases, reduce
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from faultbond.analysis.testable import generic_run
+from faultbond.arrays import FloatArray
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import SAMPLE_TIME, build_components, frame_name
 from faultbond.equations.constraint_network import build_network
@@ -29,7 +30,6 @@ from faultbond.model.text import load_model
 from faultbond.runtime.state import Sample
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine, build_model
-from faultbond.types import FloatArray
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"

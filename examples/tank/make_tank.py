@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.io import write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, columns, simulate
-from faultbond.types import FloatArray
 
 HERE = Path(__file__).parent
 ROWS = 4920  # 82 minutes at 1 Hz

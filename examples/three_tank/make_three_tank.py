@@ -14,11 +14,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
+from faultbond.arrays import FloatArray
 from faultbond.io import write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Fault, Simulation, columns
-from faultbond.types import FloatArray
 
 HERE = Path(__file__).parent
 ROWS, STEP = 201, 0.1  # 20 s

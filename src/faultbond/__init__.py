@@ -7,22 +7,27 @@ are read by `faultbond.io`, plants are simulated by `faultbond.simulate`, pages 
 from faultbond.starting import is_program  # noqa: F401 - first, since what follows takes a while
 
 # isort: split
-from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.errors import (
-    CausalityError,
-    FaultbondError,
-    GenerationError,
-    ModelError,
-    RecordingError,
-    StructureError,
-)
-from faultbond.model.builder import ModelBuilder
-from faultbond.model.graph import BondGraph
-from faultbond.model.text import dump_model, load_model, parse_model
-from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Report, Sample, State, Status, init
+from typing import TYPE_CHECKING
+
+from faultbond.lazy import lazily
+
+if TYPE_CHECKING:
+    from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
+    from faultbond.contract.spec import Engine, EngineSpec
+    from faultbond.errors import (
+        CausalityError,
+        FaultbondError,
+        GenerationError,
+        ModelError,
+        RecordingError,
+        StructureError,
+    )
+    from faultbond.model.builder import ModelBuilder
+    from faultbond.model.graph import BondGraph
+    from faultbond.model.text import dump_model, load_model, parse_model
+    from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
+    from faultbond.runtime.monitor import finish, step
+    from faultbond.runtime.state import Report, Sample, State, Status, init
 
 __all__ = [
     "Advice",
@@ -56,3 +61,18 @@ __all__ = [
     "reject",
     "step",
 ]
+
+__getattr__ = lazily(
+    "faultbond",
+    {
+        "contract.findings": "Advice Candidate Decision Detection Diagnosis Suspect",
+        "contract.spec": "Engine EngineSpec",
+        "errors": "CausalityError FaultbondError GenerationError ModelError RecordingError StructureError",
+        "model.builder": "ModelBuilder",
+        "model.graph": "BondGraph",
+        "model.text": "dump_model load_model parse_model",
+        "runtime.accepting": "accept find_hypothesis is_sure reject",
+        "runtime.monitor": "finish step",
+        "runtime.state": "Report Sample State Status init",
+    },
+)

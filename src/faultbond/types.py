@@ -1,13 +1,6 @@
-"""Enumerations and array aliases shared by every layer."""
+"""Enumerations shared by every layer."""
 
 from enum import Enum
-
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 
 class ElementType(Enum):

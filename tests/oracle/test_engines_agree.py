@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
@@ -17,7 +18,7 @@ from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.machine import VirtualMachine
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ROWS = 5000

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.model.text import load_model
 from faultbond.runtime.start import healthy_lane
@@ -13,7 +14,6 @@ from faultbond.synthesis.engine import build_model
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.slots import WANDER, SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.equations.plant import build_plant
@@ -18,7 +19,7 @@ from faultbond.simulate import Inputs, random_steps, simulate
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 RC = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)

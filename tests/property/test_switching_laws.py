@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import pack, unpack
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
 from faultbond.runtime.slotted import SWITCHING, interacted
 from faultbond.synthesis.specify import build_spec
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MOTOR = build_spec(build_step_model(build_plant(load_model(EXAMPLES / "dc_motor_current" / "model.yaml"))))

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, History, Suspect
 from faultbond.model.expression import Name, Number
 from faultbond.model.graph import (
@@ -20,7 +21,7 @@ from faultbond.model.graph import (
     Unit,
 )
 from faultbond.report.verdict import Counts
-from faultbond.types import ElementType, FaultKind, FloatArray, JunctionType, TimeGrid
+from faultbond.types import ElementType, FaultKind, JunctionType, TimeGrid
 
 TANK = {
     "pump": ("Se", "K8", 64650.0, "Pa"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -13,7 +14,6 @@ from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TANK_START = 0.2  # m^3

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivity
+from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import load_model, parse_model
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

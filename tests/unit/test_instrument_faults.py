@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io import parse_fault
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import load_model
 from faultbond.simulate import Decide, Fault, Inputs, Policy, Simulation, fault_in_si, simulate
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TIME: FloatArray = np.arange(0.0, 60.0)

@@ -8,13 +8,13 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import ModelError, StructureError
 from faultbond.io import parse_fault
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.simulate import Decide, Effects, Fault, Inputs, Policy, columns, fault_in_si, random_steps, simulate
 from faultbond.simulate.truth import healthy_parameters
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

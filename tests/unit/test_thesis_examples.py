@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.equations.plant import build_plant
 from faultbond.io import Row, columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 THESIS = EXAMPLES / "thesis"

@@ -11,10 +11,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from faultbond.analysis.operation import Operation
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
 from faultbond.runtime.cusum import Floats, Sums, added, height_of, no_sums
-from faultbond.types import BoolArray, FloatArray, IntArray
 
 REALISATIONS = 60  # of noise, per onset
 _SEED = 20

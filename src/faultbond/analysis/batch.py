@@ -5,7 +5,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 _BLOCKS = (64, 16, 4, 1)  # evaluations in one call
 

@@ -14,8 +14,8 @@ from faultbond.analysis.groups import Group, NearGroup, groups, near_groups
 from faultbond.analysis.ranks import Reduced, above_noise, reduce
 from faultbond.analysis.sensitivity import Recursion, Sensitivity
 from faultbond.analysis.testable import Judgement, generic_run, judge
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.types import FloatArray
 
 MOST_JUDGED = 4096  # sets up to the largest size are judged as long as there are no more
 

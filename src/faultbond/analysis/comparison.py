@@ -11,10 +11,10 @@ from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import Course, lanes_of
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import BondGraph
-from faultbond.types import BoolArray, FloatArray
 
 GENTLE = 0.3  # part of an input by which it moves
 _GRACE = 1.5  # times the time that there is, for what has been begun

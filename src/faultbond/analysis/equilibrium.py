@@ -6,8 +6,8 @@ import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.trajectories import Course
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
-from faultbond.types import FloatArray
 
 NOISE_PART = 1 / 30  # of an input whose range is not known
 _STEPS = 70  # ever longer ones

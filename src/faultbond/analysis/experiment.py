@@ -10,9 +10,9 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Recursion
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Parameter
-from faultbond.types import FloatArray
 
 PARAMETER_SPREAD = 0.05  # of nominal; of `scale` where the nominal is 0
 START_SPREAD = 0.1

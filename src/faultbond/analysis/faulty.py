@@ -11,9 +11,9 @@ import numpy as np
 from faultbond.analysis.alarms import alarming, ratios_of
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.operation import Operation, advance_function
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
-from faultbond.types import BoolArray, FloatArray, IntArray
 
 _ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
 _MOST = 1e12  # standard deviations; more need not be told apart

@@ -16,7 +16,7 @@ import numpy as np
 
 from faultbond.analysis.alike import why_alike, why_near
 from faultbond.analysis.ranks import Reduced, bases
-from faultbond.types import BoolArray, FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 Set = tuple[int, ...]
 Pair = tuple[Set, Set]

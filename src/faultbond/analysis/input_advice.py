@@ -19,9 +19,9 @@ from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_
 from faultbond.analysis.ranks import reduce, set_ranks, told_rank
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities
 from faultbond.analysis.testable import generic_run
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
-from faultbond.types import FloatArray
 
 PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
 FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.analysis.trajectories import Course, Lanes, Paths, never
-from faultbond.types import BoolArray, FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 45
 EXACT = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same

@@ -15,13 +15,13 @@ import numpy as np
 
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_levels, times
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError, StructureError
 from faultbond.runtime.monitor import START_PATIENCE, step
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, State, init
-from faultbond.types import BoolArray, FloatArray
 
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
 HELD = 4.0  # settling times between two moves

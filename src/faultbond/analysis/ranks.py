@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.analysis.sensitivity import Sensitivity
-from faultbond.types import BoolArray, FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 _SURELY_KEPT = 1e-7  # of the largest singular value
 _KEPT = 1e-10  # rounding is never larger

@@ -15,9 +15,9 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
-from faultbond.types import FloatArray, IntArray
 
 MOST_SAMPLES = 600
 _FITS = 3  # steps of least squares towards the start

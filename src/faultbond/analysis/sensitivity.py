@@ -18,9 +18,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.plant import Plant
 from faultbond.errors import StructureError
-from faultbond.types import BoolArray, FloatArray
 
 _ITERATIONS = 40
 _PARTS = (1 / 1024, 1 / 64, 1 / 16, 1 / 4, 4.0, 16.0, 64.0)  # of Newton's step

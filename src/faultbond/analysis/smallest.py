@@ -24,11 +24,11 @@ from faultbond.analysis.alarms import REALISATIONS, Detector, Trial, windows_of
 from faultbond.analysis.comparison import Clock
 from faultbond.analysis.faulty import Case, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError
 from faultbond.runtime.state import Sample
-from faultbond.types import BoolArray, FloatArray, IntArray
 
 WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95

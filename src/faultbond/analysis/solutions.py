@@ -19,8 +19,8 @@ import numpy as np
 from faultbond.analysis.comparison import Bench, Clock, bench_for, changed, long_benches, places_of, short_benches
 from faultbond.analysis.least_squares import fit
 from faultbond.analysis.trajectories import lanes_of
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.types import FloatArray
 
 FACTOR = 1.3
 SECONDS = 2.0  # of processor time, for all sets together

@@ -14,7 +14,7 @@ import numpy as np
 
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.sensitivity import Experiment, Recursion
-from faultbond.types import BoolArray, FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 SETTLED = 1e-7  # relative size of a step after which, converging by squares, little more than rounding is left
 _ITERATIONS = 9  # on a whole run

@@ -22,9 +22,9 @@ from faultbond.analysis.ranks import Reduced, reduce
 from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import lanes_of
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.model.graph import BondGraph
-from faultbond.types import FloatArray
 
 SIZES = (0.7, 1.3, 1.7)  # of the leading parameter of a family
 DRAWS = 2  # random faults of one set to be imitated by another

@@ -1,13 +1,18 @@
 """What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them."""
 
-from faultbond.app.analysis import analyse, print_code, trace
-from faultbond.app.decision import accept, reject
-from faultbond.app.demonstration import demo
-from faultbond.app.identification import FitWishes, check_data, fit
-from faultbond.app.model_check import check
-from faultbond.app.plant_run import Wanted, run
-from faultbond.app.simulation import Imperfections, simulate
-from faultbond.app.wishes import Wishes
+from typing import TYPE_CHECKING
+
+from faultbond.lazy import lazily
+
+if TYPE_CHECKING:
+    from faultbond.app.analysis import analyse, print_code, trace
+    from faultbond.app.decision import accept, reject
+    from faultbond.app.demonstration import demo
+    from faultbond.app.identification import check_data, fit
+    from faultbond.app.model_check import check
+    from faultbond.app.plant_run import run
+    from faultbond.app.simulation import simulate
+    from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
 
 __all__ = [
     "FitWishes",
@@ -26,3 +31,17 @@ __all__ = [
     "simulate",
     "trace",
 ]
+
+__getattr__ = lazily(
+    "faultbond.app",
+    {
+        "analysis": "analyse print_code trace",
+        "decision": "accept reject",
+        "demonstration": "demo",
+        "identification": "check_data fit",
+        "model_check": "check",
+        "plant_run": "run",
+        "simulation": "simulate",
+        "wishes": "FitWishes Imperfections Wanted Wishes",
+    },
+)

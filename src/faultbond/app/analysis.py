@@ -4,7 +4,8 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from faultbond.app.wishes import Wishes, check_names
+from faultbond.app.naming import check_names
+from faultbond.app.wishes import Wishes
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network

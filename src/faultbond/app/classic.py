@@ -6,6 +6,7 @@ import numpy as np
 
 from faultbond.algebra.routes.questions import parameters
 from faultbond.app.watcher import Numbers, Watcher
+from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.records import Record
 from faultbond.contract.spec import EngineSpec
@@ -21,7 +22,6 @@ from faultbond.thesis.online.ranking import current_limits
 from faultbond.thesis.online.state import ALLOWED, ClassicState, init
 from faultbond.thesis.search import Search, search_route
 from faultbond.thesis.trace import trace_lines
-from faultbond.types import BoolArray
 
 
 def build_classic_watcher(graph: BondGraph, saved: Numbers | None = None) -> Watcher:

@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 from faultbond.app.engines import engine_title
-from faultbond.app.plant_run import Wanted, run
+from faultbond.app.plant_run import run
+from faultbond.app.wishes import DEMO, Wanted
 from faultbond.io.examples import example
 from faultbond.io.out import Out
 from faultbond.types import EngineChoice
 
-DEMO = "tank"
 DEMO_RECORDING = "fault_pipe.csv"
 DEMO_TRUTH = "What was made: at 1500 s the resistance K1 of the pipe rose to 1.85 times its value."
 

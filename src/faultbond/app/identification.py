@@ -3,13 +3,13 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from faultbond.app.engines import NO_COMPILER, build_watcher
 from faultbond.app.rows import no_time, sample_of
+from faultbond.app.wishes import FitWishes
 from faultbond.contract.spec import Engine
 from faultbond.errors import GenerationError, ModelError, RecordingError
 from faultbond.io.files import replaced_text
@@ -21,23 +21,6 @@ from faultbond.model.text import load_model
 from faultbond.runtime.library import load_engine
 from faultbond.runtime.state import Sample
 from faultbond.types import EngineChoice, TimeGrid
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitWishes:
-    """What is to be fitted, and how.
-
-    fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
-    accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
-    for itself, such as the temperature at its start; they are not written.
-    """
-
-    fixed: tuple[str, ...] = ()
-    free: tuple[str, ...] | None = None
-    prior: str = "widened"
-    starts: int = 4
-    seed: int = 0
-    own: tuple[str, ...] = ()
 
 
 def fit(

@@ -7,6 +7,7 @@ import numpy as np
 from faultbond.app.engines import build_watcher
 from faultbond.app.rows import resumed
 from faultbond.app.watcher import Numbers, Watcher
+from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.errors import RecordingError
@@ -16,7 +17,7 @@ from faultbond.runtime.advice import Probe, advise
 from faultbond.runtime.allowed import BEGIN_ANEW, fitting
 from faultbond.runtime.monitor import START_PATIENCE, finish, step
 from faultbond.runtime.state import Report, Sample, State, allowed_of, init
-from faultbond.types import BoolArray, EngineChoice, Method
+from faultbond.types import EngineChoice, Method
 
 
 class Bank:

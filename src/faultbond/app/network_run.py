@@ -14,9 +14,10 @@ from faultbond.app.signals import Stopping
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.errors import ModelError, RecordingError
+from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows
+from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.logic import LogicNetwork, TimedObservation
 from faultbond.networks.logic.dxc import read_circuit, read_scenario

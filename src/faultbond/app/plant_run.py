@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from faultbond.app.course import Course, Following
@@ -12,30 +12,20 @@ from faultbond.app.network_run import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.watcher import Watcher
+from faultbond.app.wishes import Wanted
 from faultbond.contract.records import run_record
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import ModelError, RecordingError
-from faultbond.io.files import replaced_text
+from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Grid, GridPoint, Row
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT, Columns, columns_of, read_rows
+from faultbond.io.recording import Columns, columns_of, read_rows
 from faultbond.io.saved import Saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.networks.logic.dxc import is_circuit
 from faultbond.runtime.trace import Trace
-from faultbond.types import EngineChoice, Method, TimeGrid, Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """How a plant is watched. accept: probability from which a rule accepts a diagnosis. state: file that keeps it."""
-
-    method: Method = Method.BANK
-    engine: EngineChoice = EngineChoice.AUTO
-    report: Path | None = None
-    accept: float | None = None
-    state: Path | None = None
+from faultbond.types import Method, TimeGrid, Verdict
 
 
 def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:

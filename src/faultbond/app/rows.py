@@ -7,9 +7,9 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
+from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT
 from faultbond.runtime.packing import UNKNOWN_GAP
 from faultbond.runtime.state import Sample, State
 

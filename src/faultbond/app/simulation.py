@@ -2,36 +2,25 @@
 
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from faultbond.app.rows import no_time, sample_of
+from faultbond.app.wishes import Imperfections
 from faultbond.errors import RecordingError
 from faultbond.io.faults import FaultRequest
+from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.out import Out
-from faultbond.io.recording import STANDARD_INPUT, columns_of, read_rows, write_recording
+from faultbond.io.recording import columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import START_SAMPLES, step
 from faultbond.runtime.start import solve_start
 from faultbond.runtime.state import init
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Imperfections:
-    """What a simulated plant has and its model leaves out.
-
-    spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
-    curve: largest error, as a part, of the curve of an input in percent.
-    """
-
-    spread: float = 0.0
-    lag: float = 0.0
-    curve: float = 0.0
 
 
 def simulate(

@@ -18,9 +18,10 @@ from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.twins import compare
 from faultbond.app.answers import answers, left_out
+from faultbond.app.naming import check_names
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulation import solved_start
-from faultbond.app.wishes import Wishes, check_names
+from faultbond.app.wishes import Wishes
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.diagnosability.placement import sensors_to_isolate

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Protocol
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Report, Sample
-from faultbond.types import BoolArray, FloatArray
 
 Numbers = Mapping[str, FloatArray]
 

@@ -1,9 +1,12 @@
-"""What an analysis is asked for."""
+"""What the verbs are asked for."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
-from faultbond.errors import ModelError
-from faultbond.model.graph import BondGraph
+from faultbond.types import EngineChoice, Method
+
+DEMO = "tank"  # the example that the demo runs
+SURE = 0.95  # probability from which a rule accepts, if nothing else is said
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,14 +27,42 @@ class Wishes:
     preference: str = "fewest frames"
 
 
-def check_names(graph: BondGraph, names: tuple[str, ...]) -> None:
-    """Refuse names that are no parameters.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitWishes:
+    """What is to be fitted, and how.
 
-    Raises
-    ------
-    ModelError
+    fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
+    accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
+    for itself, such as the temperature at its start; they are not written.
     """
-    known = [item.name for item in graph.parameters]
-    for name in names:
-        if name not in known:
-            raise ModelError(f"{graph.file}: no parameter {name}; there are {', '.join(known) or 'none'}")
+
+    fixed: tuple[str, ...] = ()
+    free: tuple[str, ...] | None = None
+    prior: str = "widened"
+    starts: int = 4
+    seed: int = 0
+    own: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imperfections:
+    """What a simulated plant has and its model leaves out.
+
+    spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
+    curve: largest error, as a part, of the curve of an input in percent.
+    """
+
+    spread: float = 0.0
+    lag: float = 0.0
+    curve: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """How a plant is watched. accept: probability from which a rule accepts a diagnosis. state: file that keeps it."""
+
+    method: Method = Method.BANK
+    engine: EngineChoice = EngineChoice.AUTO
+    report: Path | None = None
+    accept: float | None = None
+    state: Path | None = None

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from faultbond.app import Imperfections, Wanted
+from faultbond.app.wishes import SURE
 from faultbond.cli.verbs import (
     DONE,
     FAULT_DETECTED,
@@ -22,7 +23,6 @@ from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
 from faultbond.model.quantities import quantity
-from faultbond.runtime.accepting import SURE
 from faultbond.types import Method, Verdict
 
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}

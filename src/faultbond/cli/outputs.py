@@ -6,12 +6,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from faultbond.app.demonstration import DEMO
+from faultbond.app.wishes import DEMO
 from faultbond.errors import FaultbondError
 from faultbond.io.examples import example
-from faultbond.io.files import descriptor, identity
+from faultbond.io.files import STANDARD_INPUT, descriptor, identity
 from faultbond.io.out import STANDARD_OUTPUT
-from faultbond.io.recording import STANDARD_INPUT
 
 READ = {"model": "the model", "recording": "the recording", "recordings": "a recording", "data": "a recording"}
 READ |= {"inputs": "the recording of inputs"}

@@ -8,7 +8,6 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from errno import ENOSPC
-from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Never
 
@@ -21,14 +20,11 @@ from faultbond.cli.fit import add_fit
 from faultbond.cli.outputs import check_outputs
 from faultbond.cli.verbs import DONE, FAULT_DETECTED, NO_VERDICT, Call, Parser, Verbs
 from faultbond.errors import FaultbondError, NoVerdictError, one_line
+from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
-from faultbond.io.recording import STANDARD_INPUT
 
 USER_MISTAKE, INTERNAL_ERROR = 2, 3
-SIGNALLED, NOBODY_READS = (
-    128,
-    141,
-)  # as shells report a program stopped by a signal, 128 and its number, or a closed pipe
+SIGNALLED, NOBODY_READS = 128, 141  # as shells report: 128 and the number of the signal; a pipe that was closed
 GROWING = ("run", "demo")  # verbs whose records are read while they run
 TRACEBACK = "FAULTBOND_TRACEBACK"
 EXIT_CODES = (
@@ -43,6 +39,8 @@ class _Version(argparse.Action):
     """Write the version and stop."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> Never:
+        from importlib.metadata import version  # noqa: PLC0415 - slow to load
+
         sys.stdout.write(f"faultbond {version('faultbond')}\n")
         parser.exit()
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Never, Protocol, TypeAlias
 
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
+from faultbond.app.wishes import SURE
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
 from faultbond.model.quantities import duration, spread
-from faultbond.runtime.accepting import SURE
 from faultbond.types import EngineChoice, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from faultbond.types import CheckKind, FaultKind, FloatArray
+from faultbond.arrays import FloatArray
+from faultbond.types import CheckKind, FaultKind
 
 
 class Decider(Enum):

@@ -13,8 +13,8 @@ from itertools import product
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec, ParameterSpec
-from faultbond.types import BoolArray, FloatArray, IntArray
 
 FIRST_START = 0.45  # the lowest start, in healthy values; each next one is twice as large
 START_SPREAD = 0.35  # sd of a start, in starts

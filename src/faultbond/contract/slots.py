@@ -12,9 +12,10 @@ from math import log
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import starts_of
 from faultbond.contract.spec import EngineSpec, ParameterSpec
-from faultbond.types import FaultKind, FloatArray, IntArray
+from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
 WANDER = 0.5  # variance that a rate gains in `span` samples, in that at its start: a drift may slow down or stop

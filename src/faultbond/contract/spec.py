@@ -23,7 +23,8 @@ from typing import Protocol
 
 import numpy as np
 
-from faultbond.types import CheckKind, FloatArray
+from faultbond.arrays import FloatArray
+from faultbond.types import CheckKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,10 +15,10 @@ from enum import Enum
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, IntArray
 from faultbond.diagnosability.classes import classes
 from faultbond.diagnosability.structural import StructuralModel
 from faultbond.equations.matching import match, redundant, undetermined
-from faultbond.types import BoolArray, IntArray
 
 
 class Interpretation(Enum):

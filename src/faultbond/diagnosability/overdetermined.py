@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray
 from faultbond.diagnosability.classes import Search, search
 from faultbond.equations.matching import Equations, augment, holdings, match, redundant
 from faultbond.errors import StructureError
-from faultbond.types import BoolArray
 
 EquationSet = tuple[int, ...]
 

@@ -16,10 +16,10 @@ from math import ceil, sqrt
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.linear import back, eliminate, triangle
 from faultbond.equations.plant import Plant
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
 NEWTON_STEPS = 10

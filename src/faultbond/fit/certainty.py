@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.fit.objective import Course
-from faultbond.types import BoolArray, FloatArray
 
 UNSURE = 1.0 / 3.0  # of a parameter (of `change` where it is about 0); one known less well is not determined
 IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked alone

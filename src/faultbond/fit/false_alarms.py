@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.innovations import Watch
 from faultbond.runtime.cusum import LAGS, clip, scatter_gain
-from faultbond.types import FloatArray
 
 OVERSHOOT = 1.166  # standard deviations
 LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing

@@ -14,6 +14,7 @@ from enum import Enum
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.fit.certainty import Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
@@ -22,7 +23,6 @@ from faultbond.fit.samples import Record
 from faultbond.fit.scoring import START_PRIOR, Summit, climb, spread_noise
 from faultbond.fit.unknowns import Unknowns
 from faultbond.fit.whiteness import Whiteness, test_whiteness
-from faultbond.types import BoolArray, FloatArray
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
 ROUNDS = 8  # of the width of the prior

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.fit.likelihood import Layout
 from faultbond.fit.samples import Record
 from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import START_PATIENCE, START_SAMPLES
 from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

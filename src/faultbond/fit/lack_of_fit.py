@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.innovations import Watch
 from faultbond.fit.samples import Record
-from faultbond.types import BoolArray, FloatArray
 
 PARTS = 3  # of the range of an input or a reading
 SURE = 4.0  # standard errors of a mean that is not chance

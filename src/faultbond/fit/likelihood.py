@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine
 from faultbond.fit.likelihood import Layout
 from faultbond.fit.samples import Record
 from faultbond.fit.unknowns import Unknowns
-from faultbond.types import BoolArray, FloatArray
 
 BLOCK = 4096  # samples whose innovations are held at a time
 LOG_2_PI = float(np.log(2.0 * np.pi))

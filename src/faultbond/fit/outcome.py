@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.fit.certainty import UNSURE
 from faultbond.fit.identification import Fit
 from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
-from faultbond.types import FloatArray
 
 LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smaller one is kept where it is declared
 MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import NoVerdictError
 from faultbond.fit.likelihood import Layout
 from faultbond.runtime.packing import CHANGE_MEMORY
 from faultbond.runtime.state import Sample
-from faultbond.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.fit.objective import Evaluation, Plant, Point, course, evaluate
 from faultbond.fit.samples import Record
-from faultbond.types import BoolArray, FloatArray
 
 TURNS = 60  # steps at most
 PATIENCE = 10  # rises of the damping in a row

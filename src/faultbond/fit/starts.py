@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.fit.objective import Plant, Point
 from faultbond.fit.samples import Record
 from faultbond.fit.scoring import START_PRIOR
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.runtime.start import solve_start
-from faultbond.types import FloatArray
 
 _LEAST_PART = 1e-4  # of a start's size, in which it is found at least
 

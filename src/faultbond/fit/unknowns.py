@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.fit.likelihood import Layout
 from faultbond.model.graph import Parameter
-from faultbond.types import BoolArray, FloatArray, IntArray
 
 FURTHEST = 1e3  # a parameter is at most so many times larger or smaller than nominal
 NOISE_PRIOR = 3.0  # sd of the logarithm of a size of noise: a factor of 20 either way

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 MOST_LAGS = 20
 SHOWN_LAGS = 60

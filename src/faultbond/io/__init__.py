@@ -1,10 +1,15 @@
 """Data in and out: recordings, the grid of samples, faults to simulate, output of the verbs, built-in examples."""
 
-from faultbond.io.examples import example
-from faultbond.io.faults import FaultRequest, parse_fault
-from faultbond.io.grid import Counts, Grid, GridPoint, Row, on_grid
-from faultbond.io.out import Out
-from faultbond.io.recording import Column, Columns, columns_of, read_rows, write_recording
+from typing import TYPE_CHECKING
+
+from faultbond.lazy import lazily
+
+if TYPE_CHECKING:
+    from faultbond.io.examples import example
+    from faultbond.io.faults import FaultRequest, parse_fault
+    from faultbond.io.grid import Counts, Grid, GridPoint, Row, on_grid
+    from faultbond.io.out import Out
+    from faultbond.io.recording import Column, Columns, columns_of, read_rows, write_recording
 
 __all__ = [
     "Column",
@@ -22,3 +27,14 @@ __all__ = [
     "read_rows",
     "write_recording",
 ]
+
+__getattr__ = lazily(
+    "faultbond.io",
+    {
+        "examples": "example",
+        "faults": "FaultRequest parse_fault",
+        "grid": "Counts Grid GridPoint Row on_grid",
+        "out": "Out",
+        "recording": "Column Columns columns_of read_rows write_recording",
+    },
+)

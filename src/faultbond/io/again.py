@@ -7,7 +7,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 KEPT = 20  # recordings, or parts of them, that are known when they are given again
 

@@ -17,7 +17,7 @@ from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 MAX_SIZE = 2**29  # bytes; the bank of a large plant takes a tenth of it
 ABOUT, CHECKSUM = "about", "checksum"

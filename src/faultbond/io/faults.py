@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from faultbond.errors import FaultbondError
-from faultbond.io.recording import parse_time
+from faultbond.io.times import parse_time
 from faultbond.types import FaultKind
 
 FORM = re.compile(

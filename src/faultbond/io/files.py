@@ -18,6 +18,8 @@ _STANDARD = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _LONGEST = 50  # characters of a name that its draft repeats
 
+STANDARD_INPUT = "-"
+
 
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:

@@ -6,7 +6,7 @@ once it has shown a step much smaller than its declared noise, and only after ma
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 FROZEN_AFTER = 60  # values one after the other that are the same
 FINE = 0.5  # a sensor resolves its noise if it has moved by less than this many standard deviations

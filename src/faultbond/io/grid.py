@@ -13,10 +13,10 @@ from itertools import chain
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.again import digest, with_first
 from faultbond.io.frozen import Frozen
-from faultbond.types import FloatArray
 
 LOOK_BACK = 60  # a row of a file may be this many samples late and still be used
 PATIENCE = 5  # rows of a live stream that wait, in order, for one that is absent before them

@@ -21,18 +21,18 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
-from faultbond.io.files import replaced_text
+from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Row
+from faultbond.io.times import parse_time
 from faultbond.model.graph import BondGraph, TimeColumn, Unit
-from faultbond.types import FloatArray
 
 MAX_LINE = 200_000  # characters
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
 FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
 ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
-STANDARD_INPUT = "-"
 WITH_COMMA = re.compile(r"\s*[+-]?\d*,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)  # a number as half of the world writes it
 
 
@@ -146,12 +146,6 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
         writer.writerow(columns)
         for values in zip(*columns.values(), strict=True):
             writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
-
-
-def parse_time(text: str) -> float:
-    """Give Unix seconds of an ISO 8601 time, UTC where no zone is given; ValueError if it is none."""
-    moment = datetime.fromisoformat(text.strip())
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str) -> Iterator[Row]:

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Forecast, Suspect
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive
@@ -23,7 +24,7 @@ from faultbond.io.typed import Limits, typed
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import COUNT
 from faultbond.runtime.rule import Sure
-from faultbond.types import FloatArray, Method
+from faultbond.types import Method
 
 FORMAT = 2  # of the file; one of another format is refused
 _NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"

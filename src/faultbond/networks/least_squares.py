@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtri
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.networks.reader import Reader
 from faultbond.networks.static_network import READING, Observation, StaticNetwork
-from faultbond.types import BoolArray, FloatArray
 
 DETECTED = 1e-6  # chance that an observation of the healthy network is taken for a fault
 REJECTED = 1e-3  # chance that the true hypothesis is rejected after an observation

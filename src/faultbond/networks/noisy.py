@@ -11,13 +11,13 @@ from math import inf
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.networks.hypothesis import Hypothesis, advance
 from faultbond.networks.least_squares import REJECTED, Data, Fit, data_of, fit, limit, readable
 from faultbond.networks.numeric_search import starts
 from faultbond.networks.polynomial_roots import Point, value_of
 from faultbond.networks.reader import Reader, reader
 from faultbond.networks.static_network import READING, Observation, StaticNetwork, healthy_of
-from faultbond.types import FloatArray
 
 ROOTS_FROM = 4  # first observations: later ones start from the fits so far
 

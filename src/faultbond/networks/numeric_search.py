@@ -10,10 +10,10 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.numeric import Value, slopes
 from faultbond.networks.propagation import Propagated
 from faultbond.networks.relations import holds, magnitude
-from faultbond.types import FloatArray
 
 FACTORS = {  # of the nominal values, by number of unknowns
     1: (1.0, 0.3, 3.0, 0.03, 30.0, -0.3, -3.0),

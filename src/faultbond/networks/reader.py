@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.evaluate import evaluate
 from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.networks.relations import Equation
-from faultbond.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import History
 from faultbond.report.numbers import exponent_of, is_unix, power_of_ten
 from faultbond.report.thin import thin
-from faultbond.types import FloatArray
 
 POINTS = 4000  # per trace
 ALL_POINTS = 120_000  # numbers of the whole page, so that many sensors still give a small file

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, History
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.chart import Chart, Section, Trace
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.tracks import estimate_charts, forecast_charts
 from faultbond.report.verdict import open_diagnosis, set_key, set_name
-from faultbond.types import FloatArray
 
 LEADING = 6  # candidates with a line of their own
 

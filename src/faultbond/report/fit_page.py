@@ -6,6 +6,7 @@ from importlib import resources
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import History
 from faultbond.fit.whiteness import Whiteness
 from faultbond.report.chart import Chart, Section, Trace, payload
@@ -19,7 +20,6 @@ from faultbond.report.fitted import (
     verdict,
 )
 from faultbond.report.numbers import Notation, duration_text, unit_text
-from faultbond.types import FloatArray
 
 _STATIC = resources.files("faultbond.report") / "static"
 _WIDTH, _HEIGHT, _LEFT = 720.0, 120.0, 34.0  # px, of a drawing of correlations

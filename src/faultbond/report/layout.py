@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from faultbond.types import BoolArray, FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 
 Cells = NDArray[np.int64]
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 
 def thin(traces: Sequence[FloatArray], limit: int) -> NDArray[np.int64]:

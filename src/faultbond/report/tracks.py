@@ -4,13 +4,14 @@ from math import isfinite
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Forecast, History, Suspect
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import Chart, Trace
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import title_of, unit_of
 from faultbond.report.verdict import best_group, last_diagnosis
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 CHARTS = 4  # suspects shown
 FARTHEST = 3.0  # a forecast is drawn so many times as far as its median

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.slots import SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, pack, unpack
@@ -19,11 +20,10 @@ from faultbond.runtime.monitor import conclude
 from faultbond.runtime.ranking import best_lanes, scores
 from faultbond.runtime.slotted import shared
 from faultbond.runtime.state import State, bank_fields, no_scatter
-from faultbond.types import BoolArray, FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
 MOST_NOISE = 0.25  # of the variance of a sensor that is blanked: one that is accepted with more would count as that
-SURE = 0.95  # probability from which a rule accepts, if nothing else is said
 SURE_SAMPLES = 200  # for which a candidate has been the sure one before a rule accepts it
 
 

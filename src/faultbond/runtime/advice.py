@@ -13,11 +13,12 @@ from functools import partial
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Advice, Candidate, Diagnosis
 from faultbond.contract.spec import CheckSpec, Engine, EngineSpec
 from faultbond.runtime.ranking import best_lanes
 from faultbond.runtime.state import State
-from faultbond.types import CheckKind, FloatArray
+from faultbond.types import CheckKind
 
 AHEAD = 300  # samples for which candidates are predicted under a move
 MOVES = (0.2, 0.4, 0.6)  # of an input, in its largest value or 100 percent, where the model file gives no move

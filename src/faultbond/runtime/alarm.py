@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.cusum import Sums, added, clip, height_of, scales
 from faultbond.runtime.state import Changes, State
 from faultbond.runtime.unseen import unknown_inputs
-from faultbond.types import FloatArray
 
 NIS_TRUST, NIS_MEMORY = 1000, 10_000  # samples for which the declaration counts; over which squares are a mean
 NIS_RANGE = (0.25, 4.0)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
-from faultbond.types import FloatArray
 
 BEGIN_ANEW = "Delete its file to begin anew."
 LARGEST = 2.0**52  # whole numbers up to it, and their sums, are exact

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import extremes, plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
@@ -16,7 +17,6 @@ from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.slotted import advance_slots, begin_slots, renew_slots
 from faultbond.runtime.stepped import advance_steps, begin_steps, renew_all_steps, renew_steps
 from faultbond.runtime.trail import Trail
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

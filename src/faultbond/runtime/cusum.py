@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faultbond.arrays import BoolArray
 from faultbond.contract.spec import Thresholds
-from faultbond.types import BoolArray
 
 LAGS = 4  # innovations with which each new one is compared
 SQRT2 = sqrt(2.0)  # standard deviation of a difference of innovations as declared

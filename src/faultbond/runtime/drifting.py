@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec, covariance_place
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

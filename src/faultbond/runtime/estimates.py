@@ -5,11 +5,12 @@ from math import log, sqrt
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Forecast, Suspect
 from faultbond.contract.slots import SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, ParameterSpec, covariance_place
 from faultbond.runtime.forecast import forecast
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import START_SPREAD, LanePlan
 from faultbond.contract.spec import Engine, EngineSpec, covariance_place
 from faultbond.runtime.stepped import begin_near
 from faultbond.runtime.trail import Trail
-from faultbond.types import FloatArray, IntArray
 
 GROWN = 32  # sets of the reserve that are tested
 PER_SET = (

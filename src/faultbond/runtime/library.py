@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import GenerationError
-from faultbond.types import FloatArray
 
 LANES = 8  # filters per call of the compiled step
 WORTH = 2_000_000  # numbers of lanes, taken over all samples, that are worth a thread: some 10 ms of work

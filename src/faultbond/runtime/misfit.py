@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.cusum import climb, clip
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Detection, Diagnosis, Unexplained
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
@@ -34,7 +35,6 @@ from faultbond.runtime.state import (
 from faultbond.runtime.trail import Trail, bursts
 from faultbond.runtime.untested import untested
 from faultbond.runtime.wild import admit, judged, seen, surprising, without_spike
-from faultbond.types import BoolArray, FloatArray
 
 START_SAMPLES = 20  # gathered before an unknown start is solved
 START_PATIENCE = 300  # samples for which a sensor without any value holds up the start

@@ -11,11 +11,11 @@ from itertools import groupby
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample
 from faultbond.runtime.start import RUN_AWAY, misfits, solve_start
 from faultbond.runtime.state import Sample, State, init
-from faultbond.types import BoolArray, FloatArray
 
 FAR = 10.0  # sd of its noise, or usual misfits, that a reading may lie from the start that the others give
 APART = 3.0  # usual distances from the middle that an input may lie from it

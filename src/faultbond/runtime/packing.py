@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Changes, Sample, State
 from faultbond.runtime.unseen import is_restless, told_inputs, wandered
-from faultbond.types import BoolArray, FloatArray
 
 GAP = 3  # samples without any value from which on the states are uncertain after them,
 UNUSUAL = 3.0  # beside so many times the usual number, since rows may come more slowly than samples

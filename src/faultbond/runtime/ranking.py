@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
@@ -18,7 +19,7 @@ from faultbond.runtime.bank import Bank
 from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.growing import PER_SET
 from faultbond.runtime.stepped import LOWEST
-from faultbond.types import FaultKind, FloatArray, IntArray
+from faultbond.types import FaultKind
 
 MAX_CANDIDATES = 100
 _KINDS = tuple(FaultKind)

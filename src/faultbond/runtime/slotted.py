@@ -12,12 +12,13 @@ from math import log, log1p
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.slots import WANDER, SlotPlan, plan_slots
 from faultbond.contract.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.runtime.onsets import onsets
 from faultbond.runtime.stepped import LOWEST, Mixture, forget_slow_errors, mix, mixed, relinearised
 from faultbond.runtime.trail import Trail
-from faultbond.types import FaultKind, FloatArray, IntArray
+from faultbond.types import FaultKind
 
 SWITCHING = 1.0 / 300.0  # probability per sample that a fault that comes and goes does so
 WALK = 12  # steps in which the bias of an input comes up that takes a while to settle

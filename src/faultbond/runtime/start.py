@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.spec import Engine, EngineSpec, pack, unpack
-from faultbond.types import FloatArray, IntArray
 
 _ITERATIONS = 12
 _SECANTS = 8

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.runtime.bank import Bank, no_bank
 from faultbond.runtime.cusum import no_sums
 from faultbond.runtime.misfit import Misfit
-from faultbond.types import FloatArray
 
 Changes = dict[str, Any]  # fields of the state, by name
 SNAPSHOTS, SNAPSHOT_EVERY = 12, 300  # how many healthy lanes are kept for long, and after how many samples each

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import LanePlan, extremes, found_lanes, plan_lanes
 from faultbond.contract.spec import Engine, EngineSpec, covariance_place, pack, unpack
 from faultbond.runtime.onsets import onsets
 from faultbond.runtime.trail import Trail
-from faultbond.types import FloatArray, IntArray
 
 ASTRAY = 10.0  # nats by which a lane that begins from closer may be less likely, as chance has it
 IN_REACH = 20.0  # nats by which a filter, or a hypothesis, may lag behind the best and still come to lead

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Diagnosis, History
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.state import Report, Sample
-from faultbond.types import FloatArray
 
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
 

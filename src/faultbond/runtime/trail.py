@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.types import BoolArray, FloatArray
 
 WILD = 5.0  # innovation in its sd that noise alone does not bring about
 MOST_BURSTS = 8

@@ -6,9 +6,9 @@ certain. Formulas: docs/method.md, "The joint filter".
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.state import Changes, Sample, State
-from faultbond.types import BoolArray, FloatArray
 
 FAR = 20  # samples of a gap in which a state may go as far as it has ever been
 AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it

@@ -24,13 +24,14 @@ from itertools import combinations
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.findings import Untested
 from faultbond.contract.lanes import extremes, plan_lanes
 from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.growing import factors
 from faultbond.runtime.ranking import by_kind, lane_table, scores
-from faultbond.types import BoolArray, FaultKind, FloatArray, IntArray
+from faultbond.types import FaultKind
 
 OPEN = 0.5  # a bound from which on there is none
 _STEP = tuple(FaultKind).index(FaultKind.STEP)

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample
 from faultbond.runtime.state import Changes, Sample, State
 from faultbond.runtime.unseen import allowed, doubt, travelled
-from faultbond.types import BoolArray, FloatArray
 
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,
 NOISES = 100.0  # of a sensor at least so many sd of its noise wide,

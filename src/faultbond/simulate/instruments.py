@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.model.graph import Input, Sensor
 from faultbond.simulate.truth import Fault, course, is_there
-from faultbond.types import FaultKind, FloatArray, IntArray
+from faultbond.types import FaultKind
 
 FREE = -1  # not stuck
 

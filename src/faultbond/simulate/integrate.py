@@ -18,9 +18,9 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.plant import Plant
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 
 TOLERANCE = 1e-8  # change by the last doubling, relative to the largest size of each state
 ACCEPTED = 1e-6

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.plant import Plant, build_plant
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, Integrator, Method, Segments
 from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
-from faultbond.types import FloatArray
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 

@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 
 def random_steps(

@@ -7,10 +7,11 @@ from math import inf, isfinite, nan
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Unit
-from faultbond.types import BoolArray, FaultKind, FloatArray
+from faultbond.types import FaultKind
 
 MOST_RETURNS = 10_000
 

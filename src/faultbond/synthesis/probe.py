@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph, Check, Sensor
 from faultbond.runtime.advice import Probe
-from faultbond.types import CheckKind, FloatArray
+from faultbond.types import CheckKind
 
 
 def build_probe(spec: EngineSpec, graph: BondGraph) -> Probe | None:

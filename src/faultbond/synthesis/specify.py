@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 
 from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import (
     CheckSpec,
     EngineSpec,
@@ -20,7 +21,6 @@ from faultbond.contract.spec import (
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
-from faultbond.types import FloatArray
 
 VERSION = version("faultbond")
 _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a step

@@ -15,9 +15,9 @@ from faultbond.algebra.solving.noise import noise_gain, nominal_record
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.solution import Solution, solve_samples
 from faultbond.algebra.solving.solve import solve
+from faultbond.arrays import FloatArray
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 
 
 def quiet(plant: Plant, factor: float) -> Plant:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.batch import Batch
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 
 class Buffer:

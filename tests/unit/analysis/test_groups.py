@@ -11,8 +11,8 @@ from faultbond.analysis import groups as module
 from faultbond.analysis.groups import NEAR_ANGLE, groups, largest_angles, near_groups, near_pairs, not_compared
 from faultbond.analysis.ranks import Reduced, reduce, told_rank
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.types import FloatArray
 from plants import TANK_SENSORS, circuit, example, named, positions, run
 
 

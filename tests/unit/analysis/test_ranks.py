@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.ranks import Reduced, above_noise, bases, set_ranks, told_rank
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 
 def seen(matrix: FloatArray) -> Reduced:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities, sensitivity
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 from plants import circuit, example, run
 
 LEAK = (

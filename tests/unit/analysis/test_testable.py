@@ -19,9 +19,9 @@ from faultbond.analysis.testable import (
     judge,
     sets_to_test,
 )
+from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 from plants import example, named, run, stated
 
 TABLE_6_5 = [*[(name,) for name in "RLKJC"], *combinations("RLKJC", 2)]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import starts_of
 from faultbond.contract.slots import (
     DRIFTING,
@@ -20,7 +21,7 @@ from faultbond.contract.slots import (
     plan_slots,
 )
 from faultbond.contract.spec import EngineSpec
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import plant
 
 SPEC = plant("dc_motor_current")[1]  # R L K J C; sensors omega, i; input V

@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.linear import eliminate
 from faultbond.equations.plant import Plant, build_plant
 from faultbond.model.text import parse_model
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 TANK = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import MAX_SUBSTEPS, StepModel, build_step_model, reference_inputs
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model, parse_model
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

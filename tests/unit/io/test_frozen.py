@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.io.frozen import FROZEN_AFTER, Frozen
 from faultbond.io.grid import Grid, Row, on_grid
-from faultbond.types import FloatArray
 
 
 def count(values: FloatArray, noise: float) -> list[int]:

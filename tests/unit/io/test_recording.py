@@ -15,7 +15,8 @@ import pytest
 
 from faultbond.errors import RecordingError
 from faultbond.io.grid import Counts, Grid, Row, on_grid
-from faultbond.io.recording import Column, Columns, parse_time, read_rows, write_recording
+from faultbond.io.recording import Column, Columns, read_rows, write_recording
+from faultbond.io.times import parse_time
 from faultbond.model.graph import TimeColumn, Unit
 
 COLUMNS = Columns(

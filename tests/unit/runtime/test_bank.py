@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.slots import plan_slots
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
 from faultbond.runtime.misfit import add_misfit
@@ -12,7 +13,6 @@ from faultbond.runtime.state import State
 from faultbond.runtime.stepped import advance_steps
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
-from faultbond.types import BoolArray, FloatArray
 from made import plant, recorded, run
 
 _, SPEC, ENGINE = plant("dc_motor_current")

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import extremes, plan_lanes
 from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.runtime import monitor
@@ -15,7 +16,6 @@ from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import ASTRAY, IN_REACH, renew_all_steps
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.types import FloatArray
 from made import plant, recorded, run, samples_of
 
 LAST = monitor.RENEWALS[-1]

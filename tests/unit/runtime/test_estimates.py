@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Suspect
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 from faultbond.runtime.estimates import Absorbed, nothing_absorbed, slot_suspects, step_suspects
 from faultbond.runtime.forecast import forecast
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import plant
 
 PLAIN = plant("dc_motor_current")[1]

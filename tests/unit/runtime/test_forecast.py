@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Forecast
 from faultbond.runtime.forecast import PARTS, forecast
-from faultbond.types import FloatArray
 
 LINES = 200_000
 

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime import growing
 from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, grow, n_grown
@@ -16,7 +17,6 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import Sample, State
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.types import FloatArray
 from made import differing, plant, run, samples_of
 
 _, MOTOR, ENGINE = plant("dc_motor_current")

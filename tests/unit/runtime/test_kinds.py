@@ -7,12 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.monitor import finish, step
 from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.types import BoolArray, FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import differing, plant, run, samples_of
 
 NAME = "dc_motor_current"

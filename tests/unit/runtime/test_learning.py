@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime import monitor
@@ -12,7 +13,6 @@ from faultbond.runtime.bank import Bank
 from faultbond.runtime.state import State
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
-from faultbond.types import FloatArray
 from made import plant, recorded, run
 
 FAULT = Fault(parameter="R", factor=2.0, start=2.4)

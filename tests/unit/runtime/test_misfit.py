@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.alarm import accumulated
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.state import init
 from faultbond.simulate import Fault
-from faultbond.types import FloatArray
 from made import plant, recorded, run
 
 SPEC = plant("dc_motor_current")[1]

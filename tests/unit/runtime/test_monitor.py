@@ -7,11 +7,11 @@ from io import BytesIO
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.monitor import START_SAMPLES, finish, step
 from faultbond.runtime.state import Report, State, Status, init
 from faultbond.simulate import Fault
-from faultbond.types import FloatArray
 from made import differing, plant, recorded, run
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)

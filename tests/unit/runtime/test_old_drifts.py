@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.slots import INPUT_BIASES, plan_slots
 from faultbond.contract.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.runtime import monitor
@@ -14,7 +15,7 @@ from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, u
 from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import TANK_START, plant, run, samples_of
 
 

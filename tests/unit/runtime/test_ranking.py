@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec, pack
 from faultbond.runtime.bank import Bank, no_bank
 from faultbond.runtime.ranking import MAX_CANDIDATES, leading_lane, rank, scores
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import plant
 
 SPEC = plant("dc_motor_current")[1]  # 25 sets of up to three suspects; two sensors and an input

@@ -7,12 +7,13 @@ from math import log
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
 from faultbond.runtime.cusum import LAGS
 from faultbond.runtime.state import Sample, State, init
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import differing, plant, recorded, run
 
 NAME = "dc_motor_current"

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import WANDER, SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, SlowErrorSpec, covariance_place, pack, unpack
@@ -25,7 +26,7 @@ from faultbond.runtime.stepped import relinearised
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Effects, Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FaultKind, FloatArray
+from faultbond.types import FaultKind
 from made import TANK_START, plant, recorded, run, samples_of
 
 SPEC = plant("dc_motor_current")[1]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import START_SAMPLES
@@ -12,7 +13,6 @@ from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, Status
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_engine
-from faultbond.types import FloatArray
 from made import TANK_START, plant, recorded, run, samples_of
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.runtime.state import Sample
 from faultbond.simulate import Inputs, simulate, sines
-from faultbond.types import FloatArray
 from made import plant, run, samples_of
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import extremes, found_lanes, plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec, SlowErrorSpec, StateSpec, pack, unpack
@@ -13,7 +14,6 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import begin_near, begin_steps, renew_steps, suspect_lanes
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault
-from faultbond.types import FloatArray
 from made import plant, recorded, run
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)

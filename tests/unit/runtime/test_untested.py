@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_growing import evidence, linear
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Diagnosis, Untested
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import EngineSpec, pack
@@ -19,7 +20,6 @@ from faultbond.runtime.ranking import scores
 from faultbond.runtime.state import Sample, State
 from faultbond.runtime.untested import most_likelihood, untested
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.types import FloatArray
 from made import plant, run, samples_of
 
 GRAPH, MOTOR, ENGINE = plant("dc_motor_current")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from faultbond.app.engines import engine_title
+from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.errors import CacheError, GenerationError
@@ -18,7 +19,7 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.synthesis.compile import cache_folder, compile_library, find_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.machine import VirtualMachine
-from faultbond.types import EngineChoice, FloatArray
+from faultbond.types import EngineChoice
 
 RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
 SOURCE = "int answer(void) { return 42; }\n"

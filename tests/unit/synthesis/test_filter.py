@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.equations.step import StepModel
@@ -17,7 +18,6 @@ from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RC = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
@@ -16,7 +17,6 @@ from faultbond.runtime.start import healthy_lane
 from faultbond.synthesis.filter import View, build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PLANTS = ("dc_motor_current", "rlc", "tank", "quiet")  # quiet: no noise of the input

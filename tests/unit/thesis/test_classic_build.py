@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.algebra.solving.backward_euler import plant_of, random_inputs, simulate
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
@@ -22,7 +23,6 @@ from faultbond.thesis.online.newton import solve
 from faultbond.thesis.online.plan import Batch, ClassicPlan
 from faultbond.thesis.online.settings import Erratum, Settings
 from faultbond.thesis.online.tape import Program, Search, evaluate
-from faultbond.types import FloatArray
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 ROWS = 12

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_classic_watch import run
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
@@ -20,7 +21,6 @@ from faultbond.thesis.online.prefilter import filtered
 from faultbond.thesis.online.settings import PRINTED, Erratum, Settings
 from faultbond.thesis.online.state import ClassicState, init
 from faultbond.thesis.online.watch import step
-from faultbond.types import FloatArray
 from made import samples_of
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

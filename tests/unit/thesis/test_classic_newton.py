@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from faultbond.algebra.solving.solution import Line, Root
+from faultbond.arrays import FloatArray
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.offline.tapes import compile_roots
 from faultbond.thesis.online.newton import solve
 from faultbond.thesis.online.tape import Search
-from faultbond.types import FloatArray
 
 PLACES = {"x": 0, "z": 1, "a": 2, "before": 3}
 

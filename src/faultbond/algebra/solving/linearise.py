@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 from scipy.linalg.lapack import dgecon, dgetrf
 
+from faultbond.arrays import FloatArray
 from faultbond.equations.numeric import Value, is_nan, slopes, solve_linear
 from faultbond.model.expression import Expression
-from faultbond.types import FloatArray
 
 WELL, SINGULAR = 1e-10, 1e-15  # reciprocal conditions of equations with rows and columns scaled
 MAX_EXACT = 60  # equations that are looked at in exact arithmetic

@@ -16,10 +16,10 @@ from faultbond.algebra.route import Route
 from faultbond.algebra.solving.backward_euler import Plant, Record, random_inputs, simulate
 from faultbond.algebra.solving.linearise import SINGULAR, reciprocal_condition, slope_matrix
 from faultbond.algebra.solving.problem import Problem, prepare
+from faultbond.arrays import FloatArray
 from faultbond.equations.component_network import SAMPLE_TIME, ComponentNetwork
 from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
-from faultbond.types import FloatArray
 
 N_INSTANTS = 15
 

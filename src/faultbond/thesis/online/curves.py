@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.thesis.online.indices import indices_of
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.ranking import current_limits, reason
 from faultbond.thesis.online.state import ClassicState
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

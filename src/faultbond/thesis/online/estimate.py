@@ -7,12 +7,12 @@ Source: thesis 6.2.2; 4.2.2 (signals on either side). Ours: weights, several sus
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.thesis.online.models import Moment, misfits_of, parameters_of, states_from_samples
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum
 from faultbond.thesis.online.state import ClassicState
-from faultbond.types import BoolArray, FloatArray
 
 STEP = 1e-6  # of a factor, for slopes
 LARGEST = 0.3  # change of a factor by one sample

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.types import BoolArray, FloatArray
 
 
 def trust_in_samples(settings: Settings, noise: float, accuracy: float, samples: int) -> float:

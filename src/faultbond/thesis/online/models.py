@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.thesis.online.newton import solve
 from faultbond.thesis.online.plan import Batch, ClassicPlan
 from faultbond.thesis.online.tape import Search, evaluate
-from faultbond.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

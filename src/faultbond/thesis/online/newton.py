@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.thesis.online.tape import Program, Search, evaluate
-from faultbond.types import BoolArray, FloatArray
 
 STEPS = 40
 HALVINGS = 8

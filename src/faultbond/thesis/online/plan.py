@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.thesis.online.settings import Settings
 from faultbond.thesis.online.tape import Program, Search
-from faultbond.types import BoolArray, FloatArray
 
 Batch = tuple[tuple[Program | Search, tuple[int, ...]], ...]  # programs, and for each what its results are
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from faultbond.types import FloatArray
+from faultbond.arrays import FloatArray
 
 
 @lru_cache(maxsize=64)

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond import sets
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
 from faultbond.thesis.online.indices import indices_of, limits_of
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum
 from faultbond.thesis.online.state import ClassicState
-from faultbond.types import BoolArray, FloatArray
 
 CLIP = 0.5  # largest error index that counts
 MAX_CANDIDATES = 100

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.allowed import ANYTHING, COUNT, COUNT_OR_NONE, FLAG, POSITIVE, Allowed
 from faultbond.thesis.online.plan import ClassicPlan
-from faultbond.types import FloatArray
 
 ALLOWED = {
     **dict.fromkeys(("index", "absent"), COUNT),

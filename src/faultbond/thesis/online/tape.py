@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from faultbond.types import BoolArray, FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 
 Instruction = tuple[str, tuple[int, ...]]  # what is done, and the registers it is done to
 

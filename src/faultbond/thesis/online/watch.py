@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.monitor import DIAGNOSIS_EVERY
@@ -28,7 +29,6 @@ from faultbond.thesis.online.prefilter import filtered
 from faultbond.thesis.online.ranking import current_limits, noise_of, rank
 from faultbond.thesis.online.settings import WORKING, Erratum
 from faultbond.thesis.online.state import ClassicState, begin_anew
-from faultbond.types import BoolArray, FloatArray
 
 GAP = 20  # samples without any output after which the states are no longer known; longer where the prefilter is
 
