@@ -22,7 +22,7 @@ from benchmarks.ladders import ladder_text
 from benchmarks.page import as_markdown, as_text, machine, today, write_part
 from faultbond.algebra.route import Question
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant, plant_of
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import solve, solve_cached
 from faultbond.equations.causality import assign_causality
@@ -61,12 +61,14 @@ class Whole:
     inner_cached: float
 
 
-def numbered(graph: BondGraph) -> tuple[ComponentNetwork, Plant]:
+def numbered(graph: BondGraph) -> tuple[ComponentNetwork, NumericPlant]:
     """Give the component network of a plant and its numbers."""
     return build_components(graph, build_network(graph, assign_causality(graph))), plant_of(graph)
 
 
-def solved(network: ComponentNetwork, plant: Plant, targets: tuple[str, ...], folder: Path | None = None) -> Solved:
+def solved(
+    network: ComponentNetwork, plant: NumericPlant, targets: tuple[str, ...], folder: Path | None = None
+) -> Solved:
     """Find and solve the route to some parameters; with a folder through the cache."""
     begin = time.perf_counter()
     route = find_route(network, Question(targets=targets, observed=network.observed, unknown=targets))

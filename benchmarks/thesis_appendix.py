@@ -19,7 +19,7 @@ from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
 from faultbond.model.parser import parse_expression
-from faultbond.thesis.search import Passage, Search, search_route
+from faultbond.thesis.search import Passage, RouteSearch, search_route
 
 STEPS = (  # A.3: numbers of the steps, the component, and U when what is known has been removed and U is sorted
     ("1", "R0", "c0 h0 L"),
@@ -64,13 +64,13 @@ DENOMINATOR = """C**2*omega_2*dt**2*omega_0 - C**2*dt**2*omega_1**2 + C*omega_2*
     + omega_2*J**2*omega_1 + omega_2*J**2*omega_0 + omega_3*J**2*omega_1 - omega_3*J**2*omega_0 - J**2*omega_1**2"""
 
 
-def search() -> Search:
+def search() -> RouteSearch:
     """Give the thesis' search for R and L, in its letters."""
     network = in_figure_a_2()
     return search_route(network, parameters(network, ("R", "L")))
 
 
-def section_a_3(found: Search) -> Table:
+def section_a_3(found: RouteSearch) -> Table:
     """Give the search step by step."""
     passages = found.passages
     lines = [_line(step, passages[k]) for k, step in enumerate(STEPS)]
@@ -87,7 +87,7 @@ def section_a_3(found: Search) -> Table:
     )
 
 
-def _lists(found: Search) -> tuple[Line, ...]:
+def _lists(found: RouteSearch) -> tuple[Line, ...]:
     """Compare what A.3 says of choices, of K and C, and of the end."""
     passages, route = found.passages, found.route
     if route is None:
@@ -129,7 +129,7 @@ def _samples(given: Sequence[tuple[str, int]]) -> str:
     return short(frame_name(item) for item in sorted(given, key=lambda item: (item[0] == "V", item[1])))
 
 
-def _left(found: Search, count: int) -> str:
+def _left(found: RouteSearch, count: int) -> str:
     """Give the components of open frames that the first passages have left."""
     passed = found.passages[:count]
     frames = range(passed[-1].frames)
@@ -138,7 +138,7 @@ def _left(found: Search, count: int) -> str:
     return short(frame_name(place) for place in every if place not in used)
 
 
-def table_a_1(found: Search) -> Table:
+def table_a_1(found: RouteSearch) -> Table:
     """Give all components in the order of the search, with what each finds and what that takes."""
     lines = []
     for passage in found.passages:

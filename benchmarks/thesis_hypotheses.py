@@ -8,9 +8,9 @@ from itertools import combinations
 from benchmarks.thesis_motor import EXAMPLES, HALF, HYPOTHESES, NOMINAL, VOLTS, record_of, samples, system
 from benchmarks.thesis_page import Line, Table, equal, number, set_text, sets_text, words
 from faultbond.algebra.solving.solution import solve_samples
-from faultbond.analysis.ranks import Reduced, reduce, set_ranks
+from faultbond.analysis.ranks import ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.solutions import OtherSolutions, other_solutions
-from faultbond.analysis.testable import Verdict, generic_run, judge
+from faultbond.analysis.testable import Testability, generic_run, judge
 from faultbond.analysis.twins import twins
 from faultbond.equations.numeric import Value
 from faultbond.equations.plant import build_plant
@@ -48,12 +48,12 @@ def model(name: str) -> StepModel:
 
 
 @cache
-def shown(name: str) -> Reduced:
+def shown(name: str) -> ReducedSensitivities:
     """Give what a plant shows when everything is excited."""
     return reduce([generic_run(model(name))])
 
 
-def verdicts(name: str) -> dict[frozenset[str], Verdict]:
+def verdicts(name: str) -> dict[frozenset[str], Testability]:
     """Give the verdict on every set of parameters, by the thesis' names for them."""
     names = [_printed(item.name) for item in model(name).plant.graph.parameters]
     found = judge(shown(name), range(len(names)), len(names)).verdicts

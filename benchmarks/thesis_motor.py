@@ -10,7 +10,7 @@ from pathlib import Path
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.routes.questions import parameters
-from faultbond.algebra.solving.backward_euler import Plant, Record, plant_of, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, Record, plant_of, simulate
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import solve
 from faultbond.equations.causality import assign_causality
@@ -74,7 +74,7 @@ class System:
     """A model of examples/thesis: its component network and its numbers."""
 
     network: ComponentNetwork
-    plant: Plant
+    plant: NumericPlant
 
     def ask(self, question: Question) -> tuple[Route, Solution]:
         """Give the route that answers a question, and its closed form."""

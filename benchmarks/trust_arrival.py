@@ -16,8 +16,8 @@ from benchmarks.trust_plants import Make, Played
 from faultbond.app.methods import restored
 from faultbond.app.rows import resumed, sample_of
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.io.grid import Clock, Grid, Row, on_grid
-from faultbond.io.saved import Found, Saved, read_saved, write_saved
+from faultbond.io.grid import Grid, GridClock, Row, on_grid
+from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.types import Method
@@ -80,12 +80,12 @@ def _sessions(made: Played) -> list[Iterator[Row]]:
     ]
 
 
-def _grid(spec: EngineSpec, made: Played, clock: Clock | None) -> Grid:
+def _grid(spec: EngineSpec, made: Played, clock: GridClock | None) -> Grid:
     noise = [item.noise for item in spec.outputs]
     return Grid(spec.sample_time, live=made.order is not None, noise=noise, clock=clock)
 
 
-def _kept(spec: EngineSpec, state: State, grid: Grid) -> tuple[State, Clock | None]:
+def _kept(spec: EngineSpec, state: State, grid: Grid) -> tuple[State, GridClock | None]:
     """Write a run to a file and read it again."""
     if grid.clock is None:
         return state, None
@@ -96,7 +96,7 @@ def _kept(spec: EngineSpec, state: State, grid: Grid) -> tuple[State, Clock | No
         method=Method.BANK,
         numbers=state.save(),
         clock=grid.clock,
-        found=Found(),
+        found=FoundSoFar(),
     )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "state"

@@ -178,7 +178,7 @@ def test_no_package_is_empty(package: Path) -> None:
 
 @pytest.mark.parametrize("path", [path for path in MODULES if path.name == "__init__.py"], ids=name_of)
 def test_init_files_hold_no_code(path: Path) -> None:
-    """An `__init__.py` holds a docstring, absolute imports and lists of names, of which those loaded late are the same."""
+    """An `__init__.py` holds a docstring, absolute imports and lists of names; those loaded late are the typed ones."""
     typed: dict[str, str] = {}
     late: dict[str, str] = {}
     for node in tree_of(path).body:
@@ -213,3 +213,13 @@ def test_no_forbidden_calls(path: Path) -> None:
     calls = [node.func for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
     called = {function.id for function in calls if isinstance(function, ast.Name)}
     assert called & FORBIDDEN_CALLS == set()
+
+
+def test_no_two_classes_have_one_name() -> None:
+    """Each public class has a name of its own, so that a reader who meets it knows which one it is."""
+    homes: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in tree_of(path).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(name_of(path))
+    assert {name: paths for name, paths in homes.items() if len(paths) > 1} == {}

@@ -14,7 +14,7 @@ from faultbond.algebra.solving.solution import evaluate_root
 from faultbond.algebra.solving.solve import solve
 from faultbond.analysis.groups import largest_angles
 from faultbond.analysis.operation import operate
-from faultbond.analysis.ranks import Reduced, bases, reduce
+from faultbond.analysis.ranks import ReducedSensitivities, bases, reduce
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from faultbond.analysis.testable import generic_run
@@ -67,7 +67,7 @@ def angles() -> str:
     return page(730, 365, [*parts, note])
 
 
-def table(title: str, reduced: Reduced, left: float) -> str:
+def table(title: str, reduced: ReducedSensitivities, left: float) -> str:
     """One table of angles."""
     names, size, top = reduced.parameters, 38.0, 60.0
     base = bases(reduced, [(k,) for k in range(len(names))])

@@ -13,10 +13,10 @@ import sympy
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant, Record, plant_of, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, Record, plant_of, simulate
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.roots import find_roots
-from faultbond.algebra.solving.solution import Kind, Solution, closed_form, evaluate_root, solve_samples
+from faultbond.algebra.solving.solution import Solution, SolutionKind, closed_form, evaluate_root, solve_samples
 from faultbond.algebra.solving.solve import solve
 from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.equations.causality import assign_causality
@@ -28,7 +28,7 @@ from faultbond.model.text import load_model
 MODEL = Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml"
 GRAPH = load_model(MODEL)
 MOTOR: ComponentNetwork = build_components(GRAPH, build_network(GRAPH, assign_causality(GRAPH)))
-PLANT: Plant = plant_of(GRAPH)
+PLANT: NumericPlant = plant_of(GRAPH)
 NOMINAL = {"R": Fraction(3), "L": Fraction(5, 2), "J": Fraction(3, 2), "C": Fraction(2, 5), "K": Fraction(2)}
 HALF = Fraction(1, 2)
 VOLTS = (10, 4, 6, -2, 8)  # G1, oldest first
@@ -171,7 +171,7 @@ def test_roots_of_the_minimal_window(suspects: tuple[str, ...]) -> None:
     expected: list[Mapping[str, float | Fraction]] = (
         [true] if other is None else [true, dict(zip(_as_printed(suspects), other, strict=True))]
     )
-    assert solution.kind is (Kind.LINEAR if other is None else Kind.QUADRATIC)
+    assert solution.kind is (SolutionKind.LINEAR if other is None else SolutionKind.QUADRATIC)
     assert solution.degree == len(found) == len(expected)
     assert all(any(close(root, wanted, 1e-3) for root in found) for wanted in expected)
     assert any(root == true for root in found)  # exactly

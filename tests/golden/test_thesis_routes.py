@@ -17,7 +17,7 @@ from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.routes.questions import parameter_sets, parameters
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
-from faultbond.thesis.search import Ending, Search, search_route
+from faultbond.thesis.search import Ending, RouteSearch, search_route
 from faultbond.thesis.trace import trace_lines
 
 HERE = Path(__file__).parent
@@ -95,7 +95,7 @@ def motor(order: str = "") -> ComponentNetwork:
     return replace(network, equations=tuple(equations))
 
 
-def find(search: Search) -> str:
+def find(search: RouteSearch) -> str:
     """The components passed, in the order of the search."""
     return " ".join(f"{name}{frame}" for name, frame in (passage.place for passage in search.passages))
 
@@ -113,7 +113,7 @@ def lists(text: str, letter: str) -> list[tuple[str, Counter[str]]]:
     return found
 
 
-def text_of(search: Search) -> str:
+def text_of(search: RouteSearch) -> str:
     """The trace as one text."""
     return "\n".join(trace_lines(search)) + "\n"
 

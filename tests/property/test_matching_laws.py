@@ -17,7 +17,15 @@ from faultbond.diagnosability.overdetermined import minimal_sets, minimal_suppor
 from faultbond.diagnosability.placement import sensors_to_detect, sensors_to_isolate
 from faultbond.diagnosability.structural import StructuralModel
 from faultbond.equations import matching
-from faultbond.equations.matching import Part, blocks, closure, decompose, match, redundant, undetermined
+from faultbond.equations.matching import (
+    DulmageMendelsohnPart,
+    blocks,
+    closure,
+    decompose,
+    match,
+    redundant,
+    undetermined,
+)
 
 Rows = tuple[tuple[int, ...], ...]
 
@@ -148,7 +156,7 @@ def test_order_does_not_matter_for_parts(equations: Rows, data: st.DataObject) -
     shuffled = tuple(tuple(renamed[variable] for variable in equations[equation]) for equation in order)
     one, other = decompose(equations, N_VARIABLES), decompose(shuffled, N_VARIABLES)
     for part, found in ((one.over, other.over), (one.just, other.just), (one.under, other.under)):
-        back = Part(
+        back = DulmageMendelsohnPart(
             equations=tuple(sorted(order[equation] for equation in found.equations)),
             variables=tuple(sorted(renamed.index(variable) for variable in found.variables)),
         )

@@ -21,7 +21,7 @@ from faultbond.contract.findings import (
 )
 from faultbond.contract.records import diagnosis_record
 from faultbond.model.text import load_model
-from faultbond.report import Counts, render_report
+from faultbond.report import RunCounts, render_report
 from faultbond.report.chart import payload
 from faultbond.report.charts import sections
 from faultbond.report.numbers import Notation
@@ -133,7 +133,7 @@ def test_everything_can_be_told(history: History) -> None:
     """There is always a sentence, a table and charts without nan, and the sentence is sure of nothing unexplained."""
     last = history.diagnoses[-1]
     for notation in Notation:
-        verdict = verdict_sentence(GRAPH, history, Counts(samples=ROWS), notation)
+        verdict = verdict_sentence(GRAPH, history, RunCounts(samples=ROWS), notation)
         assert verdict.endswith(".")
         assert verdict.startswith("None of the modelled faults") is (last.unexplained is not None)
         assert len(table_rows(GRAPH, last, notation)) == len(last.candidates)
@@ -146,5 +146,5 @@ def test_everything_can_be_told(history: History) -> None:
 @settings(max_examples=8, deadline=None)
 def test_every_page_is_whole(history: History) -> None:
     """The page is made, and ends where it should."""
-    page = render_report(GRAPH, replace(history), None, "engine", "1", Counts(samples=ROWS))
+    page = render_report(GRAPH, replace(history), None, "engine", "1", RunCounts(samples=ROWS))
     assert page.rstrip().endswith("</html>")

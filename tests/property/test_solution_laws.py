@@ -10,14 +10,14 @@ from strategies import Mapping, as_text, plants
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant, misfit, plant_of, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, plant_of, random_inputs, simulate
 from faultbond.algebra.solving.linearise import Fixed, fixes
 from faultbond.algebra.solving.polynomial import Polynomial, Space, add, divide, multiply, power, primitive, space_of
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.rational import Quotient, quotient, quotient_expression, specialise, to_expression
 from faultbond.algebra.solving.roots import find_roots
-from faultbond.algebra.solving.solution import Kind, evaluate_root, holds, solve_samples
-from faultbond.algebra.solving.solve import Limits, solve
+from faultbond.algebra.solving.solution import SolutionKind, evaluate_root, holds, solve_samples
+from faultbond.algebra.solving.solve import SolvingLimits, solve
 from faultbond.algebra.solving.tidy import fold
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
@@ -34,7 +34,7 @@ many = settings(max_examples=50, deadline=None)
 SPACE: Space = space_of(["x", "y", "z"])
 
 
-def network_of(plant: Mapping) -> tuple[BondGraph, ComponentNetwork, Plant]:
+def network_of(plant: Mapping) -> tuple[BondGraph, ComponentNetwork, NumericPlant]:
     """The component network of a random plant and its numbers; plants that have none are passed over.
 
     Nominal values range over twelve decades in `plants`: here they get one digit and stay near 1, so that no equation
@@ -72,8 +72,8 @@ def test_solved_route_computes_the_true_value(plant: Mapping, data: st.DataObjec
     target = data.draw(st.sampled_from(network.parameters))
     route = question_route(network, target)
     assume(len(route.steps) <= 40)
-    solution = solve(network, route, numbers, Limits(seconds=2.0, terms=2000))
-    assume(solution.kind is not Kind.UNDETERMINED)
+    solution = solve(network, route, numbers, SolvingLimits(seconds=2.0, terms=2000))
+    assume(solution.kind is not SolutionKind.UNDETERMINED)
     problem = prepare(network, route, numbers)
     values = dict(numbers.values) | {target: numbers.values[target] * Fraction(9, 8)}
     n = problem.frames + 5

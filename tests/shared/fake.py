@@ -20,7 +20,7 @@ from faultbond.model.graph import (
     TimeColumn,
     Unit,
 )
-from faultbond.report.verdict import Counts
+from faultbond.report.verdict import RunCounts
 from faultbond.types import ElementType, FaultKind, JunctionType, TimeGrid
 
 TANK = {
@@ -221,6 +221,6 @@ def with_last(history: History, candidates: tuple[Candidate, ...]) -> History:
     return replace(history, diagnoses=(*history.diagnoses, last))
 
 
-def counts_of(history: History) -> Counts:
+def counts_of(history: History) -> RunCounts:
     """Give counts that fit a made-up run."""
-    return Counts(samples=len(history.time), missing=int(np.isnan(history.measured).any(axis=1).sum()))
+    return RunCounts(samples=len(history.time), missing=int(np.isnan(history.measured).any(axis=1).sum()))

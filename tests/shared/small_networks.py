@@ -1,7 +1,7 @@
 """Component networks of a few equations, written in one line."""
 
 from faultbond.algebra.route import Question, Target
-from faultbond.equations.component_network import ComponentNetwork, Equation, State
+from faultbond.equations.component_network import ComponentNetwork, Equation, FrameState
 from faultbond.model.expression import Number
 
 
@@ -19,7 +19,7 @@ def network(text: str, outputs: str = "y", states: str = "") -> ComponentNetwork
         signals=signals,
         inputs=(),
         outputs=tuple(outputs.split()),
-        states=tuple(State(signal=x, rate=f"d{x}", sum=f"s{x}", component=None) for x in states.split()),
+        states=tuple(FrameState(signal=x, rate=f"d{x}", sum=f"s{x}", component=None) for x in states.split()),
         parameters=names,
         suspects=names,
     )

@@ -26,9 +26,9 @@ from faultbond.contract.findings import (
 )
 from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.errors import FaultbondError, RecordingError
-from faultbond.io.grid import Clock, Counts, Grid, Row
+from faultbond.io.grid import Counts, Grid, GridClock, Row
 from faultbond.io.out import Out
-from faultbond.io.saved import Found, Saved, read_saved, write_saved
+from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
 from faultbond.runtime.rule import Sure, watch
 from faultbond.runtime.trace import Trace
@@ -303,15 +303,15 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
     """What was decided of an alarm before the one that is open, or of a candidate that is gone, changes nothing."""
     first, second = (Detection(time=t, sample=int(t), change_time=t, signals=()) for t in (4.0, 9.0))
     running = course.Course(cast("Any", Refuser()), Grid(1.0), course.Following(out=Out(text=None, json=None)))
-    running.found = Found().with_detection(first)
+    running.found = FoundSoFar().with_detection(first)
     decided = running.found.with_accepted(kept().found.accepted[0])
     running.heed(decided)  # the watcher refuses
     assert running.found.open == first
     other = kept().found.rejected[0]
     running.found = running.found.with_rejected(other).with_detection(second)  # what was rejected then may be it now
-    for late in (decided, Found().with_detection(first).with_rejected(other)):
+    for late in (decided, FoundSoFar().with_detection(first).with_rejected(other)):
         running.heed(late)
-        assert running.found == Found(detections=2, open=second)
+        assert running.found == FoundSoFar(detections=2, open=second)
 
 
 class Choosy(Refuser):
@@ -329,7 +329,7 @@ def test_a_rejection_that_is_refused_does_not_take_the_next_one_along() -> None:
     alarm, trace = Detection(time=4.0, sample=4, change_time=4.0, signals=()), Trace(Refuser.spec)
     following = course.Following(out=Out(text=None, json=None), trace=trace)
     running = course.Course(cast("Any", Choosy()), Grid(1.0), following)
-    running.found = Found().with_detection(alarm)
+    running.found = FoundSoFar().with_detection(alarm)
     gone, there = (
         replace(item, candidate=replace(item.candidate, hypothesis=k))
         for item, k in zip(kept().found.rejected * 2, (2, 3), strict=True)
@@ -341,7 +341,7 @@ def test_a_rejection_that_is_refused_does_not_take_the_next_one_along() -> None:
 
 def test_of_many_faults_before_the_last_ones_are_told() -> None:
     """However many candidates were accepted in the runs before, a run tells of the last five again, and keeps all."""
-    many = Found()
+    many = FoundSoFar()
     for k in range(9):
         many = many.with_accepted(replace(kept().found.accepted[0], time=float(k)))
     trace = Trace(Refuser.spec)
@@ -446,7 +446,7 @@ def kept() -> Saved:
         kinds=((FaultKind.DRIFT, 0.8), (FaultKind.STEP, 0.2)),
         present=False,
     )
-    found = Found(
+    found = FoundSoFar(
         detections=2,
         watched=7,
         waiting=1,
@@ -456,7 +456,7 @@ def kept() -> Saved:
         sure=Sure(hypothesis=1, since=5),
     )
     row = Row(time=0.1 + 0.2, u=np.array([1 / 3]), y=np.array([np.nan]))
-    clock = Clock(
+    clock = GridClock(
         counts=Counts(samples=9, late=1), placed=(row, row), origin=(0, 0.1), usual=0.02, last_index=8, last_time=0.26
     )
     return Saved(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from faultbond.app.classic import Classic
-from faultbond.app.methods import Bank, build_method
+from faultbond.app.methods import BankWatcher, build_method
 from faultbond.app.rows import sample_of
 from faultbond.app.watcher import Numbers, Watcher
 from faultbond.cli import main
@@ -86,8 +86,8 @@ def test_no_number_of_a_state_is_an_internal_error(method: Method, folder: Path,
 
 def like(watcher: Watcher, saved: Numbers) -> Watcher:
     """Give the same method as it was saved, without building its engine again."""
-    if isinstance(watcher, Bank):
-        return Bank(watcher.spec, watcher._engine, saved)
+    if isinstance(watcher, BankWatcher):
+        return BankWatcher(watcher.spec, watcher._engine, saved)
     assert isinstance(watcher, Classic)
     return Classic(watcher.spec, watcher._plan, saved)
 

@@ -114,7 +114,7 @@ def alarms(spec: EngineSpec, sums: Sums, ratios: FloatArray) -> BoolArray:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class Bisection:
     """How the factor is bisected by which effects must grow: its logarithm within +-reach, in steps.
 
     every: of the realisations one in so many counts; 0: none, it is done without noise. close: a logarithm below which
@@ -150,7 +150,7 @@ class Detector:
                 "check the noise and the slow errors that the model declares"
             )
 
-    def enough(self, innovations: FloatArray, slow: FloatArray, trial: Trial, certainty: float) -> FloatArray:
+    def enough(self, innovations: FloatArray, slow: FloatArray, trial: Bisection, certainty: float) -> FloatArray:
         """Give by how much each fault must grow, all else in proportion, to be found as often as asked.
 
         Bisection for each realisation, in logarithms, within exp(-reach)..exp(reach); inf beyond without noise.

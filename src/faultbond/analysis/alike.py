@@ -6,7 +6,7 @@ from math import isclose, radians, sin
 
 import numpy as np
 
-from faultbond.analysis.ranks import Reduced
+from faultbond.analysis.ranks import ReducedSensitivities
 
 Set = tuple[int, ...]
 
@@ -14,7 +14,7 @@ _EXACT = 1e-6
 _LARGEST_POWER = 4
 
 
-def why_alike(reduced: Reduced, sets: tuple[Set, ...], smaller: Mapping[frozenset[Set], str]) -> str:
+def why_alike(reduced: ReducedSensitivities, sets: tuple[Set, ...], smaller: Mapping[frozenset[Set], str]) -> str:
     """Give the reason for which sets look exactly alike.
 
     Parameters
@@ -36,7 +36,7 @@ def why_alike(reduced: Reduced, sets: tuple[Set, ...], smaller: Mapping[frozense
     return f"they act through the same {len(sets[0])} combinations"
 
 
-def why_near(reduced: Reduced, pair: tuple[Set, Set], angle: float) -> str:
+def why_near(reduced: ReducedSensitivities, pair: tuple[Set, Set], angle: float) -> str:
     """Give what is left to tell two sets apart that look nearly alike, and where it shows."""
     one, two = (reduced.columns[:, list(chosen)] for chosen in pair)
     base, other = np.linalg.qr(one)[0], np.linalg.qr(two)[0]
@@ -47,7 +47,7 @@ def why_near(reduced: Reduced, pair: tuple[Set, Set], angle: float) -> str:
     return f"what {second} does, {first} does too but for {100.0 * sin(radians(angle)):.2g} %{where}"
 
 
-def _why_singles(reduced: Reduced, members: list[int]) -> str:
+def _why_singles(reduced: ReducedSensitivities, members: list[int]) -> str:
     """Say through which combination single parameters act: a sum, a product of powers, or else how they compare."""
     first, *others = members
     names = [reduced.parameters[k] for k in members]
@@ -84,7 +84,7 @@ def _product(names: list[str], powers: list[Fraction]) -> str:
     return "/".join(["*".join(factors[True]), *factors[False]])
 
 
-def _compared(reduced: Reduced, first: int, other: int, ratio: float) -> str:
+def _compared(reduced: ReducedSensitivities, first: int, other: int, ratio: float) -> str:
     """Say how large a change of one parameter acts as a change of another."""
     one, two = reduced.parameters[first], reduced.parameters[other]
     if reduced.relative[[first, other]].all():

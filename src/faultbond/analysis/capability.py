@@ -11,7 +11,7 @@ from math import comb
 import numpy as np
 
 from faultbond.analysis.groups import Group, NearGroup, groups, near_groups
-from faultbond.analysis.ranks import Reduced, above_noise, reduce
+from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce
 from faultbond.analysis.sensitivity import Recursion, Sensitivity
 from faultbond.analysis.testable import Judgement, generic_run, judge
 from faultbond.arrays import FloatArray
@@ -21,7 +21,7 @@ MOST_JUDGED = 4096  # sets up to the largest size are judged as long as there ar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class CapabilityView:
     """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike."""
 
     judgement: Judgement
@@ -29,7 +29,7 @@ class View:
     near_groups: tuple[NearGroup, ...]
 
 
-def in_general(model: StepModel, recursion: Recursion) -> View:
+def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:
     """Give what data can tell when everything is excited.
 
     Raises
@@ -42,7 +42,7 @@ def in_general(model: StepModel, recursion: Recursion) -> View:
     return _view(model, exact, exact, reduce([run], _noise(model)))
 
 
-def on_record(model: StepModel, runs: Sequence[Sensitivity]) -> View:
+def on_record(model: StepModel, runs: Sequence[Sensitivity]) -> CapabilityView:
     """Give what a recording can tell: effects of a faulty parameter that its noise does not hide.
 
     Groups are sets that look exactly alike along the record, near groups those that its noise makes hard to tell apart.
@@ -62,7 +62,9 @@ def _noise(model: StepModel) -> FloatArray:
     return np.array([item.noise for item in model.plant.graph.sensors])
 
 
-def _view(model: StepModel, judged: Reduced, exact: Reduced, in_noises: Reduced) -> View:
+def _view(
+    model: StepModel, judged: ReducedSensitivities, exact: ReducedSensitivities, in_noises: ReducedSensitivities
+) -> CapabilityView:
     graph = model.plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
     judgement = judge(judged, suspects, largest_size(len(suspects), graph.max_faults))
@@ -72,7 +74,7 @@ def _view(model: StepModel, judged: Reduced, exact: Reduced, in_noises: Reduced)
         if item.identifiable and len(item.parameters) <= graph.max_faults and item.falsifiable
     ] or [item.parameters for item in judgement.verdicts if item.identifiable and len(item.parameters) == 1]
     alike = groups(exact, sets)
-    return View(judgement=judgement, groups=alike, near_groups=near_groups(in_noises, sets, alike))
+    return CapabilityView(judgement=judgement, groups=alike, near_groups=near_groups(in_noises, sets, alike))
 
 
 def largest_size(n_suspects: int, max_faults: int) -> int:

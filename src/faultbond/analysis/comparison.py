@@ -10,7 +10,7 @@ from faultbond.analysis.equilibrium import reference_levels, times
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.testable import generic_run
-from faultbond.analysis.trajectories import Course, lanes_of
+from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
@@ -21,7 +21,7 @@ _GRACE = 1.5  # times the time that there is, for what has been begun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clock:
+class Allowance:
     """How much processor time there is, in seconds; None: enough.
 
     Processor time, so that what is found does not depend on what else the machine does.
@@ -49,14 +49,14 @@ class Bench:
     """A plant, a run, and the nominal trajectory (n_samples, n_w) along it."""
 
     graph: BondGraph
-    course: Course
+    course: Trajectory
     nominal: FloatArray
 
     def inside(self, theta: FloatArray) -> bool:
         """Whether all parameters are in their ranges."""
         return all(item.lower <= value <= item.upper for item, value in zip(self.graph.parameters, theta, strict=True))
 
-    def outputs(self, thetas: Sequence[FloatArray], clock: Clock) -> tuple[FloatArray, BoolArray]:
+    def outputs(self, thetas: Sequence[FloatArray], clock: Allowance) -> tuple[FloatArray, BoolArray]:
         """Give the outputs of plants along the run, (n, n_samples, n_outputs), and which of them have some."""
         course = self.course
         y = np.zeros((len(thetas), course.n_samples, course.n_y))
@@ -95,7 +95,7 @@ def short_benches(model: StepModel) -> Iterator[Bench]:
     runs.sort(key=lambda item: not np.array_equal(item.inputs, best))
     some = False
     for run in (*runs, _gentle(model, runs[0])):
-        bench = _bench(model, Course(recursion, run))
+        bench = _bench(model, Trajectory(recursion, run))
         if bench is not None:
             some = True
             yield bench
@@ -117,7 +117,7 @@ def long_benches(model: StepModel) -> Iterator[Bench]:
         dt=np.concatenate([item.dt for item in runs]),
     )
     for run in (joined, *runs, _gentle(model, runs[0])):
-        bench = _bench(model, Course(recursion, run))
+        bench = _bench(model, Trajectory(recursion, run))
         if bench is not None:
             yield bench
 
@@ -131,7 +131,7 @@ def bench_for(model: StepModel, thetas: Sequence[FloatArray]) -> tuple[Bench, Fl
         Where there is none.
     """
     for bench in long_benches(model):
-        y, good = bench.outputs(thetas, Clock(seconds=None))
+        y, good = bench.outputs(thetas, Allowance(seconds=None))
         if good.all():
             return bench, y
     graph = model.plant.graph
@@ -152,7 +152,7 @@ def _gentle(model: StepModel, run: Experiment) -> Experiment:
     return replace(run, inputs=times(model, reference_levels(model), moves))
 
 
-def _bench(model: StepModel, course: Course) -> Bench | None:
+def _bench(model: StepModel, course: Trajectory) -> Bench | None:
     nominal = course.alone(course.run.theta)
     return None if nominal is None else Bench(graph=model.plant.graph, course=course, nominal=nominal)
 

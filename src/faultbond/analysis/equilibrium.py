@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, build_recursion
-from faultbond.analysis.trajectories import Course
+from faultbond.analysis.trajectories import Trajectory
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
 
@@ -55,7 +55,7 @@ def at_rest(model: StepModel, levels: FloatArray) -> Stand | None:
         theta=np.array([item.nominal for item in graph.parameters]),
         implicit=begin.implicit,
     )
-    path = Course(build_recursion(model.plant), run).alone(run.theta)
+    path = Trajectory(build_recursion(model.plant), run).alone(run.theta)
     if path is None:
         return None
     n_x, size = len(begin.contents), np.max(np.abs(path), axis=0, initial=0.0)

@@ -15,7 +15,7 @@ from math import radians, sin
 import numpy as np
 
 from faultbond.analysis.alike import why_alike, why_near
-from faultbond.analysis.ranks import Reduced, bases
+from faultbond.analysis.ranks import ReducedSensitivities, bases
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 Set = tuple[int, ...]
@@ -49,7 +49,7 @@ class NearGroup:
     reason: str
 
 
-def groups(reduced: Reduced, sets: Sequence[Set]) -> tuple[Group, ...]:
+def groups(reduced: ReducedSensitivities, sets: Sequence[Set]) -> tuple[Group, ...]:
     """Give the classes, of two members at least, of sets that look exactly alike.
 
     Parameters
@@ -63,13 +63,13 @@ def groups(reduced: Reduced, sets: Sequence[Set]) -> tuple[Group, ...]:
     return tuple(Group(sets=tuple(sorted(members)), reason=reason) for members, reason in reasons.items())
 
 
-def classes(reduced: Reduced, sets: Sequence[Set]) -> list[tuple[Set, ...]]:
+def classes(reduced: ReducedSensitivities, sets: Sequence[Set]) -> list[tuple[Set, ...]]:
     """Give the members of each of `groups`, without reasons."""
     by_size = groupby(sets, key=len)
     return [members for _, same_size in by_size for members in _classes(reduced, tuple(same_size))]
 
 
-def _classes(reduced: Reduced, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
+def _classes(reduced: ReducedSensitivities, sets: tuple[Set, ...]) -> list[tuple[Set, ...]]:
     """Give the classes of sets of one size that span the same space.
 
     Equal spaces give equal shadows of a vector; those of random ones are compared first, since that needs no
@@ -102,7 +102,7 @@ def _like(shadows: FloatArray) -> list[list[int]]:
     return [order[bounds[k] : bounds[k + 1]].tolist() for k in np.flatnonzero(np.diff(bounds) > 1)]
 
 
-def _same_space(reduced: Reduced, sets: list[Set]) -> list[tuple[Set, ...]]:
+def _same_space(reduced: ReducedSensitivities, sets: list[Set]) -> list[tuple[Set, ...]]:
     """Give the classes of some sets: all are compared with the first, what is left with the first of that.
 
     A large lot in which hardly any two are alike, as rounding makes them, is left after some rounds.
@@ -117,7 +117,7 @@ def _same_space(reduced: Reduced, sets: list[Set]) -> list[tuple[Set, ...]]:
     return found
 
 
-def _alike(reduced: Reduced, one: Set, others: list[Set]) -> list[bool]:
+def _alike(reduced: ReducedSensitivities, one: Set, others: list[Set]) -> list[bool]:
     """Whether the union of one identifiable set and each other spans no more than each of them."""
     if not others:
         return []
@@ -130,7 +130,7 @@ def _alike(reduced: Reduced, one: Set, others: list[Set]) -> list[bool]:
 
 
 def near_groups(
-    reduced: Reduced, sets: Sequence[Set], alike: Sequence[Group] = (), threshold: float = NEAR_ANGLE
+    reduced: ReducedSensitivities, sets: Sequence[Set], alike: Sequence[Group] = (), threshold: float = NEAR_ANGLE
 ) -> tuple[NearGroup, ...]:
     """Give the pairs of sets of one size that are hard to tell apart, the nearest first, `MOST_NEAR` at most.
 
@@ -150,7 +150,7 @@ def near_groups(
 
 
 def near_pairs(
-    reduced: Reduced, sets: Sequence[Set], alike: Sequence[tuple[Set, ...]], threshold: float = NEAR_ANGLE
+    reduced: ReducedSensitivities, sets: Sequence[Set], alike: Sequence[tuple[Set, ...]], threshold: float = NEAR_ANGLE
 ) -> list[tuple[Pair, float]]:
     """Give the pairs of `near_groups` and their angles, at most `MOST_CLOSE` a size, in no order, without reasons."""
     home = {chosen: k for k, members in enumerate(alike) for chosen in members}
@@ -194,7 +194,7 @@ def _rests(pair: Pair) -> Pair:
 
 
 def _close_pairs(
-    reduced: Reduced, sets: tuple[Set, ...], threshold: float, singles: BoolArray
+    reduced: ReducedSensitivities, sets: tuple[Set, ...], threshold: float, singles: BoolArray
 ) -> list[tuple[Pair, float]]:
     """Give the pairs of sets with their largest principal angle where that is below the threshold.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.analysis.trajectories import Course, Lanes, Paths, never
+from faultbond.analysis.trajectories import Lanes, Paths, Trajectory, never
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 45
@@ -25,7 +25,7 @@ _FALLING = 1e-3  # misfit of such a lane
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class FarthestFit:
     """Where each lane ended: one theta (lanes, n_parameters) per side, start (lanes, n_states) of the first side.
 
     misfit: (lanes,), in sizes of the outputs; inf without a solution. home: (lanes,), whether the lane was on its way
@@ -45,14 +45,14 @@ class Fit:
 
 
 def fit(
-    course: Course,
+    course: Trajectory,
     lanes: Lanes,
     guess: FloatArray,
     data: FloatArray,
     *,
     known: FloatArray | None = None,
     stop: Callable[[], bool] = never,
-) -> Fit:
+) -> FarthestFit:
     """Fit each lane to its own outputs.
 
     Parameters
@@ -68,8 +68,8 @@ def fit(
 
 
 def fit_together(
-    course: Course, one: Lanes, other: Lanes, guess: FloatArray, *, stop: Callable[[], bool] = never
-) -> Fit:
+    course: Trajectory, one: Lanes, other: Lanes, guess: FloatArray, *, stop: Callable[[], bool] = never
+) -> FarthestFit:
     """Move both plants of each lane until their outputs are the same; `guess` as in `fit`, the same for both."""
     return _LevenbergMarquardt(course, (one, other), guess, None, None, stop).run()
 
@@ -79,7 +79,7 @@ class _LevenbergMarquardt:
 
     def __init__(
         self,
-        course: Course,
+        course: Trajectory,
         sides: tuple[Lanes, ...],
         guess: FloatArray,
         data: FloatArray | None,
@@ -95,7 +95,7 @@ class _LevenbergMarquardt:
         self.w_by: list[FloatArray] = []
         self.size = np.ones(course.n_y)
 
-    def run(self) -> Fit:
+    def run(self) -> FarthestFit:
         """Iterate until every lane is exact, or rests."""
         n, points = self.n_lanes, self.points.copy()
         every = np.arange(n)
@@ -128,7 +128,7 @@ class _LevenbergMarquardt:
         done = ~((cost > _ENOUGH) & (idle < _STALLED) & ~home & ~gone) | (not self.stop())
         theta = tuple(self._theta(points, side, every) for side in range(len(self.sides)))
         start = points[:, self.widths[0] : self.widths[0] + self.course.n_x]
-        return Fit(theta=theta, start=start, misfit=cost, home=home, done=done)
+        return FarthestFit(theta=theta, start=start, misfit=cost, home=home, done=done)
 
     def _pad(self, values: BoolArray, *, fill: bool) -> BoolArray:
         """Add columns for the start."""

@@ -41,7 +41,7 @@ class Rank:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reduced:
+class ReducedSensitivities:
     """Sensitivities without what the start explains; arrays are read-only.
 
     columns: (n_rows, n_parameters); row_outputs: (n_rows,), the output that a row belongs to. The full columns have
@@ -62,7 +62,7 @@ class Reduced:
     rank: Rank
 
 
-def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Reduced:
+def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> ReducedSensitivities:
     """Take away what the start explains, and compress.
 
     Parameters
@@ -80,7 +80,7 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     columns = np.vstack(parts)
     outputs = np.concatenate([np.tile(np.arange(len(units)), len(run.times)) for run in runs])
     matrix, rank = _compressed(columns)
-    return Reduced(
+    return ReducedSensitivities(
         outputs=runs[0].outputs,
         parameters=runs[0].parameters,
         steps=runs[0].steps,
@@ -93,7 +93,7 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     )
 
 
-def above_noise(reduced: Reduced, sizes: FloatArray, least: float = 3.0) -> Reduced:
+def above_noise(reduced: ReducedSensitivities, sizes: FloatArray, least: float = 3.0) -> ReducedSensitivities:
     """Count as zero what noise hides: a singular value is the effect of changes of `sizes` in noises of the outputs.
 
     Parameters
@@ -160,7 +160,7 @@ def told_rank(values: FloatArray) -> Rank:
     )
 
 
-def set_ranks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> tuple[IntArray, BoolArray]:
+def set_ranks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> tuple[IntArray, BoolArray]:
     """Give the rank of the columns of each set, and whether it is in doubt; the sets have one size.
 
     Where it is in doubt, the rank is the largest that it may be.
@@ -172,7 +172,7 @@ def set_ranks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> tuple[IntArr
     return np.sum(values > rank.low, axis=1), np.any((values > rank.low) & (values <= rank.high), axis=1)
 
 
-def bases(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> FloatArray:
+def bases(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> FloatArray:
     """Give an orthonormal basis of the span of each set, shape (n_sets, rank, size); the sets are identifiable."""
     found = []
     for part in _blocks(reduced, sets):
@@ -215,7 +215,7 @@ def _singular_values(r: FloatArray) -> FloatArray:
     return np.stack([largest, first * last / np.where(largest > 0, largest, 1.0)], axis=1)
 
 
-def _blocks(reduced: Reduced, sets: Sequence[tuple[int, ...]]) -> Iterator[FloatArray]:
+def _blocks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> Iterator[FloatArray]:
     """Give the columns of the sets, shape (n, rank, size), some sets at a time."""
     height, size = reduced.matrix.shape[0], len(sets[0])
     step = max(1, _BLOCK // max(1, height * size))

@@ -34,7 +34,7 @@ _BOND = "->"  # in the name of a signal that only a bond has; no law can read it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorAdvice:
+class SensorChoice:
     """What the plant would tell with further sensors.
 
     sensors: signals to read; none for the plant as it is. classes: testable sets that can be told apart, sets that look
@@ -57,14 +57,14 @@ class SensorAdvice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Advice:
+class SensorAdvice:
     """The plant as it is, and the sensors that would help, the best first.
 
     left_out: combinations of sensors that were not tried. largest: size of the largest sets of suspects counted.
     """
 
-    now: SensorAdvice
-    further: tuple[SensorAdvice, ...]
+    now: SensorChoice
+    further: tuple[SensorChoice, ...]
     left_out: int
     largest: int
 
@@ -84,7 +84,7 @@ class _Trial:
     most: int
 
 
-def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Advice:
+def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> SensorAdvice:
     """Give the one or two further sensors that would help most; those that would not help are not among them.
 
     Raises
@@ -105,7 +105,7 @@ def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Advi
     useful = [alone[k] for k in ranked if alone[k].merit > now.merit]
     better = sorted((item for item in pairs if item.merit > best), key=_order)
     tried = len(alone) + len(pairs)
-    return Advice(
+    return SensorAdvice(
         now=_with_groups(trial, now),
         further=tuple(_with_groups(trial, item) for item in useful[:MOST_ADVISED] + better[:MOST_ADVISED]),
         left_out=0 if best >= most else comb(len(shown) + room, 2) + len(shown) + room - tried,
@@ -185,7 +185,7 @@ def _pairs(ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
             yield best, other
 
 
-def _order(item: SensorAdvice) -> tuple[object, ...]:
+def _order(item: SensorChoice) -> tuple[object, ...]:
     return tuple(-part for part in item.merit), -item.clearness
 
 
@@ -196,7 +196,7 @@ def _few(sets: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     return [chosen for chosen in sets if len(chosen) <= most]
 
 
-def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorAdvice:
+def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     """Judge the plant with its sensors and some further outputs of the run; groups are left for later."""
     part = restricted(trial.run, (*range(trial.present), *further))
     noise = np.array([item.noise for item in trial.graph.sensors] + [0.0] * len(further))
@@ -207,7 +207,7 @@ def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorAdvice:
     alike = classes(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
     told = weighed.rank.clear and weighed.rank.value >= seen.rank.value
-    return SensorAdvice(
+    return SensorChoice(
         sensors=tuple(trial.run.outputs[k] for k in further),
         rank=seen.rank.value,
         testable=len(judged),
@@ -218,7 +218,7 @@ def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorAdvice:
     )
 
 
-def _with_groups(trial: _Trial, item: SensorAdvice) -> SensorAdvice:
+def _with_groups(trial: _Trial, item: SensorChoice) -> SensorChoice:
     """Add the sets that still look alike, with the reasons."""
     further = (trial.run.outputs.index(name, trial.present) for name in item.sensors)
     seen = reduce([restricted(trial.run, (*range(trial.present), *further))])

@@ -20,8 +20,8 @@ from math import log
 
 import numpy as np
 
-from faultbond.analysis.alarms import REALISATIONS, Detector, Trial, windows_of
-from faultbond.analysis.comparison import Clock
+from faultbond.analysis.alarms import REALISATIONS, Bisection, Detector, windows_of
+from faultbond.analysis.comparison import Allowance
 from faultbond.analysis.faulty import Case, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
@@ -85,9 +85,9 @@ class SmallestFault:
 
 
 _TRIALS = (
-    Trial(log(1e6), 11, 0, log(1.5)),
-    Trial(log(10.0), 8, 6, log(1.2)),
-    Trial(log(1.6), 6, 1, _CLOSE),
+    Bisection(log(1e6), 11, 0, log(1.5)),
+    Bisection(log(10.0), 8, 6, log(1.2)),
+    Bisection(log(1.6), 6, 1, _CLOSE),
 )
 _PATIENCE = 8  # rounds of one trial; the next begins from wherever it is
 
@@ -125,7 +125,7 @@ def smallest_faults(
     StructureError
         Where there is no usual run.
     """
-    clock = Clock(seconds=seconds)
+    clock = Allowance(seconds=seconds)
     chosen = _chosen(spec, parameters)
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
@@ -204,7 +204,7 @@ class _Search:
     def __init__(self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float) -> None:
         self.spec, self.faults, self.detector, self.certainty = spec, faults, detector, certainty
 
-    def run(self, cases: list[Case], clock: Clock) -> _Progress:
+    def run(self, cases: list[Case], clock: Allowance) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
         n = len(cases)
         limits = np.array([self._limit(k, sign) for k, sign in cases])
@@ -275,7 +275,7 @@ class _Search:
         progress.rounds[done], progress.low[done], progress.high[done] = -1, 0.0, np.inf
 
 
-def _report(search: _Search, chosen: list[int], within: float, clock: Clock) -> Iterator[SmallestFault]:
+def _report(search: _Search, chosen: list[int], within: float, clock: Allowance) -> Iterator[SmallestFault]:
     spec = search.spec
     progress = search.run([(k, sign) for k in chosen for sign in (1, -1)], clock)
     sizes = np.where(progress.found, progress.size, np.inf)

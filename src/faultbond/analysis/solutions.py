@@ -16,7 +16,7 @@ from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.comparison import Bench, Clock, bench_for, changed, long_benches, places_of, short_benches
+from faultbond.analysis.comparison import Allowance, Bench, bench_for, changed, long_benches, places_of, short_benches
 from faultbond.analysis.least_squares import fit
 from faultbond.analysis.trajectories import lanes_of
 from faultbond.arrays import FloatArray
@@ -134,7 +134,7 @@ def other_solutions(
         _Set(number=k, places=chosen, true=changed(graph, chosen, [factor] * len(chosen)))
         for k, chosen in enumerate(places)
     ]
-    search = _Search(model, Clock(seconds=seconds))
+    search = _Search(model, Allowance(seconds=seconds))
     if sets:
         search.look(sorted(sets, key=lambda item: len(item.places)))
     return tuple(search.solutions(item, tuple(names)) for item, names in zip(sets, hypotheses, strict=True))
@@ -143,7 +143,7 @@ def other_solutions(
 class _Search:
     """Sets looked at some at a time, until the time is over."""
 
-    def __init__(self, model: StepModel, clock: Clock) -> None:
+    def __init__(self, model: StepModel, clock: Allowance) -> None:
         self.clock = clock
         self.short = _Kept(short_benches(model))
         self.long = _Kept(long_benches(model))
@@ -241,7 +241,7 @@ class _Search:
     def _confirmed(self, item: _Set, roots: list[_Root]) -> list[_Root]:
         """Give the roots that a longer run leaves, as it gives them; all where there is none that the plant can do."""
         for bench in self.long:
-            outputs, good = bench.outputs([item.true], Clock(seconds=None))
+            outputs, good = bench.outputs([item.true], Allowance(seconds=None))
             if not good[0]:
                 continue
             lanes = lanes_of([root.theta for root in roots], bench.course.run.start, [item.places] * len(roots))

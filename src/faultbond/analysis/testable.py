@@ -12,7 +12,7 @@ from itertools import combinations, islice
 from math import comb
 
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.ranks import Rank, Reduced, reduce, set_ranks
+from faultbond.analysis.ranks import Rank, ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
@@ -23,7 +23,7 @@ NOT_IDENTIFIABLE = "not identifiable"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Testability:
     """What data can tell of a set of suspects, given by their positions in `BondGraph.parameters`.
 
     uncertain: the sensitivities are so nearly dependent that rounding decides; the set then counts as identifiable.
@@ -45,7 +45,7 @@ class Judgement:
     """The verdict on every set up to a size; `left_out` sets, the largest, were not judged."""
 
     rank: Rank
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Testability, ...]
     left_out: int = 0
 
 
@@ -78,7 +78,7 @@ def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensiti
     return max(ranks, key=lambda item: (item[0].least, item[0].clear, item[0].kept))[1]
 
 
-def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
+def judge(reduced: ReducedSensitivities, suspects: Sequence[int], largest: int) -> Judgement:
     """Give the verdict on every set of suspects of at most `largest` members.
 
     Parameters
@@ -87,7 +87,7 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
     suspects : positions of parameters
     largest : size of a set
     """
-    verdicts: list[Verdict] = []
+    verdicts: list[Testability] = []
     total = sum(comb(len(suspects), size) for size in range(1, largest + 1))
     for size in range(1, min(largest, len(suspects)) + 1):
         sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
@@ -96,7 +96,7 @@ def judge(reduced: Reduced, suspects: Sequence[int], largest: int) -> Judgement:
         ranks, doubts = (found.tolist() for found in set_ranks(reduced, sets))
         for chosen, rank, doubt in zip(sets, ranks, doubts, strict=True):
             verdicts.append(
-                Verdict(
+                Testability(
                     parameters=chosen,
                     identifiable=rank == size,
                     falsifiable=rank < reduced.rank.value,

@@ -60,7 +60,7 @@ class Paths:
     good: BoolArray
 
 
-class Course:
+class Trajectory:
     """A run with the plant's equations along it."""
 
     def __init__(self, recursion: Recursion, run: Experiment) -> None:
@@ -196,7 +196,7 @@ class Course:
 class _Sample:
     """One sample of all lanes, solved by Newton's method with parts and multiples of its step."""
 
-    def __init__(self, course: Course, lanes: Lanes, before: FloatArray, size: FloatArray, k: int) -> None:
+    def __init__(self, course: Trajectory, lanes: Lanes, before: FloatArray, size: FloatArray, k: int) -> None:
         self.course, self.lanes, self.before, self.size, self.k = course, lanes, before, size, k
 
     def solve(self, guess: FloatArray) -> tuple[FloatArray, BoolArray]:

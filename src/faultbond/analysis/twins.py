@@ -16,9 +16,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from faultbond.analysis.comparison import Bench, Clock, changed, places_of, short_benches
+from faultbond.analysis.comparison import Allowance, Bench, changed, places_of, short_benches
 from faultbond.analysis.least_squares import fit, fit_together
-from faultbond.analysis.ranks import Reduced, reduce
+from faultbond.analysis.ranks import ReducedSensitivities, reduce
 from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import lanes_of
@@ -121,7 +121,7 @@ def compare(
     StructureError
         Where the nominal plant has no finite solution along any run.
     """
-    graph, clock = model.plant.graph, Clock(seconds=seconds)
+    graph, clock = model.plant.graph, Allowance(seconds=seconds)
     every = comb(comb(sum(item.suspect for item in graph.parameters), 2), 2)
     unformed = every if pairs is None and largest < 2 else 0
     pairs = pairs if pairs is not None else _all_pairs(graph, largest)
@@ -152,7 +152,7 @@ def compare(
 
 
 def _in_parts(
-    chosen: Sequence[int], clock: Clock, work: Callable[[Sequence[int]], Sequence[_T | None]]
+    chosen: Sequence[int], clock: Allowance, work: Callable[[Sequence[int]], Sequence[_T | None]]
 ) -> dict[int, _T | None]:
     """Do the work for some at a time; None for what there is no time for."""
     found: dict[int, _T | None] = dict.fromkeys(chosen)
@@ -172,7 +172,7 @@ def _all_pairs(graph: BondGraph, largest: int) -> list[tuple[tuple[str, ...], tu
     return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
 
 
-def _tangents(reduced: Reduced, sides: Sequence[Sides]) -> list[FloatArray]:
+def _tangents(reduced: ReducedSensitivities, sides: Sequence[Sides]) -> list[FloatArray]:
     """Give the tangent of each pair; two single suspects have one only if their effects are nearly parallel."""
     lengths = np.linalg.norm(reduced.matrix, axis=0)
     unit = reduced.matrix / np.where(lengths > 0.0, lengths, 1.0)
@@ -185,7 +185,7 @@ def _tangents(reduced: Reduced, sides: Sequence[Sides]) -> list[FloatArray]:
     ]
 
 
-def _tangent(reduced: Reduced, one: list[int], other: list[int]) -> FloatArray:
+def _tangent(reduced: ReducedSensitivities, one: list[int], other: list[int]) -> FloatArray:
     """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
 
     Empty where a set is not identifiable: then it is no twin, it explains itself in many ways.
@@ -197,13 +197,13 @@ def _tangent(reduced: Reduced, one: list[int], other: list[int]) -> FloatArray:
     return np.asarray(found / reduced.lengths[[*one, *other]]) if len(found) else nothing
 
 
-def _silent(reduced: Reduced, columns: FloatArray) -> FloatArray:
+def _silent(reduced: ReducedSensitivities, columns: FloatArray) -> FloatArray:
     """Give a basis of the combinations of columns that do not show."""
     _, values, right = np.linalg.svd(columns)
     return np.asarray(right[int(np.sum(values > reduced.rank.low)) :])
 
 
-def _always(bench: Bench, sides: Sequence[Sides], clock: Clock) -> list[bool | None]:
+def _always(bench: Bench, sides: Sequence[Sides], clock: Allowance) -> list[bool | None]:
     """Give for each pair whether random faults of the first are imitated by the second, within its range.
 
     None where they have no finite solution.
@@ -232,7 +232,7 @@ def _always(bench: Bench, sides: Sequence[Sides], clock: Clock) -> list[bool | N
 
 
 def _families(
-    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float], clock: Clock
+    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float], clock: Allowance
 ) -> list[tuple[Match, ...]]:
     """Follow each one-parameter family from the healthy plant: the leading parameter of the first set has the size."""
     first_thetas, second_thetas, free = [], [], []

@@ -61,11 +61,11 @@ def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     from faultbond.app.answers import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
-    from faultbond.report.formulas import Form, code  # noqa: PLC0415 - loads rich
+    from faultbond.report.formulas import CodeForm, code  # noqa: PLC0415 - loads rich
 
     with threadpool_limits(1):  # as in `analyse`
         found = answers(graph, network, wishes)
-    text = code(found, network.parameters, Form(form), left_out(found, wishes))
+    text = code(found, network.parameters, CodeForm(form), left_out(found, wishes))
     if out.text is not None:
         out.text.write(text)
     out.record({"record": "code", "model": graph.name, "form": form, "text": text})

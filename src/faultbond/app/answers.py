@@ -7,7 +7,7 @@ from time import monotonic
 from faultbond.algebra.route import Question
 from faultbond.algebra.routes.functions import Function, Preference, answer, asked, trial_record
 from faultbond.algebra.solving.backward_euler import plant_of
-from faultbond.algebra.solving.solve import Limits
+from faultbond.algebra.solving.solve import SolvingLimits
 from faultbond.app.wishes import Wishes
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.graph import BondGraph
@@ -27,7 +27,7 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tupl
     largest = _largest(len(network.suspects), max(graph.max_faults, wishes.closed))
     record = trial_record(network, plant, largest)
     preference, folder = Preference(wishes.preference), cache_folder() / "closed_forms"
-    limits = Limits(seconds=wishes.patience / PARTS_OF_PATIENCE)
+    limits = SolvingLimits(seconds=wishes.patience / PARTS_OF_PATIENCE)
     end = monotonic() + wishes.patience
     questions = asked(network, largest)
     found: dict[int, Function] = {}

@@ -20,7 +20,7 @@ from faultbond.thesis.online import decision, watch
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.ranking import current_limits
 from faultbond.thesis.online.state import ALLOWED, ClassicState, init
-from faultbond.thesis.search import Search, search_route
+from faultbond.thesis.search import RouteSearch, search_route
 from faultbond.thesis.trace import trace_lines
 
 
@@ -91,7 +91,7 @@ def trace_of(graph: BondGraph, network: ComponentNetwork, names: tuple[str, ...]
     return list(trace_lines(found)), _trace_record(graph, found)
 
 
-def _trace_record(graph: BondGraph, found: Search) -> Record:
+def _trace_record(graph: BondGraph, found: RouteSearch) -> Record:
     """Give the course of the thesis' search."""
     route = found.route
     return {

@@ -13,7 +13,7 @@ from faultbond.contract.records import decision_record, detection_record, diagno
 from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, GridPoint
 from faultbond.io.out import Out
-from faultbond.io.saved import Found, Saved
+from faultbond.io.saved import FoundSoFar, Saved
 from faultbond.runtime.rule import watch
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import Trace
@@ -48,7 +48,7 @@ class Course:
         self._grid = grid
         self._out, self._trace, self._level = following.out, following.trace, following.level
         self._began = before
-        self.found = before.found if before is not None else Found()
+        self.found = before.found if before is not None else FoundSoFar()
         self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
         self._read = np.zeros(len(watcher.spec.outputs), dtype=bool)
         self._told, self._lost = -1, 0
@@ -72,7 +72,7 @@ class Course:
         if report.diagnosis is not None:
             self._diagnosed(report.diagnosis, point.index)
 
-    def heed(self, other: Found) -> None:
+    def heed(self, other: FoundSoFar) -> None:
         """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
         if self.found.open is None or other.detections != self.found.detections:
             return  # what was decided of is past
@@ -137,7 +137,7 @@ class Course:
     @property
     def verdict(self) -> Verdict:
         """Whether there was a detection in this run, or stood open at its beginning; else whether it could judge."""
-        before = self._began.found if self._began is not None else Found()
+        before = self._began.found if self._began is not None else FoundSoFar()
         if self.found.detections > before.detections or before.open is not None:
             return Verdict.FAULT
         return Verdict.NONE if self.no_verdict() else Verdict.HEALTHY

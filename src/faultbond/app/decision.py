@@ -11,7 +11,7 @@ from faultbond.contract.records import decision_record, diagnosis_record
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.out import Out
 from faultbond.io.record_file import holds
-from faultbond.io.saved import Found, Saved, write_saved
+from faultbond.io.saved import FoundSoFar, Saved, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.accepting import find_hypothesis
@@ -29,7 +29,7 @@ class _Opened:
     saved: Saved
     diagnosis: Diagnosis
 
-    def write(self, state: Path, found: Found) -> None:
+    def write(self, state: Path, found: FoundSoFar) -> None:
         """Write it as it stands now."""
         write_saved(state, replace(self.saved, numbers=self.watcher.save(), found=found))
 

@@ -20,7 +20,7 @@ from faultbond.runtime.state import Report, Sample, State, allowed_of, init
 from faultbond.types import EngineChoice, Method
 
 
-class Bank:
+class BankWatcher:
     """The method `bank`.
 
     Parameters
@@ -90,7 +90,7 @@ def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: 
     spec, engine = build_watcher(graph, choice)
     from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
 
-    return Bank(spec, engine, saved, build_probe(spec, graph))
+    return BankWatcher(spec, engine, saved, build_probe(spec, graph))
 
 
 def restored(spec: EngineSpec, saved: Numbers) -> State:

@@ -156,7 +156,7 @@ def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, repo
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
     from faultbond.equations.causality import assign_causality  # noqa: PLC0415
 
-    counts = pages.Counts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
+    counts = pages.RunCounts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
         console = Console(file=out.text)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.console import Console
 
-from faultbond.analysis.capability import View, in_general, on_record
+from faultbond.analysis.capability import CapabilityView, in_general, on_record
 from faultbond.analysis.equilibrium import at_rest, reference, reference_levels
 from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
@@ -132,7 +132,7 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     return points
 
 
-def _general(study: _Study, view: View) -> Section:
+def _general(study: _Study, view: CapabilityView) -> Section:
     return Section(
         record=analysed.groups_record(study.graph, view),
         show=lambda console: analysis.print_view(
@@ -141,7 +141,7 @@ def _general(study: _Study, view: View) -> Section:
     )
 
 
-def _recorded(study: _Study) -> View:
+def _recorded(study: _Study) -> CapabilityView:
     model = study.model
     declared = {item.name: item.start.mean for item in study.graph.components if item.start is not None}
     stores = model.plant.network.states
@@ -152,7 +152,7 @@ def _recorded(study: _Study) -> View:
     return on_record(model, recorded_runs(model, study.recursion, times, inputs, start, readings))
 
 
-def _on_data(study: _Study, view: View) -> Section:
+def _on_data(study: _Study, view: CapabilityView) -> Section:
     return Section(
         record={"on_data": analysed.groups_record(study.graph, view)},
         show=lambda console: analysis.print_view(
@@ -203,7 +203,7 @@ def _routes(study: _Study, wishes: Wishes) -> Section:
     )
 
 
-def _solutions(study: _Study, view: View, recorded: View | None) -> Section:
+def _solutions(study: _Study, view: CapabilityView, recorded: CapabilityView | None) -> Section:
     """Other values of each identifiable set, and sets that imitate each other."""
     graph = study.graph
     names = [item.name for item in graph.parameters]
@@ -246,7 +246,7 @@ def _sensors(study: _Study) -> Section:
     )
 
 
-def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
+def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> Section:
     """What to move so that sets can be told apart: those that were named, else those that look alike."""
     note = "" if wishes.separate else f"for what looks alike {WHEN_RECORDED if recorded is not None else AT_REST}"
     groups: Sequence[Sequence[tuple[str, ...]]]
@@ -265,7 +265,7 @@ def _inputs(study: _Study, wishes: Wishes, recorded: View | None) -> Section:
     )
 
 
-def _look_alikes(view: View) -> list[list[int]]:
+def _look_alikes(view: CapabilityView) -> list[list[int]]:
     """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several."""
     found = [[chosen[0] for chosen in group.sets] for group in view.groups if len(group.sets[0]) == 1]
     near: list[set[int]] = []
@@ -280,7 +280,7 @@ def _apart(suspects: set[int], pair: NearGroup) -> bool:
     return suspects.isdisjoint(chosen[0] for chosen in pair.sets)
 
 
-def _at_rest(study: _Study) -> View:
+def _at_rest(study: _Study) -> CapabilityView:
     """What can be told where all inputs stand still: from where the reference run ended, else from where it rests."""
     model, levels = study.model, reference_levels(study.model)
     stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]

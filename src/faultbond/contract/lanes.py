@@ -25,7 +25,7 @@ COARSE_FROM = 3  # sets of this size and more use only the two inner starts of e
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class LaneStart:
     """One start of a suspect: `value` times the healthy factor (plus it where the nominal is 0), and its sd alike."""
 
     value: float
@@ -51,20 +51,20 @@ class LanePlan:
         return len(self.hypothesis)
 
 
-def starts_of(parameter: ParameterSpec, size: int, coarse_from: int = COARSE_FROM) -> tuple[Start, ...]:
+def starts_of(parameter: ParameterSpec, size: int, coarse_from: int = COARSE_FROM) -> tuple[LaneStart, ...]:
     """Give the starts of a suspect in a set of `size` suspects; sets of `coarse_from` and more get the inner two."""
     change = parameter.change
     if parameter.healthy == 0.0:
         third = change / 3.0
         values = [0.0, *(v for v in (third, -third) if parameter.lower <= v <= parameter.upper)]
-        return tuple(Start(value=value, sd=change) for value in values)
+        return tuple(LaneStart(value=value, sd=change) for value in values)
     values, value = [], FIRST_START
     while abs(value - 1.0) <= max(REACH * change, LEAST_REACH) + 1e-9:
         values.append(value)
         value *= 2.0
     if size >= coarse_from:
         values = values[1:3]
-    return tuple(Start(value=value, sd=min(START_SPREAD * value, max(change, 0.05))) for value in values)
+    return tuple(LaneStart(value=value, sd=min(START_SPREAD * value, max(change, 0.05))) for value in values)
 
 
 @lru_cache(maxsize=8)
@@ -76,7 +76,7 @@ def plan_lanes(spec: EngineSpec) -> LanePlan:
 
 def _plan(spec: EngineSpec, coarse_from: int) -> LanePlan:
     hypothesis: list[int] = []
-    starts: list[tuple[tuple[int, Start], ...]] = []
+    starts: list[tuple[tuple[int, LaneStart], ...]] = []
     first: list[int] = []
     jumps: list[tuple[bool, ...]] = []
     for k, chosen in enumerate(spec.hypotheses):

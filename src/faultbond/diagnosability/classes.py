@@ -18,7 +18,7 @@ from faultbond.equations.matching import Equations, decompose, holdings
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class ClassSearch:
     """Breadth-first search of the over-determined part. Positions count from 1; 0 stands for the start.
 
     order : the equation at each position (at 0: -1)
@@ -49,7 +49,7 @@ def classes(equations: Equations, matched: Sequence[int]) -> tuple[int, ...]:
     return tuple(label)
 
 
-def search(equations: Equations, matched: Sequence[int], held: Sequence[int], active: Collection[int]) -> Search:
+def search(equations: Equations, matched: Sequence[int], held: Sequence[int], active: Collection[int]) -> ClassSearch:
     """Search the over-determined part of the `active` equations; `held` is the variable that each determines, or -1."""
     order = [-1, *(equation for equation in active if held[equation] < 0)]
     before = [0] * len(order)
@@ -66,7 +66,7 @@ def search(equations: Equations, matched: Sequence[int], held: Sequence[int], ac
                 before.append(position)
         position += 1
     pointing = [containing[held[equation]] for equation in order[n_left_over:]]
-    return Search(order, before, _tops(_dominators(before, pointing)))
+    return ClassSearch(order, before, _tops(_dominators(before, pointing)))
 
 
 def _dominators(before: list[int], pointing: list[list[int]]) -> list[int]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray
-from faultbond.diagnosability.classes import Search, search
+from faultbond.diagnosability.classes import ClassSearch, search
 from faultbond.equations.matching import Equations, augment, holdings, match, redundant
 from faultbond.errors import StructureError
 
@@ -151,7 +151,7 @@ def _whole(equations: Equations, n_variables: int, marked: frozenset[int]) -> _P
     )
 
 
-def _marks(found: Search, marked: frozenset[int]) -> list[tuple[int, frozenset[int]]]:
+def _marks(found: ClassSearch, marked: frozenset[int]) -> list[tuple[int, frozenset[int]]]:
     """Give the marked equations of each class that has any, with the position that stands for the class."""
     marks: dict[int, list[int]] = {}
     for equation, top in zip(found.order, found.top, strict=True):
@@ -160,7 +160,7 @@ def _marks(found: Search, marked: frozenset[int]) -> list[tuple[int, frozenset[i
     return [(top, frozenset(equal)) for top, equal in marks.items()]
 
 
-def _leave_out(found: Search, proper: _Proper, tops: Iterable[int]) -> Iterator[EquationSet]:
+def _leave_out(found: ClassSearch, proper: _Proper, tops: Iterable[int]) -> Iterator[EquationSet]:
     """Give the set without a class, for each of some classes."""
     top_of = dict(zip(found.order, found.top, strict=True))
     ordered = [(equation, top_of[equation]) for equation in proper.equations]
@@ -168,7 +168,7 @@ def _leave_out(found: Search, proper: _Proper, tops: Iterable[int]) -> Iterator[
         yield tuple([equation for equation, top in ordered if top != left_out])
 
 
-def _smaller(equations: Equations, found: Search, proper: _Proper, marked: frozenset[int]) -> Iterator[_Proper]:
+def _smaller(equations: Equations, found: ClassSearch, proper: _Proper, marked: frozenset[int]) -> Iterator[_Proper]:
     """Give the PSO sets without one class.
 
     for each class [e] within R: R = R without [e]; FindMSO(M without [e], R)
@@ -207,7 +207,7 @@ def _alone(equations: Equations, proper: _Proper, marked: frozenset[int], kept: 
         yield replace(proper, equations=[equation for equation in proper.equations if equation in found], rank=1)
 
 
-def _without(found: Search, proper: _Proper, left_out: int, allowed: frozenset[int], kept: _Kept) -> _Proper:
+def _without(found: ClassSearch, proper: _Proper, left_out: int, allowed: frozenset[int], kept: _Kept) -> _Proper:
     """Give the set without a class. Its first equation is freed by turning the path round that leads to it."""
     matched, held = proper.matched.copy(), proper.held.copy()
     position = left_out

@@ -43,7 +43,7 @@ class Equation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class FrameState:
     """A signal that reaches from one frame into the next; `sum` names the equation that carries it.
 
     rate: the signal that is its change in a second. component: the store, if it is one.
@@ -68,7 +68,7 @@ class ComponentNetwork:
     signals: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    states: tuple[State, ...]
+    states: tuple[FrameState, ...]
     parameters: tuple[str, ...]
     suspects: tuple[str, ...]
     file: str = "model"
@@ -287,9 +287,11 @@ def _equation(draft: _Draft, aliases: Mapping[str, str], graph: BondGraph) -> Eq
     )
 
 
-def _state(store: Store, name: str, linear: bool, aliases: Mapping[str, str]) -> State:
+def _state(store: Store, name: str, linear: bool, aliases: Mapping[str, str]) -> FrameState:
     signal, rate = _carried(store, linear)
-    return State(signal=aliases.get(signal, signal), rate=aliases.get(rate, rate), sum=name, component=store.component)
+    return FrameState(
+        signal=aliases.get(signal, signal), rate=aliases.get(rate, rate), sum=name, component=store.component
+    )
 
 
 def in_frame(equation: Equation, frame: int) -> Expression:

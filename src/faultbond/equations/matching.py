@@ -21,7 +21,7 @@ _LARGE = 20_000  # entries; from here on Hopcroft and Karp's algorithm in C is f
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class DulmageMendelsohnPart:
     """Equations and variables of a part of a model, ascending."""
 
     equations: tuple[int, ...]
@@ -37,9 +37,9 @@ class Decomposition:
     under : more variables than equations; its variables are undetermined
     """
 
-    over: Part
-    just: Part
-    under: Part
+    over: DulmageMendelsohnPart
+    just: DulmageMendelsohnPart
+    under: DulmageMendelsohnPart
 
 
 def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> tuple[int, ...]:
@@ -273,5 +273,5 @@ def incidence(equations: Equations, n_variables: int) -> list[list[int]]:
     return containing
 
 
-def _part(equations: Iterable[int], variables: Iterable[int]) -> Part:
-    return Part(equations=tuple(sorted(equations)), variables=tuple(sorted(variables)))
+def _part(equations: Iterable[int], variables: Iterable[int]) -> DulmageMendelsohnPart:
+    return DulmageMendelsohnPart(equations=tuple(sorted(equations)), variables=tuple(sorted(variables)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Course
+from faultbond.fit.objective import Scored
 
 UNSURE = 1.0 / 3.0  # of a parameter (of `change` where it is about 0); one known less well is not determined
 IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked alone
@@ -49,7 +49,7 @@ class Certainty:
 
 
 def certainty_of(
-    information: FloatArray, prior: FloatArray, courses: Sequence[Course], n: int, n_theta: int, accuracies: FloatArray
+    information: FloatArray, prior: FloatArray, courses: Sequence[Scored], n: int, n_theta: int, accuracies: FloatArray
 ) -> Certainty:
     """Give how sure the unknowns are.
 
@@ -84,7 +84,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale))
 
 
-def _long_run(courses: Sequence[Course], total: int, n: int) -> FloatArray:
+def _long_run(courses: Sequence[Scored], total: int, n: int) -> FloatArray:
     """Give the long-run variance of the summed scores, shape (total, total)."""
     found = np.zeros((total, total))
     first = n

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.fit.certainty import long_run_variance
-from faultbond.fit.objective import Course, Plant
+from faultbond.fit.objective import FittedPlant, Scored
 from faultbond.fit.samples import Record
 
 SURE = 2.2  # largest value of a Brownian bridge; one in 8000 goes farther
@@ -30,7 +30,7 @@ class Change:
     statistic: float
 
 
-def changes_of(plant: Plant, records: Sequence[Record], courses: Sequence[Course]) -> tuple[Change, ...]:
+def changes_of(plant: FittedPlant, records: Sequence[Record], courses: Sequence[Scored]) -> tuple[Change, ...]:
     """Give the parameters that do not stay the same, the surest first."""
     found: list[Change] = []
     for record, seen in zip(records, courses, strict=True):

@@ -18,7 +18,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.fit.certainty import Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
-from faultbond.fit.objective import Course, Plant, Point, course
+from faultbond.fit.objective import FittedPlant, Point, Scored, course
 from faultbond.fit.samples import Record
 from faultbond.fit.scoring import START_PRIOR, Summit, climb, spread_noise
 from faultbond.fit.unknowns import Unknowns
@@ -54,7 +54,7 @@ class Fit:
     the plant alone under the inputs.
     """
 
-    plant: Plant
+    plant: FittedPlant
     records: tuple[Record, ...]
     summit: Summit
     certainty: Certainty
@@ -63,7 +63,7 @@ class Fit:
     starts: int
     reached: int
     before: float
-    courses: tuple[Course, ...]
+    courses: tuple[Scored, ...]
     simulated: tuple[FloatArray, ...]
     whiteness: tuple[Whiteness, ...]
     changes: tuple[Change, ...]
@@ -83,7 +83,7 @@ class Fit:
 
 
 def fit_plant(
-    plant: Plant,
+    plant: FittedPlant,
     records: Sequence[Record],
     begin: Point,
     *,
@@ -142,7 +142,7 @@ def fit_plant(
     )
 
 
-def _refuse(plant: Plant, records: Sequence[Record]) -> None:
+def _refuse(plant: FittedPlant, records: Sequence[Record]) -> None:
     """Refuse recordings with too little in them."""
     unknown = len(plant.unknowns.places) + plant.n_own * len(records)
     readings = sum(record.readings for record in records)
@@ -154,7 +154,7 @@ def _refuse(plant: Plant, records: Sequence[Record]) -> None:
 
 
 def _search(
-    plant: Plant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
+    plant: FittedPlant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
 ) -> tuple[Summit, int]:
     """Climb from several starts under a wide prior; give the best summit and how many reached it."""
     rng = np.random.default_rng(seed)
@@ -173,7 +173,7 @@ def _search(
     return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
 
 
-def _without_wild(plant: Plant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
+def _without_wild(plant: FittedPlant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
     for _ in range(WILD_ROUNDS):
@@ -187,7 +187,7 @@ def _without_wild(plant: Plant, records: Sequence[Record], best: Summit) -> tupl
     return kept, best
 
 
-def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:
+def _elsewhere(plant: FittedPlant, begin: Point, rng: np.random.Generator) -> Point:
     """Give another start: parameters some factor off."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
     values = begin.values.copy()
@@ -196,7 +196,7 @@ def _elsewhere(plant: Plant, begin: Point, rng: np.random.Generator) -> Point:
 
 
 def _weigh(
-    plant: Plant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
+    plant: FittedPlant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -233,12 +233,12 @@ def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) 
     return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
 
 
-def _likelihood(plant: Plant, records: Sequence[Record], point: Point) -> float:
+def _likelihood(plant: FittedPlant, records: Sequence[Record], point: Point) -> float:
     """Give the logarithm of the likelihood at a point."""
     return float(sum(course(plant, record, point, r).value for r, record in enumerate(records)))
 
 
-def _simulated(plant: Plant, record: Record, point: Point, number: int) -> FloatArray:
+def _simulated(plant: FittedPlant, record: Record, point: Point, number: int) -> FloatArray:
     """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
     layout = plant.layout
     alone = record.without(layout, np.ones_like(record.use))
@@ -247,7 +247,7 @@ def _simulated(plant: Plant, record: Record, point: Point, number: int) -> Float
     return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
 
 
-def _whiteness(plant: Plant, courses: Sequence[Course]) -> tuple[Whiteness, ...]:
+def _whiteness(plant: FittedPlant, courses: Sequence[Scored]) -> tuple[Whiteness, ...]:
     """Test each sensor."""
     return tuple(
         test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)

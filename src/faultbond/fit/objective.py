@@ -17,7 +17,7 @@ LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plant:
+class FittedPlant:
     """All that an evaluation needs of a plant.
 
     begin: see `build_begin`; free: states whose start is to be found; own: places in q of parameters that each
@@ -67,7 +67,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Course:
+class Scored:
     """One recording at a point, per sample.
 
     innovations, variances : (N, n_outputs), SI, each given the past and the sensors before it; nan where not used
@@ -87,7 +87,7 @@ class Course:
         return np.asarray(self.innovations / np.sqrt(self.variances))
 
 
-def evaluate(plant: Plant, records: Sequence[Record], point: Point) -> Evaluation:
+def evaluate(plant: FittedPlant, records: Sequence[Record], point: Point) -> Evaluation:
     """Give likelihood, score and information of all recordings."""
     n, n_own = len(point.values), plant.n_own
     total = n + n_own * len(records)
@@ -104,12 +104,12 @@ def evaluate(plant: Plant, records: Sequence[Record], point: Point) -> Evaluatio
     return Evaluation(value=value if sane else -np.inf, score=score, information=information)
 
 
-def course(plant: Plant, record: Record, point: Point, number: int) -> Course:
+def course(plant: FittedPlant, record: Record, point: Point, number: int) -> Scored:
     """Give what one recording, the `number`th of the point, says sample by sample."""
     return _run(plant, record, point, number, keep=True)
 
 
-def _run(plant: Plant, record: Record, point: Point, number: int, *, keep: bool) -> Course:
+def _run(plant: FittedPlant, record: Record, point: Point, number: int, *, keep: bool) -> Scored:
     """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
     lanes = _lanes(plant, point, number)
     count = lanes.shape[1]
@@ -130,7 +130,7 @@ def _run(plant: Plant, record: Record, point: Point, number: int, *, keep: bool)
             if keep:
                 errors.append(block.errors)
                 variances.append(block.variances)
-    return Course(
+    return Scored(
         innovations=np.concatenate(errors) if errors else np.zeros((0, plant.layout.n_y)),
         variances=np.concatenate(variances) if variances else np.zeros((0, plant.layout.n_y)),
         scores=np.concatenate(scores) if scores else np.zeros((1, count)),
@@ -172,7 +172,7 @@ class _Block:
         return np.asarray(by_e.T @ by_e + 0.5 * by_s.T @ by_s)
 
 
-def _lanes(plant: Plant, point: Point, number: int) -> FloatArray:
+def _lanes(plant: FittedPlant, point: Point, number: int) -> FloatArray:
     """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
     layout, unknowns = plant.layout, plant.unknowns
     q, slopes = unknowns.fill(plant.base, point.values)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Evaluation, Plant, Point, course, evaluate
+from faultbond.fit.objective import Evaluation, FittedPlant, Point, course, evaluate
 from faultbond.fit.samples import Record
 
 TURNS = 60  # steps at most
@@ -47,7 +47,7 @@ class Summit:
 
 
 def climb(
-    plant: Plant, records: Sequence[Record], begin: Point, prior: FloatArray, *, anchor: FloatArray | None = None
+    plant: FittedPlant, records: Sequence[Record], begin: Point, prior: FloatArray, *, anchor: FloatArray | None = None
 ) -> Summit:
     """Climb from a point.
 
@@ -118,7 +118,7 @@ def _eased(damping: float, kept: float) -> float:
 class _Hill:
     """The posterior over the unknowns and what recordings have for themselves."""
 
-    def __init__(self, plant: Plant, records: Sequence[Record], anchor: FloatArray, prior: FloatArray) -> None:
+    def __init__(self, plant: FittedPlant, records: Sequence[Record], anchor: FloatArray, prior: FloatArray) -> None:
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -191,7 +191,7 @@ class _Hill:
         )
 
 
-def spread_noise(plant: Plant, records: Sequence[Record], point: Point) -> Point:
+def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) -> Point:
     """Give the point with the noise of the sensors as large as what the plant leaves unexplained there.
 
     Far from the truth the declared noise would make a hill of cliffs.
@@ -212,7 +212,7 @@ def spread_noise(plant: Plant, records: Sequence[Record], point: Point) -> Point
     return point
 
 
-def _unexplained(plant: Plant, records: Sequence[Record], point: Point) -> FloatArray | None:
+def _unexplained(plant: FittedPlant, records: Sequence[Record], point: Point) -> FloatArray | None:
     """Give for each sensor the mean square of the standardised innovations; None where the plant has no course."""
     squares = []
     for r, record in enumerate(records):

@@ -6,7 +6,7 @@ from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError
 from faultbond.fit.likelihood import Layout, build_begin, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import Plant, Point
+from faultbond.fit.objective import FittedPlant, Point
 from faultbond.fit.samples import Record, prepare
 from faultbond.fit.starts import begin_at
 from faultbond.fit.unknowns import unknowns_of
@@ -67,7 +67,7 @@ def build_fit(
     recordings: Sequence[tuple[str, Sequence[Sample]]],
     parameters: tuple[tuple[int, Parameter], ...],
     own: tuple[str, ...] = (),
-) -> tuple[Plant, tuple[Record, ...], Point]:
+) -> tuple[FittedPlant, tuple[Record, ...], Point]:
     """Give the plant, its recordings, and where the search begins.
 
     Parameters
@@ -81,7 +81,7 @@ def build_fit(
     """
     layout, base, known = layout_of(model), nominal_q(model), known_starts(model)
     noises = tuple(range(layout.first_noise, layout.first_noise + layout.n_y + layout.n_b))
-    plant = Plant(
+    plant = FittedPlant(
         sensors=tuple(item.name for item in model.plant.graph.sensors),
         layout=layout,
         engine=likelihood,

@@ -6,7 +6,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.fit.objective import Plant, Point
+from faultbond.fit.objective import FittedPlant, Point
 from faultbond.fit.samples import Record
 from faultbond.fit.scoring import START_PRIOR
 from faultbond.runtime.monitor import START_SAMPLES
@@ -15,7 +15,7 @@ from faultbond.runtime.start import solve_start
 _LEAST_PART = 1e-4  # of a start's size, in which it is found at least
 
 
-def begin_at(plant: Plant, records: Sequence[Record], spec: EngineSpec, engine: Engine) -> Point:
+def begin_at(plant: FittedPlant, records: Sequence[Record], spec: EngineSpec, engine: Engine) -> Point:
     """Give the nominal plant with the starts that the first samples of each recording show.
 
     Parameters
@@ -39,7 +39,7 @@ def begin_at(plant: Plant, records: Sequence[Record], spec: EngineSpec, engine: 
     return Point(values=values, starts=starts, sizes=sizes)
 
 
-def _packed(record: Record, plant: Plant, spec: EngineSpec) -> FloatArray:
+def _packed(record: Record, plant: FittedPlant, spec: EngineSpec) -> FloatArray:
     """Give the first samples as the engine takes them."""
     own, place = plant.layout.sample_fields, spec.sample_fields
     used = np.flatnonzero(record.use.any(axis=1))

@@ -18,7 +18,7 @@ KINDS = ("accuracy", "noise", "slow")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
+class DeclarationTrial:
     """What the detector would do if accuracies, noise or slow errors were declared so many times larger.
 
     peak: the largest statistic as a part of its limit; between: expected seconds between false alarms.
@@ -41,7 +41,7 @@ class Health:
     rates: tuple[Rate, ...]
     regions: tuple[Region, ...]
     moments: tuple[Moment, ...]
-    trials: tuple[Trial, ...]
+    trials: tuple[DeclarationTrial, ...]
 
     @property
     def between(self) -> float:
@@ -67,7 +67,7 @@ class Health:
             found[kind] = min(good) if good else None
         return found
 
-    def _is_good(self, item: Trial) -> bool:
+    def _is_good(self, item: DeclarationTrial) -> bool:
         return item.peak <= 1.0 and item.between >= self.promise
 
 
@@ -94,7 +94,7 @@ def on_trial(
     for kind, factor in tried:
         statistics = found[replace(Variant(), **{kind: factor})]
         peak = max((item.peak for item in statistics), default=0.0)
-        trials.append(Trial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
+        trials.append(DeclarationTrial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
     return Health(
         promise=promise,
         step=step,

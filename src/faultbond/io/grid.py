@@ -85,7 +85,7 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Clock:
+class GridClock:
     """Where a grid stands that holds nothing back: enough for a later recording to go on from there.
 
     counts: what has been passed. placed: the last rows. origin: index and time of the point at which the grid began.
@@ -127,7 +127,7 @@ class Grid:
         live: bool = False,
         steady: bool = False,
         noise: Sequence[float] = (),
-        clock: Clock | None = None,
+        clock: GridClock | None = None,
     ) -> None:
         if sample_time is not None and not 0.0 < sample_time < math.inf:
             raise RecordingError(f"sample_time is {sample_time:g} s: a grid needs a positive number of seconds.")
@@ -153,7 +153,7 @@ class Grid:
         if clock is not None:
             self._go_on(clock)
 
-    def _go_on(self, clock: Clock) -> None:
+    def _go_on(self, clock: GridClock) -> None:
         """Stand where another grid stood."""
         self._tally.update(asdict(clock.counts))
         self._placed.extend(clock.placed)
@@ -165,11 +165,11 @@ class Grid:
         self._last_index, self._last_time = clock.last_index, clock.last_time
 
     @property
-    def clock(self) -> Clock | None:
+    def clock(self) -> GridClock | None:
         """Where the grid stands, as if nothing were held back; None before the first point."""
         if self._origin is None or self._last_index < 0:
             return None
-        return Clock(
+        return GridClock(
             counts=self.counts,
             placed=tuple(self._placed),
             origin=self._origin,

@@ -18,9 +18,9 @@ from faultbond.contract.findings import Decision, Detection, Forecast, Suspect
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive
 from faultbond.io.files import replaced
-from faultbond.io.grid import LATEST, LOOK_BACK, MAX_GAP, Clock, Counts, Row
+from faultbond.io.grid import LATEST, LOOK_BACK, MAX_GAP, Counts, GridClock, Row
 from faultbond.io.record_file import Mark
-from faultbond.io.typed import Limits, typed
+from faultbond.io.typed import TypeLimits, typed
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import COUNT
 from faultbond.runtime.rule import Sure
@@ -31,7 +31,7 @@ _NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class FoundSoFar:
     """What a run has found so far.
 
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
@@ -48,15 +48,15 @@ class Found:
     rejected: tuple[Decision, ...] = ()
     sure: Sure = field(default_factory=Sure)
 
-    def with_detection(self, detection: Detection) -> "Found":
+    def with_detection(self, detection: Detection) -> "FoundSoFar":
         """Give this after one more alarm."""
         return replace(self, detections=self.detections + 1, open=detection, rejected=(), sure=Sure())
 
-    def with_accepted(self, accepted: Decision) -> "Found":
+    def with_accepted(self, accepted: Decision) -> "FoundSoFar":
         """Give this after a candidate was accepted."""
         return replace(self, open=None, accepted=(*self.accepted, accepted), rejected=(), sure=Sure())
 
-    def with_rejected(self, rejected: Decision) -> "Found":
+    def with_rejected(self, rejected: Decision) -> "FoundSoFar":
         """Give this after a candidate was ruled out."""
         return replace(self, rejected=(*self.rejected, rejected), sure=Sure())
 
@@ -73,8 +73,8 @@ class Saved:
     version: str
     method: Method
     numbers: Mapping[str, FloatArray]
-    clock: Clock
-    found: Found
+    clock: GridClock
+    found: FoundSoFar
     records: Mark | None = None
 
 
@@ -90,12 +90,12 @@ class _About:
     counts: Counts
     clock: tuple[int, float, float, int, float]
     firsts: tuple[str, ...]
-    found: Found
+    found: FoundSoFar
     records: Mark | None
 
 
-_LIMITS = Limits(
-    least={Counts: 0, Mark: 0, Found: 0, Detection: 0, _About: 0}, not_finite=frozenset({Suspect, Forecast})
+_LIMITS = TypeLimits(
+    least={Counts: 0, Mark: 0, FoundSoFar: 0, Detection: 0, _About: 0}, not_finite=frozenset({Suspect, Forecast})
 )
 _MISTAKES = (BadZipFile, EOFError, KeyError, NotImplementedError, OverflowError, RecursionError, TypeError, ValueError)
 
@@ -175,7 +175,7 @@ def _saved(told: dict[str, Any], arrays: dict[str, FloatArray]) -> Saved:
         version=about.version,
         method=about.method,
         numbers={name.removeprefix(_NUMBERS): arrays[name] for name in arrays if name.startswith(_NUMBERS)},
-        clock=Clock(
+        clock=GridClock(
             counts=about.counts,
             placed=_rows(*(arrays[_ROWS + name] for name in ("time", "u", "y"))),
             origin=(first, start),
@@ -197,7 +197,7 @@ def _rows(times: FloatArray, inputs: FloatArray, outputs: FloatArray) -> tuple[R
     return tuple(Row(time=float(time), u=u, y=y) for time, u, y in zip(times, inputs, outputs, strict=True))
 
 
-def _ticks(clock: Clock, step: float | None) -> bool:
+def _ticks(clock: GridClock, step: float | None) -> bool:
     """Whether a grid with this step, None from row to row, can stand so."""
     (first, start), last = clock.origin, clock.placed[-1].time
     counted = 0 <= first <= clock.last_index == clock.counts.samples - 1
@@ -210,7 +210,7 @@ def _ticks(clock: Clock, step: float | None) -> bool:
     )
 
 
-def _told(found: Found) -> set[str]:
+def _told(found: FoundSoFar) -> set[str]:
     """Give the names of all that was found and decided."""
     decided = [item.candidate for item in (*found.accepted, *found.rejected)]
     named = {name.partition(".")[0] for item in decided for name in (*item.parameters, *item.components)}

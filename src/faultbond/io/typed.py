@@ -13,14 +13,14 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class TypeLimits:
     """What types do not tell. least: of whole numbers, by class; not_finite: classes whose floats may be nan or inf."""
 
     least: Mapping[type, int] = field(default_factory=dict)
     not_finite: frozenset[type] = frozenset()
 
 
-def typed(kind: type[_T], value: object, limits: Limits | None = None) -> _T:
+def typed(kind: type[_T], value: object, limits: TypeLimits | None = None) -> _T:
     """Give a JSON value as an instance of a type.
 
     Parameters
@@ -34,11 +34,11 @@ def typed(kind: type[_T], value: object, limits: Limits | None = None) -> _T:
     ValueError
         Where it is of another form.
     """
-    made: _T = _read(kind, value, NoneType, limits or Limits())
+    made: _T = _read(kind, value, NoneType, limits or TypeLimits())
     return made
 
 
-def _read(kind: Any, value: object, owner: type, limits: Limits) -> Any:
+def _read(kind: Any, value: object, owner: type, limits: TypeLimits) -> Any:
     """Give a value that stands in a dataclass `owner`."""
     if get_origin(kind) is UnionType:
         inner = next(item for item in get_args(kind) if item is not NoneType)
@@ -58,14 +58,14 @@ def _read(kind: Any, value: object, owner: type, limits: Limits) -> Any:
     raise ValueError(f"{value!r} is no {kind.__name__} of {owner.__name__}")
 
 
-def _read_tuple(kinds: tuple[Any, ...], value: object, owner: type, limits: Limits) -> tuple[Any, ...]:
+def _read_tuple(kinds: tuple[Any, ...], value: object, owner: type, limits: TypeLimits) -> tuple[Any, ...]:
     if not isinstance(value, list):
         raise ValueError(f"a list is expected in {owner.__name__}")
     each = (kinds[0],) * len(value) if kinds[-1] is Ellipsis else kinds
     return tuple(_read(kind, item, owner, limits) for kind, item in zip(each, value, strict=True))
 
 
-def _read_object(kind: Any, value: object, limits: Limits) -> Any:
+def _read_object(kind: Any, value: object, limits: TypeLimits) -> Any:
     known = {item.name: item for item in fields(kind)}
     if not isinstance(value, dict) or not value.keys() <= known.keys():
         raise ValueError(f"this is no {kind.__name__}")

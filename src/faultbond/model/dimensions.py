@@ -24,24 +24,24 @@ _PURE = {"exp", "log", "sin", "cos", "tan", "tanh"}
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class DimensionForm:
     """A dimension times unknown dimensions to rational powers."""
 
     known: Dimension = DIMENSIONLESS
     unknown: tuple[tuple[str, Fraction], ...] = ()
 
-    def __mul__(self, other: "Form") -> "Form":
+    def __mul__(self, other: "DimensionForm") -> "DimensionForm":
         powers = dict(self.unknown)
         for name, power in other.unknown:
             powers[name] = powers.get(name, Fraction(0)) + power
-        return Form(self.known * other.known, tuple((name, power) for name, power in powers.items() if power))
+        return DimensionForm(self.known * other.known, tuple((name, power) for name, power in powers.items() if power))
 
-    def __truediv__(self, other: "Form") -> "Form":
+    def __truediv__(self, other: "DimensionForm") -> "DimensionForm":
         return self * other ** Fraction(-1)
 
-    def __pow__(self, exponent: Fraction) -> "Form":
+    def __pow__(self, exponent: Fraction) -> "DimensionForm":
         powers = ((name, power * exponent) for name, power in self.unknown)
-        return Form(self.known**exponent, tuple((name, power) for name, power in powers if power))
+        return DimensionForm(self.known**exponent, tuple((name, power) for name, power in powers if power))
 
 
 class Solver:
@@ -51,21 +51,21 @@ class Solver:
     """
 
     def __init__(self) -> None:
-        self._solved: dict[str, Form] = {}
+        self._solved: dict[str, DimensionForm] = {}
         self.work = 0
 
-    def reduced(self, form: Form) -> Form:
+    def reduced(self, form: DimensionForm) -> DimensionForm:
         """Give the form in terms of what is still unknown."""
         while self.work <= MAX_WORK and any(name in self._solved for name, _ in form.unknown):
-            result = Form(form.known)
+            result = DimensionForm(form.known)
             for name, power in form.unknown:
                 inner = self._solved.get(name)
                 self.work += len(result.unknown) + (len(inner.unknown) if inner else 1)
-                result *= Form(unknown=((name, power),)) if inner is None else inner**power
+                result *= DimensionForm(unknown=((name, power),)) if inner is None else inner**power
             form = result
         return form
 
-    def equate(self, left: Form, right: Form) -> bool:
+    def equate(self, left: DimensionForm, right: DimensionForm) -> bool:
         """Demand that two forms agree; False if they cannot."""
         if self.work > MAX_WORK:
             return True
@@ -76,7 +76,7 @@ class Solver:
             return ratio.known == DIMENSIONLESS
         name, power = max(ratio.unknown, key=lambda item: ":" not in item[0])  # a number's before a region's
         rest = tuple(item for item in ratio.unknown if item[0] != name)
-        self._solved[name] = Form(ratio.known, rest) ** (-1 / power)
+        self._solved[name] = DimensionForm(ratio.known, rest) ** (-1 / power)
         return True
 
 
@@ -87,31 +87,31 @@ class Checker:
         self.values, self.solver, self.n_parts = values, Solver(), 0
         self.regions = regions(plant)
 
-    def _name(self, name: str) -> Form:
+    def _name(self, name: str) -> DimensionForm:
         if name in self.values.measures:
             measure = self.values.measures[name]
-            return Form(measure.dimension) if measure else Form(unknown=((name, ONE),))
+            return DimensionForm(measure.dimension) if measure else DimensionForm(unknown=((name, ONE),))
         if "." not in name:
-            return Form(unknown=((f"s:{name}", ONE),))  # a signal of a block network
+            return DimensionForm(unknown=((f"s:{name}", ONE),))  # a signal of a block network
         part, _, signal = name.partition(".")
         port = f"{part}.{signal[1:]}" if signal[1:] else part
-        effort = Form(unknown=((f"e:{self.regions[port]}", ONE),))
-        flow = Form(unknown=((f"f:{self.regions[port]}", ONE),))
+        effort = DimensionForm(unknown=((f"e:{self.regions[port]}", ONE),))
+        flow = DimensionForm(unknown=((f"f:{self.regions[port]}", ONE),))
         match signal[0]:
             case "e":
                 return effort
             case "f":
                 return flow
             case "q":
-                return flow * Form(SECOND)
-        return effort * Form(SECOND)
+                return flow * DimensionForm(SECOND)
+        return effort * DimensionForm(SECOND)
 
-    def infer(self, expression: Expression, where: str) -> tuple[Form | None, bool]:
+    def infer(self, expression: Expression, where: str) -> tuple[DimensionForm | None, bool]:
         """Give the form of an expression (None: cannot be followed), and whether it is a bare number of any unit."""
         self.n_parts += 1
         match expression:
             case Number():
-                return Form(), True
+                return DimensionForm(), True
             case Name(text):
                 return self._name(text), False
             case Negative(operand):
@@ -128,7 +128,7 @@ class Checker:
             case Call(function, arguments):
                 return self._call(function, arguments, expression, where)
 
-    def _power(self, base: Expression, exponent: Expression, where: str) -> tuple[Form | None, bool]:
+    def _power(self, base: Expression, exponent: Expression, where: str) -> tuple[DimensionForm | None, bool]:
         form, free = self.infer(base, where)
         value = constant_value(exponent)
         if value is None:
@@ -138,35 +138,37 @@ class Checker:
 
     def _call(
         self, function: str, arguments: tuple[Expression, ...], whole: Expression, where: str
-    ) -> tuple[Form | None, bool]:
+    ) -> tuple[DimensionForm | None, bool]:
         if function == "where":
             self.infer(arguments[0], where)
             return self.common(arguments[1:], "the two results of where()", whole, where)
         if function in _SAME:
             return self.common(arguments, f"the arguments of {function}()", whole, where)
         if function in _PURE:
-            return Form(), self._pure(arguments[0], f"the argument of {function}()", where)
+            return DimensionForm(), self._pure(arguments[0], f"the argument of {function}()", where)
         form, free = self.infer(arguments[0], where)
         if function == RATE:
-            return (None if form is None else form / Form(SECOND)), free
+            return (None if form is None else form / DimensionForm(SECOND)), free
         if function == "sqrt":
             return (None if form is None else form ** Fraction(1, 2)), free
-        return Form(), free
+        return DimensionForm(), free
 
     def _pure(self, expression: Expression, what: str, where: str) -> bool:
         """Demand no dimension; give whether the expression is a bare number."""
         form, free = self.infer(expression, where)
         if _scaled(expression):
             return free  # in tanh(f/0.05) the number stands for 0.05 of whatever f is measured in
-        if form is not None and not free and not self.solver.equate(form, Form()):
+        if form is not None and not free and not self.solver.equate(form, DimensionForm()):
             dimension = self._words(form)
             problem = f"{what}, `{shown(to_text(expression))}`, must be dimensionless but is in {dimension}"
             raise ModelError(f"{where}{problem}; divide it by a constant in {dimension}")
         return free
 
-    def common(self, parts: Iterable[Expression], what: str, whole: Expression, where: str) -> tuple[Form | None, bool]:
+    def common(
+        self, parts: Iterable[Expression], what: str, whole: Expression, where: str
+    ) -> tuple[DimensionForm | None, bool]:
         """Demand that all parts of a sum agree; a bare number takes the unit of the others."""
-        first: tuple[Expression, Form] | None = None
+        first: tuple[Expression, DimensionForm] | None = None
         free = True
         for part in parts:
             form, part_free = self.infer(part, where)
@@ -181,10 +183,10 @@ class Checker:
                 problem = f"{what} in `{shown(to_text(whole))}` disagree"
                 raise ModelError(f"{where}{problem}: {self._versus(first, (part, form))}")
         if free:
-            return Form(), True
+            return DimensionForm(), True
         return (first[1] if first else None), False
 
-    def _versus(self, left: tuple[Expression, Form], right: tuple[Expression, Form]) -> str:
+    def _versus(self, left: tuple[Expression, DimensionForm], right: tuple[Expression, DimensionForm]) -> str:
         """Give the words for two expressions whose dimensions differ, and what to do."""
         a, b = (shown(to_text(expression)) for expression, _ in (left, right))
         forms = [self.solver.reduced(form) for _, form in (left, right)]
@@ -193,7 +195,7 @@ class Checker:
             return f"`{a}` is in the unit of `{b}` times {ratio}; mend the law or the unit of a parameter"
         return f"`{a}` is in {forms[0].known}, `{b}` in {forms[1].known}; mend the law or the unit of a parameter"
 
-    def _words(self, form: Form) -> str:
+    def _words(self, form: DimensionForm) -> str:
         return str(self.solver.reduced(form).known)
 
     def law(self, left: Expression, right: Expression, where: str) -> None:
@@ -206,7 +208,7 @@ class Checker:
     def expect(self, expression: Expression, dimension: Dimension, what: str, where: str) -> None:
         """Demand a dimension of an expression: a sensor's unit, say."""
         form, free = self.infer(expression, where)
-        if form is None or free or self.solver.equate(form, Form(dimension)):
+        if form is None or free or self.solver.equate(form, DimensionForm(dimension)):
             return
         found = self._words(form)
         problem = f"`{shown(to_text(expression))}` is in {found}, but {what} in {dimension}"

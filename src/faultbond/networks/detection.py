@@ -171,7 +171,7 @@ class NoisyProver:
 
     def __init__(self, network: StaticNetwork) -> None:
         self.network = network
-        self.trials: dict[tuple[str, ...], static_noise.Trial] = {}
+        self.trials: dict[tuple[str, ...], static_noise.FittedHypothesis] = {}
 
     def contradicting(self, seen: Observation) -> tuple[str, ...]:
         """Give the sensors that disagree beyond their noise."""
@@ -186,7 +186,7 @@ class NoisyProver:
         self.trials = static_noise.trials(self.network, self.trials, rows)
         return tuple(self._explanation(item) for item in static_noise.left(self.trials))
 
-    def _explanation(self, trial: static_noise.Trial) -> Explanation:
+    def _explanation(self, trial: static_noise.FittedHypothesis) -> Explanation:
         names = () if self.network.of_blocks else trial.suspects
         solutions = ({n: (float(fit.values[k]), float(fit.sd[k])) for k, n in enumerate(names)} for fit in trial.fits)
         return Explanation(suspects=trial.suspects, solutions=tuple(solutions))

@@ -27,7 +27,7 @@ from faultbond.networks.polynomial_roots import (
     value_of,
 )
 from faultbond.networks.propagation import Propagated, propagate, suspend, without_readings
-from faultbond.networks.relations import TOLERANCE, Equation
+from faultbond.networks.relations import TOLERANCE, BlockLaw
 from faultbond.networks.static_network import Observation, StaticNetwork
 
 MAX_SYSTEMS = 64
@@ -228,7 +228,7 @@ def _has_solution(network: StaticNetwork, found: Propagated, seen: Observation) 
     return bool(search([needed], {}, [without_readings(network, seen)]))
 
 
-def _entangled(found: Propagated) -> tuple[Equation, ...]:
+def _entangled(found: Propagated) -> tuple[BlockLaw, ...]:
     """Leave out laws whose signal is in no other equation: it is then whatever they give."""
     left = found.open
     while True:
@@ -255,7 +255,7 @@ def _is_solved(found: Propagated, system: System) -> bool:
     return False
 
 
-def _has_branches(equations: Iterable[Equation]) -> bool:
+def _has_branches(equations: Iterable[BlockLaw]) -> bool:
     """Whether equations have cases: then a solution of one case may lie outside of it."""
     sides = (side for item in equations for side in (item.left, item.right))
     return any(isinstance(part, Call) for side in sides for part in walk(side))

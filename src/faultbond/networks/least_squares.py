@@ -33,7 +33,7 @@ class Data:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class BestValues:
     """The best values of free parameters, their standard deviations (inf: not determined), and the sum of squares.
 
     rank: how many combinations of them the observations determine.
@@ -104,7 +104,9 @@ def _sizes(y: FloatArray) -> FloatArray:
     return np.where(sizes > 0.0, sizes, np.where(largest > 0.0, largest, 1.0))
 
 
-def fit(read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatArray, FloatArray], data: Data) -> Fit:
+def fit(
+    read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatArray, FloatArray], data: Data
+) -> BestValues:
     """Give the values of the free parameters, the same in all observations, with the least misfit near a start.
 
     Parameters
@@ -125,7 +127,7 @@ def fit(read: Reader, start: FloatArray, scale: FloatArray, bounds: tuple[FloatA
     inside = np.clip(start / scale, low + 1e-9, high - 1e-9)
     done = least_squares(gaps, inside, jac=slopes, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     sd, rank = _deviations(slopes(done.x))
-    return Fit(values=done.x * scale, sd=sd * np.abs(scale), misfit=float(2.0 * done.cost), rank=rank)
+    return BestValues(values=done.x * scale, sd=sd * np.abs(scale), misfit=float(2.0 * done.cost), rank=rank)
 
 
 def _deviations(slopes: FloatArray) -> tuple[FloatArray, int]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.networks.hypothesis import Hypothesis, advance
-from faultbond.networks.least_squares import REJECTED, Data, Fit, data_of, fit, limit, readable
+from faultbond.networks.least_squares import REJECTED, BestValues, Data, data_of, fit, limit, readable
 from faultbond.networks.numeric_search import starts
 from faultbond.networks.polynomial_roots import Point, value_of
 from faultbond.networks.reader import Reader, reader
@@ -23,7 +23,7 @@ ROOTS_FROM = 4  # first observations: later ones start from the fits so far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
+class FittedHypothesis:
     """A hypothesis as far as it is fitted.
 
     found: the fits; of blocks, whose signals are free in every observation, one without values. allowed: the largest
@@ -32,13 +32,13 @@ class Trial:
 
     suspects: tuple[str, ...]
     read: Reader
-    found: tuple[Fit, ...] = ()
+    found: tuple[BestValues, ...] = ()
     allowed: float = inf
     freedom: int = 0
     count: int = 0
 
     @property
-    def fits(self) -> tuple[Fit, ...]:
+    def fits(self) -> tuple[BestValues, ...]:
         """The fits that pass."""
         return tuple(item for item in self.found if item.misfit <= self.allowed)
 
@@ -49,8 +49,8 @@ class Trial:
 
 
 def trials(
-    network: StaticNetwork, before: Mapping[tuple[str, ...], Trial], rows: Sequence[Observation]
-) -> dict[tuple[str, ...], Trial]:
+    network: StaticNetwork, before: Mapping[tuple[str, ...], FittedHypothesis], rows: Sequence[Observation]
+) -> dict[tuple[str, ...], FittedHypothesis]:
     """Give the hypotheses after one observation more, up to the least size at which one passes.
 
     Parameters
@@ -64,7 +64,7 @@ def trials(
     for size in range(1, min(network.graph.max_faults, len(network.suspects)) + 1):
         passed = False
         for suspects in combinations(network.suspects, size):
-            held = after.get(suspects) or Trial(suspects=suspects, read=_reader(network, suspects))
+            held = after.get(suspects) or FittedHypothesis(suspects=suspects, read=_reader(network, suspects))
             after[suspects] = (_of_blocks if network.of_blocks else _of_parameters)(network, held, rows, data)
             passed |= bool(after[suspects].fits)
         if passed:
@@ -80,14 +80,16 @@ def _reader(network: StaticNetwork, suspects: tuple[str, ...]) -> Reader:
     return reader(network.graph, laws, network.values, {name: 1.0 for name in free if name is not None})
 
 
-def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> Trial:
+def _of_parameters(
+    network: StaticNetwork, held: FittedHypothesis, rows: Sequence[Observation], data: Data
+) -> FittedHypothesis:
     readings = int(readable(held.read, data).sum())
     if held.least > limit(REJECTED, readings):
         return replace(held, allowed=0.0)
     items = [network.graph.parameter(name) for name in held.suspects]
     bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
     scale = np.array([item.scale for item in items])
-    found: list[Fit] = []
+    found: list[BestValues] = []
     for start in _starts(network, held, rows, data):
         solution = fit(held.read, start, scale, bounds, data)
         if not any(_same(solution, other, scale) for other in found):
@@ -96,7 +98,9 @@ def _of_parameters(network: StaticNetwork, held: Trial, rows: Sequence[Observati
     return replace(held, found=tuple(found), allowed=limit(REJECTED, max(readings - rank, 1)))
 
 
-def _starts(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> list[FloatArray]:
+def _starts(
+    network: StaticNetwork, held: FittedHypothesis, rows: Sequence[Observation], data: Data
+) -> list[FloatArray]:
     """Give what to start from: the fits so far; at first, also the nominal values and the roots of single readings.
 
     Where the nominal values give no real number, multiples of them are tried too.
@@ -130,13 +134,15 @@ def _first_roots(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequen
     return ()
 
 
-def _same(one: Fit, other: Fit, scale: FloatArray) -> bool:
+def _same(one: BestValues, other: BestValues, scale: FloatArray) -> bool:
     """Whether a fit is no other than one found before, which is no worse."""
     near = np.where(np.isfinite(one.sd), 0.1 * one.sd, inf) + 1e-6 * np.abs(scale)
     return other.misfit < one.misfit + 1.0 and bool(np.all(np.abs(one.values - other.values) <= near))
 
 
-def _of_blocks(network: StaticNetwork, held: Trial, rows: Sequence[Observation], data: Data) -> Trial:
+def _of_blocks(
+    network: StaticNetwork, held: FittedHypothesis, rows: Sequence[Observation], data: Data
+) -> FittedHypothesis:
     """Fit the free signals of the observations that are new; each observation has its own."""
     if held.least > limit(REJECTED, int(readable(held.read, data).sum())):
         return replace(held, allowed=0.0)
@@ -150,12 +156,12 @@ def _of_blocks(network: StaticNetwork, held: Trial, rows: Sequence[Observation],
         misfit += found.misfit
         freedom += int(readable(held.read, one).sum()) - found.rank
     none = np.zeros(0)
-    total = Fit(values=none, sd=none, misfit=misfit, rank=0)
+    total = BestValues(values=none, sd=none, misfit=misfit, rank=0)
     allowed = limit(REJECTED, max(freedom, 1))
     return replace(held, found=(total,), allowed=allowed, freedom=freedom, count=len(rows))
 
 
-def left(after: Mapping[tuple[str, ...], Trial]) -> tuple[Trial, ...]:
+def left(after: Mapping[tuple[str, ...], FittedHypothesis]) -> tuple[FittedHypothesis, ...]:
     """Give the hypotheses of the least size that pass."""
     passing = [item for item in after.values() if item.fits]
     least = min((len(item.suspects) for item in passing), default=0)

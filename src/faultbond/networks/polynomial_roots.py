@@ -20,7 +20,7 @@ from mpmath.libmp import NoConvergence
 from faultbond.equations.numeric import Value, evaluate, exact
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, walk
 from faultbond.networks.propagation import Propagated
-from faultbond.networks.relations import Equation
+from faultbond.networks.relations import BlockLaw
 
 Point = dict[str, sp.Expr]  # an exact value, or one of 30 digits, by name
 System = tuple[sp.Expr, ...]  # polynomials that vanish
@@ -81,7 +81,7 @@ def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> li
     return cases
 
 
-def _branch_points(equation: Equation, known: Mapping[str, Value]) -> Iterator[Call]:
+def _branch_points(equation: BlockLaw, known: Mapping[str, Value]) -> Iterator[Call]:
     for side in (equation.left, equation.right):
         for part in walk(side):
             branches = isinstance(part, Call) and part.function in {*_BRANCHES, "min", "max"}

@@ -10,7 +10,7 @@ from math import isnan
 from faultbond.equations.inversion import linear_solution
 from faultbond.equations.numeric import Value, evaluate
 from faultbond.model.expression import Binary, Expression, Name, names
-from faultbond.networks.relations import Equation, equation, holds, magnitude, shortened, size
+from faultbond.networks.relations import BlockLaw, equation, holds, magnitude, shortened, size
 from faultbond.networks.static_network import READING, Observation, StaticNetwork
 
 FOLLOWS = "value of "  # start of a name that no user can write
@@ -21,8 +21,8 @@ class Propagated:
     """What follows from what is known: all known values, equations with unknowns left, and a contradiction if any."""
 
     known: Mapping[str, Value]
-    open: tuple[Equation, ...]
-    conflict: Equation | None
+    open: tuple[BlockLaw, ...]
+    conflict: BlockLaw | None
 
 
 def suspend(
@@ -52,7 +52,7 @@ def suspend(
     return replace(found, known=left, open=(*found.open, *(equation(Name(n), Name(FOLLOWS + n)) for n in own)))
 
 
-def propagate(equations: Iterable[Equation], known: Mapping[str, Value]) -> Propagated:
+def propagate(equations: Iterable[BlockLaw], known: Mapping[str, Value]) -> Propagated:
     """Follow equations with one unknown until none is left, checking those without unknowns."""
     found = dict(known)
     sizes = {name: magnitude(value) for name, value in found.items()}
@@ -73,7 +73,7 @@ def propagate(equations: Iterable[Equation], known: Mapping[str, Value]) -> Prop
         waiting = left
 
 
-def _follow(item: Equation, name: str, found: dict[str, Value], sizes: dict[str, float]) -> bool:
+def _follow(item: BlockLaw, name: str, found: dict[str, Value], sizes: dict[str, float]) -> bool:
     """Add the value of the only unknown of an equation, if the equation gives it directly."""
     definition = _definition(item, name)
     if definition is None:
@@ -85,7 +85,7 @@ def _follow(item: Equation, name: str, found: dict[str, Value], sizes: dict[str,
     return True
 
 
-def _definition(item: Equation, name: str) -> Expression | None:
+def _definition(item: BlockLaw, name: str) -> Expression | None:
     for one, other in ((item.left, item.right), (item.right, item.left)):
         if one == Name(name) and name not in names(other):
             return other

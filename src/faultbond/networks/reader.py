@@ -11,7 +11,7 @@ from faultbond.equations.evaluate import evaluate
 from faultbond.equations.numeric import Value
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
-from faultbond.networks.relations import Equation
+from faultbond.networks.relations import BlockLaw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +51,7 @@ class Reader:
 
 
 def reader(
-    graph: BondGraph, laws: Iterable[Equation], values: Mapping[str, Value], free: Mapping[str, float]
+    graph: BondGraph, laws: Iterable[BlockLaw], values: Mapping[str, Value], free: Mapping[str, float]
 ) -> Reader:
     """Give the readings of a network as a function.
 
@@ -89,9 +89,9 @@ def _column(symbols: Iterable[ca.SX]) -> ca.SX:
     return ca.SX.sym("nothing", 0, 1) if column.is_empty() else column
 
 
-def _follow(laws: Iterable[Equation], values: dict[str, ca.SX], file: str) -> None:
+def _follow(laws: Iterable[BlockLaw], values: dict[str, ca.SX], file: str) -> None:
     """Add the signals that laws define; those in a loop at once, if the loop is linear."""
-    loop: list[tuple[str, Equation]] = []
+    loop: list[tuple[str, BlockLaw]] = []
     for law in laws:
         signal = law.signal
         if signal is None:
@@ -104,7 +104,7 @@ def _follow(laws: Iterable[Equation], values: dict[str, ca.SX], file: str) -> No
         _follow_loop(loop, values, file)
 
 
-def _follow_loop(loop: Sequence[tuple[str, Equation]], values: dict[str, ca.SX], file: str) -> None:
+def _follow_loop(loop: Sequence[tuple[str, BlockLaw]], values: dict[str, ca.SX], file: str) -> None:
     unknown = {signal: ca.SX.sym(signal) for signal, _ in loop}
     z, all_values = ca.vertcat(*unknown.values()), {**values, **unknown}
     if all(name in all_values for _, law in loop for name in law.uses):

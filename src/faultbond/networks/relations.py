@@ -14,7 +14,7 @@ ROUNDING = 1e-13  # and within this part of the terms that they are sums of, for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Equation:
+class BlockLaw:
     """A law of a block, or what a sensor reads: left = right.
 
     names: all that it names. signal: what a law gives in terms of others, if it does; `uses` are then the others.
@@ -29,16 +29,16 @@ class Equation:
     sensor: str = ""
 
 
-def equation(left: Expression, right: Expression, *, block: str = "", sensor: str = "") -> Equation:
+def equation(left: Expression, right: Expression, *, block: str = "", sensor: str = "") -> BlockLaw:
     """Give the equation left = right."""
     used = names(right)
     every = tuple(dict.fromkeys((*names(left), *used)))
     if isinstance(left, Name) and block and left.text not in used:
-        return Equation(left=left, right=right, names=every, uses=used, signal=left.text, block=block)
-    return Equation(left=left, right=right, names=every, uses=every, block=block, sensor=sensor)
+        return BlockLaw(left=left, right=right, names=every, uses=used, signal=left.text, block=block)
+    return BlockLaw(left=left, right=right, names=every, uses=every, block=block, sensor=sensor)
 
 
-def holds(equation: Equation, known: Mapping[str, Value], sizes: Mapping[str, float]) -> bool:
+def holds(equation: BlockLaw, known: Mapping[str, Value], sizes: Mapping[str, float]) -> bool:
     """Whether both sides agree, to rounding; not where one has no real value."""
     left, right = evaluate(equation.left, known), evaluate(equation.right, known)
     if not (isfinite(left) and isfinite(right)):

@@ -13,7 +13,7 @@ from faultbond.io.grid import GridPoint
 from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph
 from faultbond.networks.reader import Reader, reader
-from faultbond.networks.relations import Equation, equation, holds, magnitude, shortened, size
+from faultbond.networks.relations import BlockLaw, equation, holds, magnitude, shortened, size
 from faultbond.types import TimeGrid
 
 READING = "reading of "  # start of a name that no user can write
@@ -51,8 +51,8 @@ class StaticNetwork:
     """
 
     graph: BondGraph
-    laws: tuple[Equation, ...]
-    readings: tuple[Equation, ...]
+    laws: tuple[BlockLaw, ...]
+    readings: tuple[BlockLaw, ...]
     values: Mapping[str, Value]
     suspects: tuple[str, ...]
     of_blocks: bool
@@ -103,10 +103,10 @@ def static_network(graph: BondGraph) -> StaticNetwork:
         return network
 
 
-def _in_order(laws: list[Equation], signals: Iterable[str]) -> tuple[list[Equation], list[Equation]]:
+def _in_order(laws: list[BlockLaw], signals: Iterable[str]) -> tuple[list[BlockLaw], list[BlockLaw]]:
     """Sort laws so that each signal is defined before it is used; laws in loops and other equations are left over."""
     waiting, missing = list(laws), set(signals)
-    found: list[Equation] = []
+    found: list[BlockLaw] = []
     while True:
         ready = [law for law in waiting if law.signal and missing.isdisjoint(law.uses)]
         if not ready:

@@ -8,9 +8,9 @@ if TYPE_CHECKING:
     from faultbond.report.drawing import draw
     from faultbond.report.html import render_report
     from faultbond.report.terminal import print_diagnosis
-    from faultbond.report.verdict import Counts, unfalsifiable_text, verdict_sentence
+    from faultbond.report.verdict import RunCounts, unfalsifiable_text, verdict_sentence
 
-__all__ = ["Counts", "draw", "print_diagnosis", "render_report", "unfalsifiable_text", "verdict_sentence"]
+__all__ = ["RunCounts", "draw", "print_diagnosis", "render_report", "unfalsifiable_text", "verdict_sentence"]
 
 __getattr__ = lazily(
     "faultbond.report",
@@ -18,6 +18,6 @@ __getattr__ = lazily(
         "drawing": "draw",
         "html": "render_report",
         "terminal": "print_diagnosis",
-        "verdict": "Counts unfalsifiable_text verdict_sentence",
+        "verdict": "RunCounts unfalsifiable_text verdict_sentence",
     },
 )

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from faultbond.algebra.routes.functions import Function, components_passed, equations_passed
 from faultbond.algebra.solving.printing import to_one_line
-from faultbond.analysis.capability import View
+from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
-from faultbond.analysis.sensor_advice import Advice, SensorAdvice
+from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.testable import Verdict
+from faultbond.analysis.testable import Testability
 from faultbond.analysis.twins import Comparison
 from faultbond.contract.records import Record
 from faultbond.diagnosability.isolability import Isolability
@@ -19,7 +19,7 @@ from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.model.graph import BondGraph
 
 
-def groups_record(graph: BondGraph, view: View) -> Record:
+def groups_record(graph: BondGraph, view: CapabilityView) -> Record:
     """Give what cannot be told apart, and why."""
     return {
         "rank": view.judgement.rank.value,
@@ -41,8 +41,8 @@ def _names(graph: BondGraph, chosen: Sequence[int]) -> list[str]:
 
 def hypotheses_record(
     graph: BondGraph,
-    view: View,
-    recorded: View | None,
+    view: CapabilityView,
+    recorded: CapabilityView | None,
     solutions: Sequence[OtherSolutions],
     twins: Comparison,
 ) -> Record:
@@ -62,8 +62,8 @@ def hypotheses_record(
 
 def _hypothesis(
     graph: BondGraph,
-    item: Verdict,
-    on_data: Mapping[tuple[int, ...], Verdict],
+    item: Testability,
+    on_data: Mapping[tuple[int, ...], Testability],
     known: Mapping[tuple[str, ...], OtherSolutions],
 ) -> Record:
     names = _names(graph, item.parameters)
@@ -77,7 +77,7 @@ def _hypothesis(
     return record
 
 
-def _verdict(item: Verdict) -> Record:
+def _verdict(item: Testability) -> Record:
     return {"identifiable": item.identifiable, "falsifiable": item.falsifiable, "testable": item.testable}
 
 
@@ -135,7 +135,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
     }
 
 
-def sensors_record(graph: BondGraph, advice: Advice) -> Record:
+def sensors_record(graph: BondGraph, advice: SensorAdvice) -> Record:
     """Give which further sensors would tell more, best first, beside the plant as it is."""
     return {
         "sensor_advice": [_sensors(graph, item) for item in advice.further],
@@ -144,7 +144,7 @@ def sensors_record(graph: BondGraph, advice: Advice) -> Record:
     }
 
 
-def _sensors(graph: BondGraph, item: SensorAdvice) -> Record:
+def _sensors(graph: BondGraph, item: SensorChoice) -> Record:
     return {
         "sensors": list(item.sensors),
         "rank": item.rank,

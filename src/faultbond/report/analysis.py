@@ -5,10 +5,10 @@ from collections.abc import Collection, Iterable, Sequence
 
 from rich.console import Console
 
-from faultbond.analysis.capability import View
+from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group
 from faultbond.analysis.input_advice import Stimulus
-from faultbond.analysis.sensor_advice import Advice, SensorAdvice
+from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.twins import Comparison
@@ -25,7 +25,7 @@ NOWHERE = "not found"
 NO_EFFECT = 1e-3  # noise standard deviations below which an effect is none
 
 
-def print_view(console: Console, graph: BondGraph, view: View, heading: str, note: str) -> None:
+def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading: str, note: str) -> None:
     """Print how many sets are testable, and which cannot be told apart."""
     title(console, heading, note)
     rows = _verdict_rows(view)
@@ -33,14 +33,14 @@ def print_view(console: Console, graph: BondGraph, view: View, heading: str, not
     lines(console, _shown(view, len(graph.parameters)) + _alike(graph, view))
 
 
-def _shown(view: View, n_parameters: int) -> list[tuple[str, str]]:
+def _shown(view: CapabilityView, n_parameters: int) -> list[tuple[str, str]]:
     rank = view.judgement.rank
     all_of = f"the {n_parameters} parameters" if n_parameters > 1 else "the one parameter"
     shown = f"{counted(rank.value, 'combination')} of {all_of}"
     return [("shows", shown if rank.clear else f"{shown}; rounding decides, so this is a guess")]
 
 
-def _alike(graph: BondGraph, view: View) -> list[tuple[str, str]]:
+def _alike(graph: BondGraph, view: CapabilityView) -> list[tuple[str, str]]:
     """Say what cannot be told apart, without what follows from smaller sets, and what nearly so."""
     known = {frozenset(group.sets) for group in view.groups}
     first = [group for group in view.groups if not _follows(group, known)]
@@ -68,7 +68,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _verdict_rows(view: View) -> list[tuple[str, ...]]:
+def _verdict_rows(view: CapabilityView) -> list[tuple[str, ...]]:
     verdicts = view.judgement.verdicts
     total = Counter(len(item.parameters) for item in verdicts)
     testable = Counter(len(item.parameters) for item in verdicts if item.testable)
@@ -217,7 +217,7 @@ def _size(in_noise: float) -> str:
     return f"{in_noise:.2g}" if in_noise >= NO_EFFECT else "0"
 
 
-def print_sensor_advice(console: Console, advice: Advice) -> None:
+def print_sensor_advice(console: Console, advice: SensorAdvice) -> None:
     """Print which further sensors would tell more."""
     title(console, "Further sensors", "each of the signals that the bonds allow, noise 1 % of its size")
     if not advice.further:
@@ -230,7 +230,7 @@ def print_sensor_advice(console: Console, advice: Advice) -> None:
         lines(console, [("", f"{advice.left_out} combinations were not tried")])
 
 
-def _sensors(item: SensorAdvice, name: str) -> tuple[str, ...]:
+def _sensors(item: SensorChoice, name: str) -> tuple[str, ...]:
     return (name, str(item.testable), str(item.classes), str(item.near), str(item.rank))
 
 

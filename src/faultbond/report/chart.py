@@ -19,7 +19,7 @@ Json = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
+class ChartLine:
     """One line of a chart; `sd` draws a band of `factor` standard deviations about it."""
 
     label: str
@@ -38,7 +38,7 @@ class Chart:
     title: str
     unit: str
     time: FloatArray
-    traces: tuple[Trace, ...]
+    traces: tuple[ChartLine, ...]
     level: tuple[float, str] | None = None
     limits: tuple[float, ...] = ()
     lowest: float | None = None
@@ -49,7 +49,7 @@ class Chart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Section:
+class ChartSection:
     """Charts under one heading."""
 
     title: str

@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import History
 from faultbond.fit.whiteness import Whiteness
-from faultbond.report.chart import Chart, Section, Trace, payload
+from faultbond.report.chart import Chart, ChartLine, ChartSection, payload
 from faultbond.report.fitted import (
     HEADER,
     Fitted,
@@ -106,16 +106,16 @@ def _times(fitted: Fitted) -> tuple[FloatArray, tuple[float, ...]]:
     return np.concatenate(pieces[:-1]), tuple(begins)
 
 
-def _sections(fitted: Fitted) -> tuple[Section, ...]:
+def _sections(fitted: Fitted) -> tuple[ChartSection, ...]:
     time, _ = _times(fitted)
     sensors = range(len(fitted.graph.sensors))
     return (
-        Section(
+        ChartSection(
             title="Measured and simulated",
             text="Simulated: the fitted plant under the recorded inputs alone, from the start that was found.",
             charts=tuple(_compared(fitted, k, time) for k in sensors),
         ),
-        Section(
+        ChartSection(
             title="What is left from sample to sample",
             text="Each reading less what the readings before it foretold.",
             charts=tuple(_left(fitted, k, time) for k in sensors),
@@ -130,8 +130,8 @@ def _compared(fitted: Fitted, k: int, time: FloatArray) -> Chart:
     measured = _joined(fitted, lambda r: found.records[r].y[:, k])
     alone = _joined(fitted, lambda r: found.simulated[r][:, k])
     traces = (
-        Trace(label="measured", values=(measured - unit.offset) / unit.factor, color="measured", width=1.0),
-        Trace(label="simulated", values=(alone - unit.offset) / unit.factor, color="expected", width=1.8),
+        ChartLine(label="measured", values=(measured - unit.offset) / unit.factor, color="measured", width=1.0),
+        ChartLine(label="simulated", values=(alone - unit.offset) / unit.factor, color="expected", width=1.8),
     )
     return Chart(title=sensor.name, unit=unit_text(unit.text, Notation.PRINT), time=time, traces=traces)
 
@@ -139,7 +139,7 @@ def _compared(fitted: Fitted, k: int, time: FloatArray) -> Chart:
 def _left(fitted: Fitted, k: int, time: FloatArray) -> Chart:
     """Draw what is left of a sensor."""
     rest = _joined(fitted, lambda r: fitted.found.courses[r].standardised[:, k])
-    trace = Trace(label="what is left", values=rest, color="line0", width=1.0)
+    trace = ChartLine(label="what is left", values=rest, color="line0", width=1.0)
     title = fitted.graph.sensors[k].name
     return Chart(title=title, unit="standard deviations", time=time, traces=(trace,), level=(0.0, ""))
 

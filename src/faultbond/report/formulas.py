@@ -24,7 +24,7 @@ LISTED = 24  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal
 
 
-class Form(Enum):
+class CodeForm(Enum):
     """How closed forms are written for other programs."""
 
     LATEX = "latex"
@@ -32,7 +32,7 @@ class Form(Enum):
     C = "c"
 
 
-_REMARKS = {Form.LATEX: "% {}", Form.PYTHON: "# {}", Form.C: "/* {} */"}
+_REMARKS = {CodeForm.LATEX: "% {}", CodeForm.PYTHON: "# {}", CodeForm.C: "/* {} */"}
 
 
 def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
@@ -109,15 +109,15 @@ def _closed(solution: Solution) -> Iterator[str]:
     yield from solution.remarks
 
 
-def code(found: Sequence[Function], parameters: Sequence[str], form: Form, late: int = 0) -> str:
+def code(found: Sequence[Function], parameters: Sequence[str], form: CodeForm, late: int = 0) -> str:
     """Give all closed forms as functions of a language, or as LaTeX; a remark if `late` others are left out."""
     solved = [(item.question.title, item.solution) for item in found if item.solution is not None]
-    if form is Form.LATEX:
+    if form is CodeForm.LATEX:
         parts = [
             f"% {title}\n{to_latex(root, solution.targets)}" for title, solution in solved for root in solution.roots
         ]
     else:
-        header, write = (PYTHON_HEADER, to_python) if form is Form.PYTHON else (C_HEADER, to_c)
+        header, write = (PYTHON_HEADER, to_python) if form is CodeForm.PYTHON else (C_HEADER, to_c)
         parts = [header, *(write(formula) for formula in _named(solved, parameters))]
     if late:
         parts.append(_REMARKS[form].format(_left_out(late)))

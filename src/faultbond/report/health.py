@@ -10,7 +10,7 @@ from faultbond.contract.records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.false_alarms import FARTHEST, Rate
 from faultbond.fit.lack_of_fit import Moment, Region
-from faultbond.fit.trial import FACTORS, Health, Trial
+from faultbond.fit.trial import FACTORS, DeclarationTrial, Health
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import lines, table, title
 from faultbond.report.numbers import Notation, clock_text, duration_text, figure, unit_text
@@ -173,7 +173,7 @@ def _trial_row(found: Health, factor: float, kinds: list[str]) -> tuple[str, ...
     return (f"{factor:g}", *(cells[kind] for kind in kinds))
 
 
-def _trial_cell(item: Trial) -> str:
+def _trial_cell(item: DeclarationTrial) -> str:
     return "alarm" if item.peak > 1.0 else _time(item.between)
 
 

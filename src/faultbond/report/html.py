@@ -15,7 +15,7 @@ from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.numbers import TIMES, Notation, clock_text, duration_text, probability_text
 from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import (
-    Counts,
+    RunCounts,
     component_probabilities,
     decided_text,
     instrument_probabilities,
@@ -39,7 +39,7 @@ def render_report(
     strokes: Mapping[int, str] | None,
     engine_title: str,
     version: str,
-    counts: Counts,
+    counts: RunCounts,
 ) -> str:
     """Give the page about a run as HTML text.
 
@@ -118,7 +118,7 @@ def _instruments(graph: BondGraph, diagnosis: Diagnosis | None) -> list[tuple[st
     ]
 
 
-def _state(history: History, counts: Counts) -> str:
+def _state(history: History, counts: RunCounts) -> str:
     """Give the kind of verdict, which chooses title and colour of the page."""
     if history.detections:
         return "fault"
@@ -129,7 +129,7 @@ def _static(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
 
 
-def _cards(history: History, counts: Counts) -> list[tuple[str, str, str]]:
+def _cards(history: History, counts: RunCounts) -> list[tuple[str, str, str]]:
     """Give the summary: name, value, remark."""
     cards = []
     if history.detections:

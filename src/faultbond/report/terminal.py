@@ -15,8 +15,8 @@ from faultbond.report.advising import check_rows
 from faultbond.report.decided import rejected_sentence
 from faultbond.report.numbers import Notation, clock_text, duration_text
 from faultbond.report.verdict import (
-    Counts,
-    Row,
+    RunCounts,
+    TableRow,
     accepted_sentence,
     detection_sentence,
     open_diagnosis,
@@ -35,7 +35,7 @@ WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are
 
 
 def print_diagnosis(
-    console: Console, graph: BondGraph, history: History, *, engine_title: str, counts: Counts, untested: str = ""
+    console: Console, graph: BondGraph, history: History, *, engine_title: str, counts: RunCounts, untested: str = ""
 ) -> None:
     """Print what a run found.
 
@@ -66,7 +66,7 @@ def print_diagnosis(
     console.print(Text(verdict_sentence(graph, history, counts, Notation.FILE), style=style))
 
 
-def _watched(graph: BondGraph, history: History, engine_title: str, counts: Counts) -> tuple[tuple[str, str], ...]:
+def _watched(graph: BondGraph, history: History, engine_title: str, counts: RunCounts) -> tuple[tuple[str, str], ...]:
     step = f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
     sensors = ", ".join(sensor.name for sensor in graph.sensors)
     defects = counts.defects()
@@ -132,7 +132,7 @@ def _print_checks(console: Console, graph: BondGraph, diagnosis: Diagnosis) -> N
     console.print()
 
 
-def _lines(row: Row, mark: str) -> Iterator[tuple[str, ...]]:
+def _lines(row: TableRow, mark: str) -> Iterator[tuple[str, ...]]:
     """Give the lines of one candidate: one for each suspect and each rate, and each kind of fault."""
     first = True
     for kind, item in zip_longest(row.kinds, row.suspects):

@@ -7,7 +7,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Forecast, History, Suspect
 from faultbond.model.graph import BondGraph
-from faultbond.report.chart import Chart, Trace
+from faultbond.report.chart import Chart, ChartLine
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import title_of, unit_of
 from faultbond.report.verdict import best_group, last_diagnosis
@@ -62,7 +62,7 @@ def _estimate_chart(graph: BondGraph, history: History, candidate: Candidate, su
     unit = unit_of(graph, suspect.parameter)
     times, estimates, sds, acting = _track(history, candidate, suspect)
     shown = [
-        Trace(
+        ChartLine(
             label="estimate",
             values=(estimates - unit.offset) / unit.factor,
             color="line0",
@@ -72,7 +72,7 @@ def _estimate_chart(graph: BondGraph, history: History, candidate: Candidate, su
     ]
     if candidate.kind is FaultKind.INTERMITTENT:
         values = (acting - unit.offset) / unit.factor
-        shown.append(Trace(label="in force", values=values, color="line1", stepped=True))
+        shown.append(ChartLine(label="in force", values=values, color="line1", stepped=True))
     others = [other for other in candidate.parameters if other != suspect.parameter]
     nominal = None if suspect.nominal is None else unit.from_si(suspect.nominal)
     return Chart(
@@ -99,7 +99,7 @@ def _forecast_chart(
     clock = np.concatenate([times, ahead[ahead > now]])
     past = np.full(len(clock) - len(times), np.nan)
     traces = [
-        Trace(
+        ChartLine(
             label="estimate",
             values=np.concatenate([(estimates - unit.offset) / unit.factor, past]),
             color="line0",
@@ -112,7 +112,7 @@ def _forecast_chart(
             part = np.clip((clock - now) / (moment - now), 0.0, 1.0)
             line = suspect.estimate + part * (item.limit - suspect.estimate)
             line[(clock < now) | (clock > moment)] = np.nan
-            traces.append(Trace(label=label, values=(line - unit.offset) / unit.factor, color=color, width=1.3))
+            traces.append(ChartLine(label=label, values=(line - unit.offset) / unit.factor, color=color, width=1.3))
     return Chart(
         title=f"{title_of(graph, suspect)}, on its way to the limit",
         unit=unit_text(unit.text, Notation.PRINT),

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 
 from faultbond.contract import lanes
+from faultbond.contract.records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.equations.sequence import Loop
@@ -12,8 +13,6 @@ from faultbond.model.graph import BondGraph, Check, Component, Input, Relation, 
 from faultbond.model.parser import to_text
 from faultbond.runtime import monitor, onsets, packing, ranking, trail, unseen
 from faultbond.synthesis.specify import PROCESS_NOISE
-
-Record = dict[str, object]
 
 METHOD = "ROS2 (a Rosenbrock method): second order, L-stable; an input is held over its step"
 

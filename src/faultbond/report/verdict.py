@@ -27,7 +27,7 @@ LISTED_SETS = 4  # candidates of a group named in a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counts:
+class RunCounts:
     """Samples of a run: grid points passed, and defects of the recording. Keys of the `end` record.
 
     no_verdict: why the run says nothing about the plant; empty where it does.
@@ -54,7 +54,7 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class TableRow:
     """One candidate of the ranked table."""
 
     suspects: tuple[SuspectRow, ...]
@@ -111,7 +111,7 @@ def detection_sentence(detection: Detection) -> str:
     )
 
 
-def verdict_sentence(graph: BondGraph, history: History, counts: Counts, notation: Notation) -> str:
+def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
     """Say in plain words what a run found."""
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
@@ -255,7 +255,7 @@ def join(words: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
 
 
-def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[Row, ...]:
+def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
     """Give the rows of the ranked table that are worth a look, best first."""
     shown = [
         candidate
@@ -263,7 +263,7 @@ def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
         if place < 3 or candidate.group or candidate.probability >= NEGLIGIBLE
     ]
     return tuple(
-        Row(
+        TableRow(
             suspects=tuple(
                 row
                 for number, suspect in enumerate(candidate.suspects)
@@ -278,7 +278,7 @@ def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
     )
 
 
-def remainder_text(diagnosis: Diagnosis, rows: Sequence[Row]) -> str:
+def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     """Say how many candidates the table leaves out and how improbable they are; empty where it shows all."""
     left = diagnosis.candidates[len(rows) :]
     if not left:

@@ -54,7 +54,7 @@ class Segments:
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class IntegrationMethod:
     """An integration method: implicit or not, and substeps per segment."""
 
     implicit: bool
@@ -114,11 +114,11 @@ class Integrator:
             "check them, or give another start"
         )
 
-    def step(self, method: Method) -> ca.Function:
+    def step(self, method: IntegrationMethod) -> ca.Function:
         """Give (s, length, u, left, right) -> (s after one segment, change by the last Newton step)."""
         return self._make(method)
 
-    def integrate(self, first: FloatArray, segments: Segments) -> tuple[FloatArray, Method, float]:
+    def integrate(self, first: FloatArray, segments: Segments) -> tuple[FloatArray, IntegrationMethod, float]:
         """Integrate to the accuracy wanted, or as near to it as the plant's kinks permit.
 
         Parameters
@@ -137,11 +137,11 @@ class Integrator:
         StructureError
             Where no method gives finite numbers.
         """
-        best: tuple[FloatArray, Method, float] | None = None
+        best: tuple[FloatArray, IntegrationMethod, float] | None = None
         for implicit, counts in ((False, SUBSTEPS_EXPLICIT), (True, SUBSTEPS_IMPLICIT)):
             before: FloatArray | None = None
             for count in counts:
-                method = Method(implicit, count)
+                method = IntegrationMethod(implicit, count)
                 states = self._run(method, first, segments)
                 error = np.inf if before is None or states is None else self._difference(states, before)
                 if states is not None and (best is None or error < best[2]):
@@ -172,7 +172,7 @@ class Integrator:
         gap = np.max(np.abs(states - before)[:, : self.n_moving], axis=0)
         return float(np.max(gap / np.where(size > 0, size, 1.0)))
 
-    def _run(self, method: Method, first: FloatArray, segments: Segments) -> FloatArray | None:
+    def _run(self, method: IntegrationMethod, first: FloatArray, segments: Segments) -> FloatArray | None:
         """Give the states at all ends of segments; None where they are not finite or a root was not found."""
         n = segments.length.size
         if not n:
@@ -200,7 +200,7 @@ class Integrator:
             ca.Function("read", [s, u, theta], [ca.densify(self._readings(moving, solved, u, theta))]), self.n_z == 0
         )
 
-    def _make_step(self, method: Method) -> ca.Function:
+    def _make_step(self, method: IntegrationMethod) -> ca.Function:
         s = ca.MX.sym("s", self.n_moving + self.n_z)
         length, u = ca.MX.sym("length"), ca.MX.sym("u", self.plant.u.numel())
         left, right = (ca.MX.sym(name, self.plant.theta.numel()) for name in ("left", "right"))

@@ -10,12 +10,12 @@ from faultbond.equations.plant import Plant, build_plant
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments
-from faultbond.simulate.integrate import Caller, Integrator, Method, Segments
+from faultbond.simulate.integrate import Caller, IntegrationMethod, Integrator, Segments
 from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
-_FIRST_TRY = Method(implicit=False, substeps=4)
+_FIRST_TRY = IntegrationMethod(implicit=False, substeps=4)
 _ROUNDS = 3
 
 
@@ -186,7 +186,7 @@ class _Run:
         """Give what acts of the inputs, shape (n, n_inputs)."""
         return self.actuators.show(values, np.zeros_like(values))
 
-    def integrate(self, values: FloatArray) -> tuple[FloatArray, Method, float]:
+    def integrate(self, values: FloatArray) -> tuple[FloatArray, IntegrationMethod, float]:
         """Integrate with inputs that act as known."""
         first = self.integrator.start(self.x, values[0], self.course.at_rows[0])
         return self.integrator.integrate(first, self.course.segments(values))
@@ -202,7 +202,7 @@ class _Run:
             method = needed
         return values
 
-    def _close(self, policy: Policy, method: Method) -> FloatArray:
+    def _close(self, policy: Policy, method: IntegrationMethod) -> FloatArray:
         """Step through the rows, asking the policy at each."""
         graph = self.integrator.plant.graph
         advance, read, course = Caller(self.integrator.step(method)), Caller(self.integrator.read), self.course

@@ -30,7 +30,7 @@ def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
     lane = ca.SX.sym("lane", spec.n_numbers)
     sample = ca.SX.sym("sample", spec.n_sample)
     fields = {name: sample[place] for name, place in spec.sample_fields.items()}
-    view = View(spec=spec, model=model, roles={name: lane[place] for name, place in spec.role_fields.items()})
+    view = LanePlant(spec=spec, model=model, roles={name: lane[place] for name, place in spec.role_fields.items()})
     mean = lane[: spec.n_joint]
     covariance = _unpack(lane[spec.covariance_slice], spec.n_joint)
     implicit, likelihood = lane[spec.loop_slice], lane[-1]
@@ -51,7 +51,7 @@ def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class LanePlant:
     """The plant as a lane sees it: values and slopes by the joint vector z, with the fault in the slot at work."""
 
     spec: EngineSpec
@@ -123,7 +123,7 @@ def _unpack(packed: ca.SX, n: int) -> ca.SX:
 
 
 def _time_update(
-    view: View, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+    view: LanePlant, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """From the previous sample to this one; the input was held at `u_before`."""
     spec = view.spec
@@ -165,7 +165,7 @@ def _time_update(
 
 
 def _measurement_update(
-    view: View, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+    view: LanePlant, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
     """Update with all sensors, one after the other; missing ones have use = 0.
 
@@ -203,7 +203,7 @@ def _with_faults_of(spec: EngineSpec, mean: ca.SX, guess: ca.SX) -> ca.SX:
 
 
 def _marginal_innovations(
-    view: View, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
+    view: LanePlant, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
 ) -> ca.SX:
     """Differences and variances of each sensor by itself, as CUSUM and plots want them."""
     variances = []
@@ -213,7 +213,7 @@ def _marginal_innovations(
     return ca.vertcat(fields["y"] - expected, *variances)
 
 
-def _foretold(view: View, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX:
+def _foretold(view: LanePlant, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX:
     """Give the variance of what is expected of the sensors that are used, in that of their noise; the largest."""
     n_y, found = len(view.spec.outputs), ca.SX(0)
     for j in range(n_y):
@@ -223,7 +223,7 @@ def _foretold(view: View, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX
 
 
 def _sequential(
-    view: View, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
+    view: LanePlant, fields: dict[str, ca.SX], mean: ca.SX, covariance: ca.SX, expected: ca.SX, slope: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Scalar updates; gives mean, covariance and the gain in log-likelihood.
 

@@ -66,7 +66,7 @@ class Passage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class RouteSearch:
     """What a search found, and what it took.
 
     passages : of the route; where there is none, of the last state looked at
@@ -181,7 +181,7 @@ class _Codes:
 
 def search_route(
     network: ComponentNetwork, question: Question, *, limit: int = STATE_LIMIT, forward: bool = False
-) -> Search:
+) -> RouteSearch:
     """Follow every route until one is complete, none is left, or `limit` states have been looked at.
 
     forward: whether routes may go forward in time again, which the thesis forbids.
@@ -215,7 +215,7 @@ def search_route(
         )
     passages = tuple(_passages(tree.last, codes))
     steps = [Step(equation=item.place[0], frame=item.place[1], finds=item.finds) for item in passages]
-    return Search(
+    return RouteSearch(
         network=network,
         question=question,
         route=assemble(network, question, steps) if tree.ending is Ending.FOUND else None,
@@ -229,7 +229,7 @@ def search_route(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Tree:
-    """How the tree of routes has grown: see `Search`; last: the complete state, or the one looked at last."""
+    """How the tree of routes has grown: see `RouteSearch`; last: the complete state, or the one looked at last."""
 
     last: _State
     ending: Ending

@@ -27,7 +27,7 @@ class Solved:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Relation:
+class TableRelation:
     """What one observation says of parameters that it cannot determine: `A = 18/B - 4`, unless `B = 0`."""
 
     suspects: Suspects
@@ -66,13 +66,13 @@ def table_of_pairs(network: StaticNetwork, observations: Sequence[Observation]) 
 
 def relations_of_pairs(
     network: StaticNetwork, observations: Sequence[Observation]
-) -> tuple[dict[Suspects, tuple[Relation, ...]], ...]:
+) -> tuple[dict[Suspects, tuple[TableRelation, ...]], ...]:
     """Give for each observation what it says of each two suspects: lower part of table 6.1."""
     pairs = list(combinations(network.suspects, 2))
     return tuple({pair: relations(network, pair, seen) for pair in pairs} for seen in observations)
 
 
-def relations(network: StaticNetwork, suspects: Suspects, seen: Observation) -> tuple[Relation, ...]:
+def relations(network: StaticNetwork, suspects: Suspects, seen: Observation) -> tuple[TableRelation, ...]:
     """Give what an observation says of suspended parameters, solved for the first that stands there linearly."""
     found = []
     for case in equations_of_parameters(network, suspects, with_healthy(network, seen)):
@@ -80,15 +80,15 @@ def relations(network: StaticNetwork, suspects: Suspects, seen: Observation) -> 
     return tuple(found)
 
 
-def _relation(suspects: Suspects, item: sp.Expr) -> Relation:
+def _relation(suspects: Suspects, item: sp.Expr) -> TableRelation:
     for name in suspects:
         symbol = sp.Symbol(name)
         polynomial = sp.Poly(item, symbol)
         if polynomial.degree() == 1:
             slope, constant = polynomial.all_coeffs()
             text = f"{name} = {_text(sp.expand(sp.cancel(-constant / slope)))}"
-            return Relation(suspects=suspects, text=text, unless=_zeros(slope))
-    return Relation(suspects=suspects, text=f"{_text(sp.expand(item))} = 0")
+            return TableRelation(suspects=suspects, text=text, unless=_zeros(slope))
+    return TableRelation(suspects=suspects, text=f"{_text(sp.expand(item))} = 0")
 
 
 def _text(expression: sp.Expr) -> str:

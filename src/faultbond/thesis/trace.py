@@ -10,7 +10,7 @@ from string import ascii_lowercase
 from faultbond.algebra.route import Target
 from faultbond.algebra.routes.unroll import Place, contained, in_words, open_targets, unknown_parameters, usable
 from faultbond.equations.component_network import frame_name
-from faultbond.thesis.search import Passage, Search
+from faultbond.thesis.search import Passage, RouteSearch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +23,7 @@ class _Lists:
     frames: int = 1
 
 
-def trace_lines(search: Search) -> Iterator[str]:
+def trace_lines(search: RouteSearch) -> Iterator[str]:
     """Print a search: the way to the route, or to the last state looked at where there is none.
 
     Where there is a choice all of it is shown, and the one that is followed to the end is named.
@@ -49,7 +49,7 @@ def trace_lines(search: Search) -> Iterator[str]:
     yield f"{search.message[0].upper()}{search.message[1:]}."
 
 
-def _choice(number: str, lists: _Lists, passage: Passage, search: Search) -> Iterator[str]:
+def _choice(number: str, lists: _Lists, passage: Passage, search: RouteSearch) -> Iterator[str]:
     """The lists after each of the components that could be passed through."""
     if len(passage.choices) == 1:
         yield f"Propagating through {frame_name(passage.place)}."
@@ -65,7 +65,7 @@ def _letter(k: int) -> str:
     return f"({ascii_lowercase[k]})" if k < len(ascii_lowercase) else f"({k + 1})"
 
 
-def _after(lists: _Lists, place: Place, search: Search) -> _Lists:
+def _after(lists: _Lists, place: Place, search: RouteSearch) -> _Lists:
     """The lists when a component has been passed through, before anything drops out of U."""
     equation = search.network.equation(place[0])
     sought, *rest = lists.unknown
@@ -78,7 +78,7 @@ def _after(lists: _Lists, place: Place, search: Search) -> _Lists:
     )
 
 
-def _tidied(lists: _Lists, search: Search) -> Iterator[tuple[str, tuple[Target, ...]]]:
+def _tidied(lists: _Lists, search: RouteSearch) -> Iterator[tuple[str, tuple[Target, ...]]]:
     """What changes U after a step, and U after it: known parameters, then signals drop out, duplicates go, sorting."""
     unknown = lists.unknown
     for kind in (str, tuple):
@@ -95,7 +95,7 @@ def _tidied(lists: _Lists, search: Search) -> Iterator[tuple[str, tuple[Target, 
         yield "Sorted by frame, parameters last.", ordered
 
 
-def _is_known(target: Target, lists: _Lists, search: Search) -> bool:
+def _is_known(target: Target, lists: _Lists, search: RouteSearch) -> bool:
     if target in lists.found:
         return True
     if isinstance(target, str):
@@ -103,7 +103,7 @@ def _is_known(target: Target, lists: _Lists, search: Search) -> bool:
     return search.question.is_known(target)
 
 
-def _lines(number: str, lists: _Lists, search: Search) -> Iterator[str]:
+def _lines(number: str, lists: _Lists, search: RouteSearch) -> Iterator[str]:
     """The three lists."""
     margin = " " * 9
     yield f"{number:<8} U = {{{_joined(lists.unknown)}}}"
@@ -111,7 +111,7 @@ def _lines(number: str, lists: _Lists, search: Search) -> Iterator[str]:
     yield f"{margin}C = {{{', '.join(_left(lists, search))}}}"
 
 
-def _given(search: Search) -> Iterator[str]:
+def _given(search: RouteSearch) -> Iterator[str]:
     """What is known from the beginning; x stands for any frame."""
     question = search.question
     for name in (*search.network.inputs, *search.network.outputs):
@@ -122,7 +122,7 @@ def _given(search: Search) -> Iterator[str]:
     yield from (name for name in search.network.parameters if name not in unknown_parameters(question))
 
 
-def _left(lists: _Lists, search: Search) -> Iterator[str]:
+def _left(lists: _Lists, search: RouteSearch) -> Iterator[str]:
     """The components that may still be passed through."""
     newest = search.question.newest
     for frame in range(newest, newest + lists.frames):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant, plant_of
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, Equation, build_components
 from faultbond.equations.constraint_network import build_network
@@ -17,7 +17,7 @@ from faultbond.model.text import load_model
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def example(folder: str) -> tuple[ComponentNetwork, Plant]:
+def example(folder: str) -> tuple[ComponentNetwork, NumericPlant]:
     """An example plant and its numbers."""
     graph = load_model(EXAMPLES / folder / "model.yaml")
     return build_components(graph, build_network(graph, assign_causality(graph))), plant_of(graph)
@@ -25,7 +25,7 @@ def example(folder: str) -> tuple[ComponentNetwork, Plant]:
 
 def static(
     equations: Mapping[str, str], inputs: Sequence[str], outputs: Sequence[str], values: Mapping[str, float]
-) -> tuple[ComponentNetwork, Plant]:
+) -> tuple[ComponentNetwork, NumericPlant]:
     """A network without states from residuals, and parameters with their nominal values; inputs move from 1 to 10."""
     parsed = {name: parse_expression(text) for name, text in equations.items()}
     items = tuple(
@@ -50,7 +50,7 @@ def static(
     )
     ranges = {name: (Fraction(1), Fraction(10)) for name in inputs}
     exact = {name: Fraction(repr(value)) for name, value in values.items()}
-    return network, Plant(values=exact, inputs=ranges)
+    return network, NumericPlant(values=exact, inputs=ranges)
 
 
 def route_to(network: ComponentNetwork, *targets: str) -> Route:

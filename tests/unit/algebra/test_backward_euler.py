@@ -7,7 +7,7 @@ import pytest
 from solved import EXAMPLES, example, static
 
 from faultbond.algebra.solving.backward_euler import (
-    Plant,
+    NumericPlant,
     Record,
     frame_blocks,
     misfit,
@@ -29,7 +29,7 @@ WITHOUT = ("pipe", "skab")  # a long chain, and a plant without inputs, of which
 FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/model.yaml") if path.parent.name not in WITHOUT)
 
 
-def at(network: ComponentNetwork, plant: Plant, record: Record, position: int) -> dict[str, Value]:
+def at(network: ComponentNetwork, plant: NumericPlant, record: Record, position: int) -> dict[str, Value]:
     """All values of one frame, those of the frame before as `x@1`."""
     values: dict[str, Value] = {**plant.values, "dt": plant.sample_time}
     for signal in network.signals:

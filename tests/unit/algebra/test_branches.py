@@ -6,7 +6,7 @@ from math import isclose
 import numpy as np
 import pytest
 
-from faultbond.algebra.solving.branches import Case, Condition, cases, name_functions
+from faultbond.algebra.solving.branches import Branch, Condition, cases, name_functions
 from faultbond.equations.numeric import evaluate
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression, to_text
@@ -21,7 +21,7 @@ LAWS = [
 ]
 
 
-def all_cases(text: str, unknown: str = "e f") -> list[Case]:
+def all_cases(text: str, unknown: str = "e f") -> list[Branch]:
     """Cases of one law."""
     return list(cases((parse_expression(text),), frozenset(unknown.split()), {}, lambda name: name))
 
@@ -93,10 +93,10 @@ def test_conditions_as_text() -> None:
     assert "f > 0" in {case.conditions[1].text for case in all_cases("e - where(f > K, 1, 2) + 0*sign(f)")}
 
 
-def named(text: str, unknown: str) -> Case:
+def named(text: str, unknown: str) -> Branch:
     """A case with its functions named."""
     numbers = count(1)
-    case = Case(residuals=(parse_expression(text),))
+    case = Branch(residuals=(parse_expression(text),))
     return name_functions(case, frozenset(unknown.split()), lambda word: f"{word}{next(numbers)}")
 
 
@@ -121,7 +121,7 @@ def test_replacement_sees_equal_parts() -> None:
     assert to_text(case.residuals[0]) == "e*tanh1 - tanh1"
 
 
-def expression_of(case: Case) -> Expression:
+def expression_of(case: Branch) -> Expression:
     """The only residual of a case."""
     (residual,) = case.residuals
     return residual

@@ -7,7 +7,7 @@ from time import monotonic
 import pytest
 from solved import example, route_to
 
-from faultbond.algebra.solving.elimination import Reduced, SingularError, eliminate
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
 from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, degree, space_of
 from faultbond.algebra.solving.problem import Block, prepare
 from faultbond.algebra.solving.rational import quotient
@@ -20,7 +20,7 @@ DEGREES |= {pair: 1 if pair in {("R", "L"), ("J", "C")} else 2 for pair in combi
 
 def reduce(
     texts: list[str], signals: str, parameters: str = "", known: str = "a b c", max_terms: int = 2000
-) -> tuple[Reduced, Space]:
+) -> tuple[ReducedSystem, Space]:
     """Eliminate from equations given as text."""
     space = space_of([*known.split(), *signals.split(), *parameters.split()], max_terms)
     polynomials = [quotient(parse_expression(text), space)[0] for text in texts]

@@ -18,7 +18,7 @@ from faultbond.algebra.routes.functions import (
     trial_record,
 )
 from faultbond.algebra.routes.matched import alternatives, find_route
-from faultbond.algebra.solving.backward_euler import Plant, plant_of
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of
 from faultbond.algebra.solving.noise import noise_gain
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
@@ -45,13 +45,13 @@ sensors:
 
 
 @pytest.fixture(scope="module")
-def meters() -> tuple[ComponentNetwork, Plant]:
+def meters() -> tuple[ComponentNetwork, NumericPlant]:
     """A ladder whose first voltage is read coarsely, its second finely."""
     graph = parse_model(TWO_METERS)
     return build_components(graph, build_network(graph, assign_causality(graph))), plant_of(graph)
 
 
-def test_least_noise(meters: tuple[ComponentNetwork, Plant]) -> None:
+def test_least_noise(meters: tuple[ComponentNetwork, NumericPlant]) -> None:
     """The route with the least noise of all alternatives is taken: for C1 and the flow into it not the shortest."""
     network, plant = meters
     record = trial_record(network, plant, 1)
@@ -68,7 +68,7 @@ def test_least_noise(meters: tuple[ComponentNetwork, Plant]) -> None:
     assert better == {"signals at C1", "signals at C2", "parameter C1"}
 
 
-def test_of_equal_noise_the_shorter_route(meters: tuple[ComponentNetwork, Plant]) -> None:
+def test_of_equal_noise_the_shorter_route(meters: tuple[ComponentNetwork, NumericPlant]) -> None:
     """Without any noise all routes are equally good, and the one with the fewest equations is taken."""
     network, plant = meters
     silent, record = replace(plant, sds={}), trial_record(network, plant, 1)
@@ -80,7 +80,7 @@ def test_of_equal_noise_the_shorter_route(meters: tuple[ComponentNetwork, Plant]
 
 
 @pytest.mark.parametrize("preference", list(Preference))
-def test_outputs_follow_causality(meters: tuple[ComponentNetwork, Plant], preference: Preference) -> None:
+def test_outputs_follow_causality(meters: tuple[ComponentNetwork, NumericPlant], preference: Preference) -> None:
     """An output is predicted along causality whatever is preferred, though another sensor gives it with less noise."""
     network, plant = meters
     record = trial_record(network, plant, 1)
@@ -88,7 +88,7 @@ def test_outputs_follow_causality(meters: tuple[ComponentNetwork, Plant], prefer
         assert choose_route(network, question, preference, plant, record) == find_route(network, question)
 
 
-def test_without_a_record_noise_is_not_known(meters: tuple[ComponentNetwork, Plant]) -> None:
+def test_without_a_record_noise_is_not_known(meters: tuple[ComponentNetwork, NumericPlant]) -> None:
     """Where the nominal plant cannot be simulated there is a route all the same, and no figure of its noise."""
     network, plant = meters
     question = questions.parameters(network, ("C1",))

@@ -10,12 +10,19 @@ from solved import example, route_to, static
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant, plant_of, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of, random_inputs, simulate
 from faultbond.algebra.solving.printing import to_one_line
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.roots import find_roots
-from faultbond.algebra.solving.solution import Kind, Solution, closed_form, from_record, solve_samples, to_record
-from faultbond.algebra.solving.solve import Limits, cache_key, solve, solve_cached
+from faultbond.algebra.solving.solution import (
+    Solution,
+    SolutionKind,
+    closed_form,
+    from_record,
+    solve_samples,
+    to_record,
+)
+from faultbond.algebra.solving.solve import SolvingLimits, cache_key, solve, solve_cached
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network
@@ -35,7 +42,7 @@ SINGLES = [
 
 
 def fresh_data(
-    network: ComponentNetwork, plant: Plant, route: Route, factor: Fraction, seed: int
+    network: ComponentNetwork, plant: NumericPlant, route: Route, factor: Fraction, seed: int
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Samples of a plant with other values of the unknowns, as a route names them, and the true values."""
     problem = prepare(network, route, plant)
@@ -85,7 +92,7 @@ def test_undetermined() -> None:
     """Of the RC circuit only the product of R and C acts: there is no closed form for both, and it is said."""
     network, plant = example("rc")
     solution = solve(network, route_to(network, "R", "C"), plant)
-    assert solution.kind is Kind.UNDETERMINED
+    assert solution.kind is SolutionKind.UNDETERMINED
     assert not solution.roots
     assert "do not fix R, C" in solution.remarks[0]
 
@@ -96,7 +103,7 @@ def test_branch_of_a_flow() -> None:
     solution = solve(network, route_to(network, "K1"), plant)
     (root,) = solution.roots
     assert [condition.text for condition in root.conditions] == ["flow_0 >= 0", "line.f_0 >= 0"]
-    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.LINEAR, 1, 1)
+    assert (solution.kind, solution.degree, solution.real_roots) == (SolutionKind.LINEAR, 1, 1)
     assert solution.remarks == ("no solution on any test record where flow_0 >= 0 and line.f_0 <= 0",)
 
 
@@ -121,7 +128,7 @@ def test_both_signs_of_a_square() -> None:
     assert second == pytest.approx(-first)
 
 
-def squares() -> tuple[ComponentNetwork, Plant]:
+def squares() -> tuple[ComponentNetwork, NumericPlant]:
     """Thesis 3.7.2: y = (M1 x1 + M2 x2)^2 + M3 x3 with M = (1, 2, 4)."""
     laws = {
         "M1": "p - M1*x1",
@@ -206,7 +213,7 @@ def test_no_closed_form_but_roots() -> None:
     network, plant = static({"P": "x - P*u", "sum": "y - x - x**5"}, ["u"], ["y"], {"P": 0.5})
     route = route_to(network, "P")
     solution = solve(network, route, plant)
-    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.POLYNOMIAL, 5, 1)
+    assert (solution.kind, solution.degree, solution.real_roots) == (SolutionKind.POLYNOMIAL, 5, 1)
     assert solution.remarks == ("no closed form: a polynomial of degree 5 in x_0 remains",)
     known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=1)
     (root,) = find_roots(prepare(network, route, plant), known, {}).roots
@@ -218,7 +225,7 @@ def test_newton_where_functions_mix() -> None:
     network, plant = static({"P": "x - P*u", "sum": "y - x - exp(x)"}, ["u"], ["y"], {"P": 0.5})
     route = route_to(network, "P")
     solution = solve(network, route, plant)
-    assert (solution.kind, solution.degree) == (Kind.NUMERIC, None)
+    assert (solution.kind, solution.degree) == (SolutionKind.NUMERIC, None)
     assert "exp has to be solved together" in solution.remarks[0]
     known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=1)
     (root,) = find_roots(prepare(network, route, plant), known, {"x_0": 1.0, "P": 0.5}).roots
@@ -236,10 +243,10 @@ def test_polynomial_that_factors() -> None:
 def test_limits_are_kept() -> None:
     """With next to no terms allowed the answer is that there is no closed form within the limit."""
     network, plant = example("dc_motor")
-    solution = solve(network, route_to(network, "J", "C"), plant, Limits(terms=3))
+    solution = solve(network, route_to(network, "J", "C"), plant, SolvingLimits(terms=3))
     assert solution.remarks == ("no closed form within the limit",)
     assert solution.real_roots == 1
-    solution = solve(network, route_to(network, "J", "C"), plant, Limits(seconds=-1.0))
+    solution = solve(network, route_to(network, "J", "C"), plant, SolvingLimits(seconds=-1.0))
     assert solution.remarks == ("no closed form within the limit",)
 
 
@@ -270,14 +277,14 @@ def test_cache(tmp_path: Path) -> None:
     file.write_text(file.read_text()[:-20])
     assert solve_cached(network, route, plant, tmp_path) == first
     other = replace(plant, values=dict(plant.values) | {"C": Fraction(7)})
-    assert cache_key(network, route, other, Limits()) != cache_key(network, route, plant, Limits())
+    assert cache_key(network, route, other, SolvingLimits()) != cache_key(network, route, plant, SolvingLimits())
 
 
 def test_what_took_too_long_is_not_kept(tmp_path: Path) -> None:
     """Without time there is no closed form; with time later there is, so the first is not kept."""
     network, plant = example("tank")
     route = route_to(network, "K1")
-    solution = solve_cached(network, route, plant, tmp_path, Limits(seconds=0.0))
+    solution = solve_cached(network, route, plant, tmp_path, SolvingLimits(seconds=0.0))
     assert solution.remarks == ("no closed form within the limit",)
     assert list(tmp_path.iterdir()) == []
 
@@ -367,7 +374,7 @@ sensors: {p: {reads: node.e, unit: Pa, noise: 10 mPa}}
 """
 
 
-def plant_from(text: str) -> tuple[ComponentNetwork, Plant]:
+def plant_from(text: str) -> tuple[ComponentNetwork, NumericPlant]:
     """The component network of a model file and its numbers."""
     graph = parse_model(text)
     return build_components(graph, build_network(graph, assign_causality(graph))), plant_of(graph)
@@ -433,7 +440,7 @@ def test_both_sides_of_a_tank_outlet() -> None:
     for flow, level in ((5.2, 4.0), (-5.2, -4.0)):  # 3*(4 - 1.6)/2 + 0.8*sqrt(4) = 5.2
         (found,) = solve_samples(solution, {"u_0": flow, "p_1": 1.6 * level / 4.0, **values})
         assert found["p_0"] == pytest.approx(level)
-    assert solution.kind is Kind.LINEAR
+    assert solution.kind is SolutionKind.LINEAR
 
 
 def test_small_inputs_reach_inside_a_limit() -> None:
@@ -458,7 +465,7 @@ def test_cache_tells_a_constant_from_a_parameter() -> None:
     network, plant = example("rc")
     route = route_to(network, "R")
     constant = replace(network, parameters=("R",), suspects=("R",))
-    keys = {cache_key(item, route, plant, Limits()) for item in (network, constant)}
+    keys = {cache_key(item, route, plant, SolvingLimits()) for item in (network, constant)}
     assert len(keys) == 2
 
 
@@ -476,7 +483,7 @@ def test_broken_power_of_an_unknown() -> None:
     network, plant = static({"law": "y - x**1.5 - x", "x": "x - P*u"}, ["u"], ["y"], {"P": 2.0})
     route = route_to(network, "P")
     solution = solve(network, route, plant)
-    assert (solution.kind, solution.degree, solution.real_roots) == (Kind.POLYNOMIAL, 3, 1)
+    assert (solution.kind, solution.degree, solution.real_roots) == (SolutionKind.POLYNOMIAL, 3, 1)
     known: dict[str, Value] = {"y_0": Fraction(12), "u_0": Fraction(2), "dt": Fraction(1)}
     (root,) = find_roots(prepare(network, route, plant), known, {"x_0": 1.0, "P": 1.0}).roots
     assert float(root["P"]) == pytest.approx(2.0)

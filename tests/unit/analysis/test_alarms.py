@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultbond.analysis.alarms import Detector, Trial, alarms, windows_of
+from faultbond.analysis.alarms import Bisection, Detector, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
 from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import step
@@ -74,7 +74,7 @@ def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: b
     if shape == "burst":
         effects *= np.random.default_rng(7).choice([-4.0, 4.0], (101, 1, 1, 1))
     detector = Detector(spec, windows, operation.counted[windows.rows])
-    (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Trial(np.log(20.0), 12, 1, 0.0), 0.6)
+    (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Bisection(np.log(20.0), 12, 1, 0.0), 0.6)
     share = []
     for larger in (1.02 * factor, factor / 1.02):
         sums, found = windows.sums, np.zeros(windows.quiet.shape, dtype=bool)

@@ -5,13 +5,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from faultbond.analysis.capability import View, in_general, largest_size, on_record
+from faultbond.analysis.capability import CapabilityView, in_general, largest_size, on_record
 from faultbond.analysis.recorded import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from plants import example, stated
 
 
-def counts(view: View) -> dict[int, int]:
+def counts(view: CapabilityView) -> dict[int, int]:
     """The number of testable sets by size."""
     return dict(Counter(len(item.parameters) for item in view.judgement.verdicts if item.testable))
 

@@ -9,14 +9,14 @@ import pytest
 
 from faultbond.analysis import groups as module
 from faultbond.analysis.groups import NEAR_ANGLE, groups, largest_angles, near_groups, near_pairs, not_compared
-from faultbond.analysis.ranks import Reduced, reduce, told_rank
+from faultbond.analysis.ranks import ReducedSensitivities, reduce, told_rank
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from plants import TANK_SENSORS, circuit, example, named, positions, run
 
 
-def chosen(seen: Reduced, largest: int) -> tuple[tuple[int, ...], ...]:
+def chosen(seen: ReducedSensitivities, largest: int) -> tuple[tuple[int, ...], ...]:
     """The sets that the bank would test."""
     return sets_to_test(judge(seen, range(len(seen.parameters)), largest)).sets
 
@@ -27,11 +27,11 @@ def generic(model: StepModel, largest: int = 1) -> list[tuple[list[tuple[str, ..
     return [(named(model, group.sets), group.reason) for group in groups(seen, chosen(seen, largest))]
 
 
-def of_columns(*columns: list[float], relative: bool = True, lengths: FloatArray | None = None) -> Reduced:
+def of_columns(*columns: list[float], relative: bool = True, lengths: FloatArray | None = None) -> ReducedSensitivities:
     """What a made-up plant shows on two sensors, rows in turn."""
     matrix = np.array(columns, dtype=np.float64).T
     n = matrix.shape[1]
-    return Reduced(
+    return ReducedSensitivities(
         outputs=("flow", "pressure"),
         parameters=tuple("ABCDEFGH"[:n]),
         steps=np.ones(n),
@@ -111,7 +111,7 @@ def test_groups_are_those_of_the_definition() -> None:
         assert wanted
 
 
-def rank(seen: Reduced, members: Iterable[int]) -> int:
+def rank(seen: ReducedSensitivities, members: Iterable[int]) -> int:
     """Rank of some columns."""
     return int(np.linalg.matrix_rank(seen.columns[:, np.array(list(members))]))
 

@@ -9,7 +9,7 @@ from faultbond.analysis.equilibrium import reference
 from faultbond.analysis.input_advice import FAULT, _experiment, _separation, input_advice
 from faultbond.analysis.least_squares import fit
 from faultbond.analysis.sensitivity import build_recursion, sensitivities
-from faultbond.analysis.trajectories import Course, lanes_of
+from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.errors import ModelError
 from plants import circuit, example, stated
 
@@ -81,7 +81,7 @@ def test_separation_is_what_a_fit_leaves() -> None:
         theta[list(one)] *= 1.0 + relative
         (faulty,) = sensitivities(recursion, [replace(experiment, theta=theta)])
         assert faulty is not None
-        course = Course(recursion, experiment)
+        course = Trajectory(recursion, experiment)
         nominal = course.alone(experiment.theta)
         assert nominal is not None
         found = fit(course, lanes_of([experiment.theta], experiment.start, [other]), nominal, faulty.y[None])

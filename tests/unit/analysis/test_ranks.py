@@ -5,14 +5,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from faultbond.analysis.ranks import Reduced, above_noise, bases, set_ranks, told_rank
+from faultbond.analysis.ranks import ReducedSensitivities, above_noise, bases, set_ranks, told_rank
 from faultbond.arrays import FloatArray
 
 
-def seen(matrix: FloatArray) -> Reduced:
+def seen(matrix: FloatArray) -> ReducedSensitivities:
     """What a made-up plant shows."""
     n = matrix.shape[1]
-    return Reduced(
+    return ReducedSensitivities(
         outputs=("y",),
         parameters=tuple(f"P{k}" for k in range(n)),
         steps=np.ones(n),

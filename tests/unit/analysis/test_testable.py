@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from faultbond.analysis import testable
-from faultbond.analysis.ranks import Reduced, above_noise, reduce, told_rank
+from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce, told_rank
 from faultbond.analysis.testable import (
     EXPLAINS_ANYTHING,
     NOT_IDENTIFIABLE,
     Judgement,
-    Verdict,
+    Testability,
     choose_sets,
     generic_run,
     judge,
@@ -149,7 +149,7 @@ def test_all_sets_where_no_run_tells_anything(monkeypatch: pytest.MonkeyPatch) -
 def test_many_sets_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond a number of sets the largest are not judged, and counted."""
     monkeypatch.setattr(testable, "MOST_SETS", 40)
-    seen = Reduced(
+    seen = ReducedSensitivities(
         outputs=("y",),
         parameters=tuple(f"P{k}" for k in range(9)),
         steps=np.ones(9),
@@ -193,7 +193,7 @@ def test_uncertain_sets_are_kept() -> None:
     angle = 1e-11
     matrix = np.array([[1.0, 1.0, 0.0, 1.0], [0.0, angle, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
     rank = told_rank(values(0, -3, -6, -8, -10, -11.5, -13, -14))
-    seen = Reduced(
+    seen = ReducedSensitivities(
         outputs=("y",),
         parameters=("A", "B", "C", "D"),
         steps=np.ones(4),
@@ -241,7 +241,7 @@ def test_where_rounding_decides_all_verdicts_are_uncertain() -> None:
 def test_without_testable_sets_the_smallest_identifiable_are_tested() -> None:
     """Of two suspects of which each alone and both explain anything, each alone is tested."""
     verdicts = tuple(
-        Verdict(parameters=chosen, identifiable=True, falsifiable=False, uncertain=False)
+        Testability(parameters=chosen, identifiable=True, falsifiable=False, uncertain=False)
         for chosen in ((0,), (1,), (0, 1))
     )
     choice = sets_to_test(Judgement(rank=told_rank(np.array([1.0, 0.5])), verdicts=verdicts))

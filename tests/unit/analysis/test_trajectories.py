@@ -7,7 +7,7 @@ import pytest
 
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.sensitivity import build_recursion, sensitivities
-from faultbond.analysis.trajectories import Course, lanes_of
+from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.equations.step import StepModel
 from plants import circuit, example
 
@@ -32,7 +32,7 @@ def test_outputs_and_slopes_are_those_of_the_sensitivities(model: StepModel) -> 
     places = [(k % count, (k + 1) % count)[: 1 + k % 2] for k in range(5)]
     lanes = lanes_of(thetas, run.start, places)
     lanes.start[1] *= 1.1
-    course = Course(recursion, run)
+    course = Trajectory(recursion, run)
     nominal = course.alone(run.theta)
     assert nominal is not None
     found = course.follow(lanes, np.tile(nominal, (5, 1, 1)), patient=True)
@@ -63,7 +63,7 @@ def test_a_plant_without_a_solution_is_not_good() -> None:
     recursion = build_recursion(model.plant)
     run = random_experiments(model, recursion)[0]
     run = replace(run, theta=np.array([3.0, 1.0]))
-    course = Course(recursion, run)
+    course = Trajectory(recursion, run)
     singular = np.array([-1.0 / run.dt[3], 1.0])
     lanes = lanes_of([run.theta, singular, run.theta], run.start, [(0,)] * 3)
     nominal = course.alone(run.theta)

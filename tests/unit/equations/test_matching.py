@@ -3,7 +3,15 @@
 import pytest
 
 from faultbond.equations import matching
-from faultbond.equations.matching import Part, blocks, closure, decompose, match, redundant, undetermined
+from faultbond.equations.matching import (
+    DulmageMendelsohnPart,
+    blocks,
+    closure,
+    decompose,
+    match,
+    redundant,
+    undetermined,
+)
 
 # a = given; b = a; c with d, twice; e = c; f with g, once; a again, by a sensor
 A, B, C, D, E, F, G = range(7)
@@ -33,17 +41,17 @@ def test_nothing_to_match() -> None:
     """Models without equations, without variables or without entries have a matching, and parts."""
     assert match((), 2) == (-1, -1)
     assert match(((), ()), 0) == ()
-    assert decompose(((), ()), 0).over == Part(equations=(0, 1), variables=())
-    assert decompose((), 2).under == Part(equations=(), variables=(0, 1))
+    assert decompose(((), ()), 0).over == DulmageMendelsohnPart(equations=(0, 1), variables=())
+    assert decompose((), 2).under == DulmageMendelsohnPart(equations=(), variables=(0, 1))
     assert blocks((), ()) == ()
 
 
 def test_parts_of_the_plant() -> None:
     """A variable measured twice is over-determined, a square rest just, two unknowns in one equation under."""
     parts = decompose(PLANT, 7)
-    assert parts.over == Part(equations=(0, 6), variables=(A,))
-    assert parts.just == Part(equations=(1, 2, 3, 4), variables=(B, C, D, E))
-    assert parts.under == Part(equations=(5,), variables=(F, G))
+    assert parts.over == DulmageMendelsohnPart(equations=(0, 6), variables=(A,))
+    assert parts.just == DulmageMendelsohnPart(equations=(1, 2, 3, 4), variables=(B, C, D, E))
+    assert parts.under == DulmageMendelsohnPart(equations=(5,), variables=(F, G))
 
 
 def test_what_is_undetermined_and_redundant() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from faultbond.errors import ModelError, RecordingError
 from faultbond.fit.likelihood import build_likelihood
-from faultbond.fit.objective import Plant, Point, course, evaluate
+from faultbond.fit.objective import FittedPlant, Point, course, evaluate
 from faultbond.fit.samples import Record
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
@@ -43,7 +43,7 @@ def recording(n: int = 60, seed: int = 1) -> list[Sample]:
     return points
 
 
-def prepared(text: str, points: list[Sample]) -> tuple[Plant, tuple[Record, ...], Point]:
+def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[Record, ...], Point]:
     """Give what a fit needs, run without a compiler."""
     graph = parse_model(text)
     model = build_model(graph)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from faultbond.analysis.capability import View
+from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.ranks import Rank
 from faultbond.analysis.smallest import Effect, SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.testable import Judgement, Verdict
+from faultbond.analysis.testable import Judgement, Testability
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
@@ -38,11 +38,15 @@ def plant(n: int) -> BondGraph:
     )
 
 
-def view(n: int, groups: tuple[Group, ...] = (), near: tuple[NearGroup, ...] = (), clear: bool = True) -> View:
+def view(
+    n: int, groups: tuple[Group, ...] = (), near: tuple[NearGroup, ...] = (), clear: bool = True
+) -> CapabilityView:
     """A view in which all single suspects are testable."""
     rank = Rank(value=n, least=n, kept=1.0, dropped=0.0, clear=clear, low=0.0, high=0.0)
-    verdicts = tuple(Verdict(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n))
-    return View(judgement=Judgement(rank=rank, verdicts=verdicts), groups=groups, near_groups=near)
+    verdicts = tuple(
+        Testability(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n)
+    )
+    return CapabilityView(judgement=Judgement(rank=rank, verdicts=verdicts), groups=groups, near_groups=near)
 
 
 def test_numbers_agree_with_their_nouns() -> None:

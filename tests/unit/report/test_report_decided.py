@@ -11,7 +11,7 @@ from faultbond.report.decided import ranking_text, rejected_sentence
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
-from faultbond.report.verdict import Counts, verdict_sentence
+from faultbond.report.verdict import RunCounts, verdict_sentence
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)
@@ -72,7 +72,7 @@ def test_an_alarm_without_a_diagnosis_is_not_explained_by_the_one_before() -> No
     """What was found before the last fault was accepted says nothing about the next one."""
     history = decided(after=300.0, again=True)
     early = replace(history, diagnoses=history.diagnoses[:-1])
-    sentence = verdict_sentence(GRAPH, early, Counts(samples=4920), Notation.FILE)
+    sentence = verdict_sentence(GRAPH, early, RunCounts(samples=4920), Notation.FILE)
     assert sentence == "A fault was detected; there is no diagnosis yet."
 
 

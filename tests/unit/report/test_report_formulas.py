@@ -13,7 +13,7 @@ from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network
 from faultbond.model.text import parse_model
-from faultbond.report.formulas import Form, code, print_routes
+from faultbond.report.formulas import CodeForm, code, print_routes
 
 WORDS = """
 name: words
@@ -53,7 +53,7 @@ def answered(
 def test_no_two_functions_of_one_name(tmp_path_factory: pytest.TempPathFactory) -> None:
     """The sets {a, b_c, d} and {a, b, c_d} make the same words: their functions get a number."""
     network, found = answered(WORDS, 3, tmp_path_factory)
-    module = ast.parse(code(found, network.parameters, Form.PYTHON))
+    module = ast.parse(code(found, network.parameters, CodeForm.PYTHON))
     names = Counter(item.name for item in module.body if isinstance(item, ast.FunctionDef))
     assert max(names.values()) == 1
     assert {"a_of", "a_of_parameters_a_b", "a_of_parameters_a_b_c_d"} <= set(names)
@@ -73,8 +73,8 @@ def test_noise_of_a_parameter_that_is_zero(tmp_path_factory: pytest.TempPathFact
     assert " % " in rows["parameter A"]
 
 
-@pytest.mark.parametrize(("form", "remark"), [(Form.PYTHON, "# 2"), (Form.C, "/* 2"), (Form.LATEX, "% 2")])
-def test_code_says_what_it_leaves_out(form: Form, remark: str) -> None:
+@pytest.mark.parametrize(("form", "remark"), [(CodeForm.PYTHON, "# 2"), (CodeForm.C, "/* 2"), (CodeForm.LATEX, "% 2")])
+def test_code_says_what_it_leaves_out(form: CodeForm, remark: str) -> None:
     """Where there was no time for some closed forms the code ends with a remark; otherwise there is none."""
     assert code([], (), form, late=2).splitlines()[-1].startswith(f"{remark} closed forms left out")
     assert "left out" not in code([], (), form)

@@ -9,13 +9,13 @@ from rich.console import Console
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last
 from faultbond.contract.findings import Candidate, History, Unexplained, Untested
 from faultbond.report.terminal import print_diagnosis
-from faultbond.report.verdict import Counts
+from faultbond.report.verdict import RunCounts
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph("tank [red]one[/red]")
 
 
-def printed(history: History, counts: Counts) -> str:
+def printed(history: History, counts: RunCounts) -> str:
     """Give the text for a file."""
     out = StringIO()
     print_diagnosis(Console(file=out), GRAPH, history, engine_title="test engine", counts=counts)
@@ -39,22 +39,22 @@ def test_file_gets_heading_table_and_sentence() -> None:
 def test_what_was_watched_is_stated() -> None:
     """Model, sensors, sample time, engine, samples and defects of the recording are named; markup stays text."""
     history = tank_history(GRAPH, samples=4920)
-    text = printed(history, Counts(samples=4920, missing=100, duplicate=2))
+    text = printed(history, RunCounts(samples=4920, missing=100, duplicate=2))
     for part in ("tank [red]one[/red]", "flow, pressure; every 1 s", "test engine", "4920", "82 min"):
         assert part in text
     assert "100 missing, 2 duplicate" in text
     assert "late" not in text
-    worse = printed(history, Counts(samples=4920, untimed=1, unused=7, clock_jumps=1, saturated=3, frozen=70))
+    worse = printed(history, RunCounts(samples=4920, untimed=1, unused=7, clock_jumps=1, saturated=3, frozen=70))
     assert "1 untimed, 7 unused, 3 saturated, 70 frozen, 1 clock jump" in worse
 
 
 def test_group_is_marked_and_explained() -> None:
     """Rows that cannot be told from the best carry a mark, and the mark is explained."""
     history = tank_history(GRAPH, samples=1200)
-    early = printed(replace(history, diagnoses=history.diagnoses[:3]), Counts(samples=1200))
+    early = printed(replace(history, diagnoses=history.diagnoses[:3]), RunCounts(samples=1200))
     assert early.count("●") > 2
     assert "not yet distinguishable" in early
-    assert "●" not in printed(history, Counts(samples=1200))
+    assert "●" not in printed(history, RunCounts(samples=1200))
 
 
 def test_healthy_run_has_no_table() -> None:
@@ -89,7 +89,7 @@ def test_every_line_of_a_row_is_its_own() -> None:
     history = with_last(
         tank_history(GRAPH, samples=1200), (best, Candidate(suspects=pair, probability=0.1, group=False))
     )
-    rows = [line.split() for line in printed(history, Counts(samples=1200)).splitlines()]
+    rows = [line.split() for line in printed(history, RunCounts(samples=1200)).splitlines()]
     assert ["pipe", "drift", "70", "%", "K1", "2.41e11"] in [row[:6] for row in rows]
     assert ["step", "30", "%", "rate"] in [row[:4] for row in rows]
     assert ["+", "outlet", "K4", "2.35e-6"] in [row[:4] for row in rows]
@@ -102,7 +102,7 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
     )
     off = Unexplained(signal="flow", sd=3.21, since=3000.0, until=4000.0)
     last = replace(run.diagnoses[-1], unexplained=off)
-    text = " ".join(printed(replace(run, diagnoses=(*run.diagnoses[:-1], last)), Counts(samples=9)).split())
+    text = " ".join(printed(replace(run, diagnoses=(*run.diagnoses[:-1], last)), RunCounts(samples=9)).split())
     verdict = text[text.index("None of the modelled") :]
     assert verdict.startswith(
         "None of the modelled faults explains this: the best fit is still 3.2 standard deviations off in flow between "
@@ -132,7 +132,7 @@ def test_sets_too_many_to_be_tested_are_counted(part: float | None, sure: str, t
     best = kind_of(suspect(GRAPH, "K1", 1.5, 0.1), (FaultKind.STEP, 1.0), probability=0.9985)
     run = with_last(tank_history(GRAPH), (best,))
     left = None if part is None else Untested(sets=1330, probability=part)
-    text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), Counts(samples=9))
+    text = printed(replace(run, diagnoses=(replace(run.diagnoses[-1], untested=left),)), RunCounts(samples=9))
     words = " ".join(text.split())
     assert told in words
     assert sure in words

@@ -8,7 +8,7 @@ import pytest
 
 from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
 from faultbond.contract.findings import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
-from faultbond.report.chart import Chart, Trace, payload
+from faultbond.report.chart import Chart, ChartLine, payload
 from faultbond.report.charts import sections
 from faultbond.report.tracks import estimate_charts, forecast_charts
 from faultbond.types import FaultKind
@@ -148,7 +148,7 @@ def test_time_that_nothing_explains_is_shaded() -> None:
 
 def test_a_spread_beyond_all_numbers() -> None:
     """Beside a value that is next to nothing, a spread may be too large for any number; it is left out."""
-    trace = Trace(label="estimate", values=np.full(3, 1e-297), color="line0", sd=np.full(3, 1e12))
+    trace = ChartLine(label="estimate", values=np.full(3, 1e-297), color="line0", sd=np.full(3, 1e12))
     chart = Chart(title="K1", unit="", time=np.arange(3.0), traces=(trace,))
     text = json.dumps(payload(RUN, [chart])["charts"], allow_nan=False)
     assert '"y": [1, 1, 1], "sd": [null, null, null]' in text

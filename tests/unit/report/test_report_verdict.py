@@ -10,7 +10,7 @@ from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
-    Counts,
+    RunCounts,
     component_probabilities,
     detection_sentence,
     instrument_probabilities,
@@ -31,7 +31,7 @@ def history() -> History:
 
 def sentence(history: History, *candidates: Candidate) -> str:
     """Give the verdict when these are the last candidates."""
-    return verdict_sentence(GRAPH, with_last(history, candidates), Counts(samples=9), Notation.FILE)
+    return verdict_sentence(GRAPH, with_last(history, candidates), RunCounts(samples=9), Notation.FILE)
 
 
 def test_verdict_names_component_and_values(history: History) -> None:
@@ -132,7 +132,7 @@ def test_values_are_in_units_of_the_model_file(history: History) -> None:
     parameters = tuple(replace(p, unit=Unit("bar", 1e5)) if p.name == "K8" else p for p in GRAPH.parameters)
     graph = replace(GRAPH, parameters=parameters)
     best = Candidate(suspects=(suspect(GRAPH, "K8", 0.5, 0.01),), probability=0.99, group=True)
-    text = verdict_sentence(graph, with_last(history, (best,)), Counts(samples=9), Notation.FILE)
+    text = verdict_sentence(graph, with_last(history, (best,)), RunCounts(samples=9), Notation.FILE)
     assert "K8 fell from 0.6465 to 0.323 bar" in text
 
 

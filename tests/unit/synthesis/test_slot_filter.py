@@ -14,7 +14,7 @@ from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
 from faultbond.runtime.slotted import shared, widened
 from faultbond.runtime.start import healthy_lane
-from faultbond.synthesis.filter import View, build_filter
+from faultbond.synthesis.filter import LanePlant, build_filter
 from faultbond.synthesis.machine import VirtualMachine
 from faultbond.synthesis.specify import build_spec
 
@@ -55,7 +55,7 @@ def built(name: str) -> Built:
     wide = spec.slotted
     lane, dt = ca.SX.sym("lane", wide.n_numbers), ca.SX.sym("dt")
     u, implicit = ca.SX.sym("u", len(spec.inputs)), ca.SX.sym("implicit", len(spec.loops))
-    view = View(spec=wide, model=wide_model, roles={name: lane[where] for name, where in wide.role_fields.items()})
+    view = LanePlant(spec=wide, model=wide_model, roles={name: lane[where] for name, where in wide.role_fields.items()})
     z = lane[: wide.n_joint]
     return Built(
         spec=spec,

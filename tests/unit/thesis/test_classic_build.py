@@ -22,7 +22,7 @@ from faultbond.thesis.offline.torn import tear
 from faultbond.thesis.online.newton import solve
 from faultbond.thesis.online.plan import Batch, ClassicPlan
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.thesis.online.tape import Program, Search, evaluate
+from faultbond.thesis.online.tape import NewtonTape, Program, evaluate
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 ROWS = 12
@@ -91,7 +91,7 @@ def results(batch: Batch, environment: list[FloatArray]) -> dict[int, float]:
     """What each row of a batch gives, of one lane."""
     with np.errstate(all="ignore"):
         found = [
-            (rows, solve(item, environment, 1) if isinstance(item, Search) else evaluate(item, environment))
+            (rows, solve(item, environment, 1) if isinstance(item, NewtonTape) else evaluate(item, environment))
             for item, rows in batch
         ]
     return {row: float(value[0]) for rows, values in found for row, value in zip(rows, values, strict=True)}
@@ -169,7 +169,7 @@ def test_singles_alone_if_asked() -> None:
 def test_dry_friction_is_left_to_newton() -> None:
     """With tanh in a loop nothing is in closed form: the speed is guessed, from where it was, and all else follows."""
     _, plan = built("emps")
-    searches = [item for item, _ in (*plan.from_before, *plan.expected) if isinstance(item, Search)]
+    searches = [item for item, _ in (*plan.from_before, *plan.expected) if isinstance(item, NewtonTape)]
     assert len(searches) == 3
     for item in searches:
         assert [plan.names[place] for place in item.guessed] == ["axis.f_0"]

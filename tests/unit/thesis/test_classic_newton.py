@@ -8,22 +8,22 @@ from faultbond.arrays import FloatArray
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.offline.tapes import compile_roots
 from faultbond.thesis.online.newton import solve
-from faultbond.thesis.online.tape import Search
+from faultbond.thesis.online.tape import NewtonTape
 
 PLACES = {"x": 0, "z": 1, "a": 2, "before": 3}
 
 
-def search(*misfits: str, about: tuple[float, ...] = (1.0,), start: bool = False) -> Search:
+def search(*misfits: str, about: tuple[float, ...] = (1.0,), start: bool = False) -> NewtonTape:
     """A search for x, and z where there are two misfits, that are zero; its result is x + 1."""
     named = [Line(name=f"misfit {k}", value=parse_expression(text)) for k, text in enumerate(misfits)]
     lines = (*named, Line(name="result", value=parse_expression("x + 1")))
     program = compile_roots([Root(lines=lines)], (*(line.name for line in named), "result"), PLACES)
     guessed = (0, 1)[: len(misfits)]
     starts = (3,) if start else (-1,) * len(misfits)
-    return Search(program=program, guessed=guessed, starts=starts, about=about)
+    return NewtonTape(program=program, guessed=guessed, starts=starts, about=about)
 
 
-def solved(item: Search, a: FloatArray, before: FloatArray | None = None) -> FloatArray:
+def solved(item: NewtonTape, a: FloatArray, before: FloatArray | None = None) -> FloatArray:
     """The result for each lane."""
     nothing = np.array([np.nan])
     with np.errstate(all="ignore"):

@@ -11,10 +11,10 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.fewest import fewest_components
 from faultbond.algebra.routes.matched import alternatives, find_route
-from faultbond.algebra.solving.backward_euler import Plant, Record
+from faultbond.algebra.solving.backward_euler import NumericPlant, Record
 from faultbond.algebra.solving.noise import NoiseGain, noise_gain, nominal_record
 from faultbond.algebra.solving.solution import Solution
-from faultbond.algebra.solving.solve import Limits, solve_cached
+from faultbond.algebra.solving.solve import SolvingLimits, solve_cached
 from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.errors import StructureError
 
@@ -63,7 +63,7 @@ def _unknown_part(question: Question) -> Question:
 
 
 def choose_route(
-    network: ComponentNetwork, question: Question, preference: Preference, plant: Plant, record: Record | None
+    network: ComponentNetwork, question: Question, preference: Preference, plant: NumericPlant, record: Record | None
 ) -> Route:
     """Give the route that is preferred; of a causal question the one along causality, whatever is preferred.
 
@@ -82,7 +82,7 @@ def choose_route(
     return find_route(network, question)
 
 
-def _noise(network: ComponentNetwork, route: Route, plant: Plant, record: Record) -> tuple[float, int]:
+def _noise(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record) -> tuple[float, int]:
     """Order routes by noise; of equal ones the shorter is better."""
     return noise_gain(network, route, plant, record).worst, len(route.steps)
 
@@ -90,12 +90,12 @@ def _noise(network: ComponentNetwork, route: Route, plant: Plant, record: Record
 def answer(
     network: ComponentNetwork,
     question: Question,
-    plant: Plant,
+    plant: NumericPlant,
     record: Record | None,
     *,
     preference: Preference = Preference.FRAMES,
     cache: Path | None = None,
-    limits: Limits | None = None,
+    limits: SolvingLimits | None = None,
 ) -> Function:
     """Answer one question; with a `cache` folder for solutions, also in closed form where there is one.
 
@@ -113,7 +113,7 @@ def answer(
     )
 
 
-def _gain(network: ComponentNetwork, route: Route, plant: Plant, record: Record | None) -> NoiseGain | None:
+def _gain(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record | None) -> NoiseGain | None:
     if record is None:
         return None
     try:
@@ -122,7 +122,7 @@ def _gain(network: ComponentNetwork, route: Route, plant: Plant, record: Record 
         return None
 
 
-def trial_record(network: ComponentNetwork, plant: Plant, largest: int) -> Record | None:
+def trial_record(network: ComponentNetwork, plant: NumericPlant, largest: int) -> Record | None:
     """Give a record of the nominal plant that is long enough for every route to sets of that size, if there is one."""
     frames = SPARE_FRAMES + len(network.states) + len(network.parameters[:largest])
     try:

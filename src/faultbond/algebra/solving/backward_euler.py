@@ -30,7 +30,7 @@ _LEVELS = 90  # an exact input takes one of so many values of its range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plant:
+class NumericPlant:
     """The numbers that go with a component network, in SI.
 
     values: of parameters and constants. changes: standard deviation of a faulty value. inputs: the range in which a
@@ -47,7 +47,7 @@ class Plant:
     sds: Mapping[str, float] = field(default_factory=dict)
 
 
-def plant_of(graph: BondGraph, sample_time: float | None = None) -> Plant:
+def plant_of(graph: BondGraph, sample_time: float | None = None) -> NumericPlant:
     """Give the numbers of a bond graph or block network, as the decimals that they are in SI.
 
     Parameters
@@ -58,7 +58,7 @@ def plant_of(graph: BondGraph, sample_time: float | None = None) -> Plant:
     numbers = [*((item.name, item.nominal) for item in graph.parameters)]
     numbers += [(item.name, item.value) for item in graph.constants]
     time = sample_time or graph.sample_time or 1.0
-    return Plant(
+    return NumericPlant(
         values={name: exact(value) for name, value in numbers},
         changes={item.name: exact(item.change) for item in graph.parameters},
         sample_time=exact(time),
@@ -73,7 +73,7 @@ def _range(item: Input) -> tuple[Fraction, Fraction]:
     return exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
 
 
-def random_inputs(plant: Plant, n: int, seed: int, *, signed: bool = False) -> dict[str, tuple[Fraction, ...]]:
+def random_inputs(plant: NumericPlant, n: int, seed: int, *, signed: bool = False) -> dict[str, tuple[Fraction, ...]]:
     """Give inputs that jump at every sample, few digits each; the same seed gives the same inputs.
 
     Parameters

@@ -55,7 +55,7 @@ class Applied:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class Branch:
     """Residuals on one side of every kink.
 
     conditions: where they hold. known: functions of what is known, in order of computation. unknown: functions of
@@ -75,7 +75,7 @@ def cases(
     sides: Mapping[Expression, int],
     plain: Callable[[str], str],
     prefer: Callable[[Expression], bool] = lambda expression: True,
-) -> Iterator[Case]:
+) -> Iterator[Branch]:
     """Give every case of some residuals, the preferred side of each kink first.
 
     Parameters
@@ -86,12 +86,12 @@ def cases(
     plain : a name without its frame
     prefer : whether an expression is rather positive (at the nominal plant, say)
     """
-    yield from _split(Case(residuals=residuals, sides=dict(sides)), unknown, plain, prefer)
+    yield from _split(Branch(residuals=residuals, sides=dict(sides)), unknown, plain, prefer)
 
 
 def _split(
-    case: Case, unknown: frozenset[str], plain: Callable[[str], str], prefer: Callable[[Expression], bool]
-) -> Iterator[Case]:
+    case: Branch, unknown: frozenset[str], plain: Callable[[str], str], prefer: Callable[[Expression], bool]
+) -> Iterator[Branch]:
     decided = frozenset(case.sides)
     kink = next((found for item in case.residuals if (found := _kink(item, unknown, decided, plain)) is not None), None)
     if kink is None:
@@ -106,7 +106,7 @@ def _split(
         condition = Condition(expression=argument if side > 0 else negative(argument), strict=kink.function == "sign")
         value = _on_side(kink, side)
         conditions = case.conditions if condition in case.conditions else (*case.conditions, condition)
-        further = Case(
+        further = Branch(
             residuals=tuple(replaced(item, kink, value) for item in case.residuals),
             conditions=conditions,
             sides={**case.sides, key: sign * side},
@@ -168,7 +168,7 @@ def _key(argument: Expression, plain: Callable[[str], str]) -> tuple[Expression,
     return stripped, 1
 
 
-def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], str]) -> Case:
+def name_functions(case: Branch, unknown: frozenset[str], fresh: Callable[[str], str]) -> Branch:
     """Give a case whose residuals are rational: functions, and powers that are no whole numbers, carry names.
 
     Parameters
@@ -191,7 +191,7 @@ def name_functions(case: Case, unknown: frozenset[str], fresh: Callable[[str], s
         else:
             known.append(item)
         residuals = tuple(replaced(residual, part, Name(item.name)) for residual in residuals)
-    return Case(
+    return Branch(
         residuals=residuals,
         conditions=case.conditions,
         known=tuple(known),

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import monotonic
 
-from faultbond.algebra.solving.branches import Case, Condition, cases, name_functions
-from faultbond.algebra.solving.elimination import Reduced, SingularError, eliminate
+from faultbond.algebra.solving.branches import Branch, Condition, cases, name_functions
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
 from faultbond.algebra.solving.polynomial import (
     Polynomial,
     Space,
@@ -30,7 +30,7 @@ Draft = tuple[str, Expression | Quotient]  # a line, its value not yet in lowest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class FormCandidate:
     """Lines for all unknowns of the blocks done so far, where they hold, and the sides of kinks that were taken."""
 
     lines: tuple[Draft, ...] = ()
@@ -39,7 +39,7 @@ class Candidate:
 
 
 @dataclass(slots=True)
-class Search:
+class FormSearch:
     """What solving one problem in names goes by.
 
     prefer: whether an expression is positive at the nominal plant. deadline: on the clock of `time.monotonic`.
@@ -63,7 +63,7 @@ class Search:
         return f"{word}{number}"
 
 
-def find_candidates(search: Search) -> tuple[Candidate, ...]:
+def find_candidates(search: FormSearch) -> tuple[FormCandidate, ...]:
     """Give candidates for all blocks, those on the sides of the nominal plant first.
 
     Raises
@@ -76,7 +76,7 @@ def find_candidates(search: Search) -> tuple[Candidate, ...]:
         Where a block does not fix its unknowns.
     """
     search.taken |= {name for residual in search.problem.residuals for name in names(residual)}
-    found = [Candidate()]
+    found = [FormCandidate()]
     for block in search.problem.blocks:
         found = [further for candidate in found for further in _solve_block(search, block, candidate)]
         search.left_out += max(0, len(found) - MAX_CANDIDATES)
@@ -84,7 +84,7 @@ def find_candidates(search: Search) -> tuple[Candidate, ...]:
     return tuple(found)
 
 
-def _solve_block(search: Search, block: Block, candidate: Candidate) -> list[Candidate]:
+def _solve_block(search: FormSearch, block: Block, candidate: FormCandidate) -> list[FormCandidate]:
     """Give the candidates of every case that has any; a case may be singular, or go without closed form."""
     unknown = frozenset(block.unknown)
     found = []
@@ -105,18 +105,18 @@ def _solve_block(search: Search, block: Block, candidate: Candidate) -> list[Can
     return found
 
 
-def _solve_case(search: Search, block: Block, candidate: Candidate, case: Case) -> list[Candidate]:
+def _solve_case(search: FormSearch, block: Block, candidate: FormCandidate, case: Branch) -> list[FormCandidate]:
     ordered = order_systems(case, block.unknown, search.fresh)
     conditions = dict.fromkeys((*candidate.conditions, *ordered.conditions))
-    found = [Candidate(lines=candidate.lines, conditions=tuple(conditions), sides=case.sides)]
+    found = [FormCandidate(lines=candidate.lines, conditions=tuple(conditions), sides=case.sides)]
     for part in ordered.parts:
         found = [further for item in found for further in _solve_part(search, part, block.parameters, item)]
     return found
 
 
 def _solve_part(
-    search: Search, part: Given | System, parameters: frozenset[str], candidate: Candidate
-) -> list[Candidate]:
+    search: FormSearch, part: Given | System, parameters: frozenset[str], candidate: FormCandidate
+) -> list[FormCandidate]:
     if isinstance(part, Given):
         return [replace(candidate, lines=(*candidate.lines, (part.name, part.value)))]
     if len(part.unknown) == 1:
@@ -146,7 +146,9 @@ def _divided(value: Expression, slope: Expression) -> Expression:
     return Binary("/", value, slope)
 
 
-def _solve_system(search: Search, system: System, parameters: frozenset[str], candidate: Candidate) -> list[Candidate]:
+def _solve_system(
+    search: FormSearch, system: System, parameters: frozenset[str], candidate: FormCandidate
+) -> list[FormCandidate]:
     space = space_of(_in_order(system, search.problem), search.max_terms)
     try:
         polynomials = [quotient(residual, space)[0] for residual in system.residuals]
@@ -182,8 +184,8 @@ def _in_order(system: System, problem: Problem) -> tuple[str, ...]:
 
 
 def _last_unknown(
-    search: Search, reduced: Reduced, space: Space, parameters: frozenset[str], candidate: Candidate
-) -> list[Candidate]:
+    search: FormSearch, reduced: ReducedSystem, space: Space, parameters: frozenset[str], candidate: FormCandidate
+) -> list[FormCandidate]:
     """Give the candidates for what elimination leaves: nothing, or a polynomial in one unknown."""
     if not reduced.rest:
         return [candidate]
@@ -209,8 +211,8 @@ def _lowered(polynomial: Polynomial, name: str, space: Space) -> Polynomial:
 
 
 def _roots(
-    search: Search, polynomial: Polynomial, name: str, space: Space, signal: bool, candidate: Candidate
-) -> list[Candidate]:
+    search: FormSearch, polynomial: Polynomial, name: str, space: Space, signal: bool, candidate: FormCandidate
+) -> list[FormCandidate]:
     parts = by_power(polynomial, name, space)
     if 2 not in parts:
         value = Quotient(numerator=scale(parts.get(0, {}), -1), denominator=parts[1], space=space)
@@ -237,8 +239,8 @@ def _line(polynomial: Polynomial, space: Space) -> Quotient:
 
 
 def _square_roots(
-    search: Search, parts: Mapping[int, Polynomial], name: str, space: Space, signal: bool, candidate: Candidate
-) -> list[Candidate]:
+    search: FormSearch, parts: Mapping[int, Polynomial], name: str, space: Space, signal: bool, candidate: FormCandidate
+) -> list[FormCandidate]:
     """Give plus and minus the root of -c/a; a signal keeps its sign from frame to frame."""
     square = search.fresh("square")
     value = Quotient(numerator=scale(parts.get(0, {}), -1), denominator=parts[2], space=space)
@@ -252,7 +254,7 @@ def _square_roots(
         condition = Condition(expression=Name(name) if side > 0 else Negative(Name(name)))
         is_new = signal and condition not in candidate.conditions
         found.append(
-            Candidate(
+            FormCandidate(
                 lines=(*candidate.lines, (square, value), (name, root if side > 0 else Negative(root))),
                 conditions=(*candidate.conditions, condition) if is_new else candidate.conditions,
                 sides={**candidate.sides, key: side} if signal else candidate.sides,

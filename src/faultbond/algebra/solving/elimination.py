@@ -45,7 +45,7 @@ class Pivot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reduced:
+class ReducedSystem:
     """What elimination leaves.
 
     pivots: in order of elimination, so each is computed from those after it. rest: equations in the `unknown` that are
@@ -89,7 +89,7 @@ def eliminate(
     space: Space,
     deadline: float = float("inf"),
     zeros: Collection[str] = (),
-) -> Reduced:
+) -> ReducedSystem:
     """Eliminate as many unknowns as can be, signals before parameters.
 
     Parameters
@@ -118,7 +118,7 @@ def eliminate(
             _substitute(work, *choice)
         elif not _reduce(work):
             break
-    return Reduced(
+    return ReducedSystem(
         pivots=tuple(work.pivots), rest=tuple(row.polynomial for row in work.rows), unknown=tuple(work.unknown)
     )
 

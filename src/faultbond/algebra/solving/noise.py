@@ -13,7 +13,7 @@ from statistics import median
 import numpy as np
 
 from faultbond.algebra.route import Route
-from faultbond.algebra.solving.backward_euler import Plant, Record, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, Record, random_inputs, simulate
 from faultbond.algebra.solving.linearise import SINGULAR, reciprocal_condition, slope_matrix
 from faultbond.algebra.solving.problem import Problem, prepare
 from faultbond.arrays import FloatArray
@@ -46,7 +46,7 @@ class NoiseGain:
         return max(self.deviations.values(), default=0.0)
 
 
-def nominal_record(network: ComponentNetwork, plant: Plant, frames: int, instants: int = N_INSTANTS) -> Record:
+def nominal_record(network: ComponentNetwork, plant: NumericPlant, frames: int, instants: int = N_INSTANTS) -> Record:
     """Give a record of the nominal plant, long enough for routes of so many frames at so many instants.
 
     Inputs jump at every sample within their usual range: noise is judged against what excites well.
@@ -60,7 +60,11 @@ def nominal_record(network: ComponentNetwork, plant: Plant, frames: int, instant
 
 
 def noise_gain(
-    network: ComponentNetwork, route: Route, plant: Plant, record: Record | None = None, instants: int = N_INSTANTS
+    network: ComponentNetwork,
+    route: Route,
+    plant: NumericPlant,
+    record: Record | None = None,
+    instants: int = N_INSTANTS,
 ) -> NoiseGain:
     """Give the noise gain of a route.
 
@@ -93,7 +97,7 @@ def noise_gain(
     return NoiseGain(deviations=deviations, main=main, relative=relative)
 
 
-def _values(problem: Problem, plant: Plant, record: Record, position: int) -> dict[str, Value]:
+def _values(problem: Problem, plant: NumericPlant, record: Record, position: int) -> dict[str, Value]:
     values: dict[str, Value] = {name: float(value) for name, value in plant.values.items()}
     values[SAMPLE_TIME] = float(plant.sample_time)
     for name, (signal, frame) in problem.signals.items():
@@ -101,7 +105,7 @@ def _values(problem: Problem, plant: Plant, record: Record, position: int) -> di
     return values
 
 
-def _contributions(problem: Problem, plant: Plant, values: Mapping[str, Value]) -> FloatArray:
+def _contributions(problem: Problem, plant: NumericPlant, values: Mapping[str, Value]) -> FloatArray:
     """Give the standard deviation that each sample brings to each target, shape (n_targets, n_samples)."""
     sizes = np.array([_size(values[name]) for name in problem.unknown])
     unknown = slope_matrix(problem.residuals, problem.unknown, values) * sizes

@@ -9,7 +9,7 @@ from time import monotonic
 import numpy as np
 
 from faultbond.algebra.route import Route, Target
-from faultbond.algebra.solving.backward_euler import Plant, misfit, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, random_inputs, simulate
 from faultbond.algebra.solving.linearise import Fixed, fixes, slope_matrix
 from faultbond.equations.component_network import (
     SAMPLE_TIME,
@@ -76,7 +76,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
+class ProofData:
     """Backward-Euler data for a route: `known` goes in, `true` is what must come out (all signals, all unknowns).
 
     scales: of each target the size of what it is a sum of; a target that is 0 comes out as rounding of that size.
@@ -92,7 +92,7 @@ def name_of(target: Target) -> str:
     return target if isinstance(target, str) else frame_name(target)
 
 
-def prepare(network: ComponentNetwork, route: Route, plant: Plant) -> Problem:
+def prepare(network: ComponentNetwork, route: Route, plant: NumericPlant) -> Problem:
     """Give the equations of a route, constants as numbers.
 
     Raises
@@ -158,8 +158,8 @@ def _refuse_logic(equation: Equation) -> None:
 
 
 def trials_of(
-    network: ComponentNetwork, problem: Problem, plant: Plant, deadline: float = inf
-) -> tuple[tuple[Trial, ...], Fixed | None]:
+    network: ComponentNetwork, problem: Problem, plant: NumericPlant, deadline: float = inf
+) -> tuple[tuple[ProofData, ...], Fixed | None]:
     """Give records of the nominal plant, first, and of plants with other values of the unknown parameters.
 
     They differ in their inputs and their start, so that they lie on several sides of a kink. A record that cannot be
@@ -174,7 +174,7 @@ def trials_of(
     deadline : on the clock of `time.monotonic`; records not made by then are left out
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]
-    found: list[Trial] = []
+    found: list[ProofData] = []
     best = Fixed.NOT
     for number, factor in enumerate((Fraction(1), *CHANGES)):
         values = dict(plant.values)
@@ -194,14 +194,14 @@ def trials_of(
     return tuple(found), best
 
 
-def _changed(plant: Plant, name: str, factor: Fraction) -> Fraction:
+def _changed(plant: NumericPlant, name: str, factor: Fraction) -> Fraction:
     nominal = plant.values[name]
     return nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
 
 
 def _record(
-    network: ComponentNetwork, problem: Problem, plant: Plant, values: Mapping[str, Fraction], seed: int
-) -> Trial | None:
+    network: ComponentNetwork, problem: Problem, plant: NumericPlant, values: Mapping[str, Fraction], seed: int
+) -> ProofData | None:
     n = problem.frames + WARM_UP
     inputs = random_inputs(plant, n, seed, signed=seed % 2 == 1)
     if seed >= _SMALL:
@@ -219,7 +219,7 @@ def _record(
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
     true |= {name: values[name] for name in network.parameters} | {SAMPLE_TIME: plant.sample_time}
     known = without(true, problem.unknown)
-    return Trial(known=known, true=true, scales=_scales(problem, known, true))
+    return ProofData(known=known, true=true, scales=_scales(problem, known, true))
 
 
 def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Value]) -> dict[str, float]:

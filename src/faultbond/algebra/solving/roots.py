@@ -11,8 +11,8 @@ from random import Random
 from time import monotonic
 
 from faultbond.algebra.solving.backward_euler import misfit, newton
-from faultbond.algebra.solving.branches import Case, cases, name_functions
-from faultbond.algebra.solving.elimination import Reduced, SingularError, eliminate
+from faultbond.algebra.solving.branches import Branch, cases, name_functions
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
 from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
 from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem, without
 from faultbond.algebra.solving.rational import NotRationalError, quotient, specialise
@@ -141,7 +141,7 @@ def _prefer(walk: _Walk, values: Values) -> Callable[[Expression], bool]:
     return positive
 
 
-def _case_roots(walk: _Walk, block: Block, case: Case, values: Values) -> tuple[list[Values], int]:
+def _case_roots(walk: _Walk, block: Block, case: Branch, values: Values) -> tuple[list[Values], int]:
     """Give the roots in one case; none where it is singular."""
     try:
         ordered = order_systems(case, block.unknown, walk.fresh)
@@ -176,7 +176,7 @@ def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], value
     return [found for last in lasts if (found := _back(reduced, into, {**values, **last})) is not None], degree
 
 
-def _last_roots(reduced: Reduced, space: Space) -> tuple[list[Values], int]:
+def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Values], int]:
     if not reduced.rest:
         return [{}], 1
     if len(reduced.rest) > 1:
@@ -191,7 +191,7 @@ def _last_roots(reduced: Reduced, space: Space) -> tuple[list[Values], int]:
     return [{name: root} for root in real_roots(coefficients)], degree - repeated
 
 
-def _back(reduced: Reduced, space: Space, values: Values) -> Values | None:
+def _back(reduced: ReducedSystem, space: Space, values: Values) -> Values | None:
     """Compute the eliminated unknowns; None where a denominator is zero."""
     found = dict(values)
     for pivot in reversed(reduced.pivots):

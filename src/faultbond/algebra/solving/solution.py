@@ -20,7 +20,7 @@ VERSION = 2  # of the method; a cached solution of another version is not used
 COMPACT_SIZE = 2000
 
 
-class Kind(Enum):
+class SolutionKind(Enum):
     """How the targets follow; the value says it in words."""
 
     LINEAR = "linear"
@@ -73,7 +73,7 @@ class Solution:
     """
 
     targets: tuple[str, ...]
-    kind: Kind
+    kind: SolutionKind
     degree: int | None
     real_roots: int | None
     roots: tuple[Root, ...] = ()
@@ -159,7 +159,7 @@ def from_record(record: Mapping[str, Any]) -> Solution:
     """
     return Solution(
         targets=tuple(map(str, record["targets"])),
-        kind=Kind(record["kind"]),
+        kind=SolutionKind(record["kind"]),
         degree=record["degree"],
         real_roots=record["real_roots"],
         roots=tuple(

@@ -14,22 +14,22 @@ from pathlib import Path
 from time import monotonic
 
 from faultbond.algebra.route import Route
-from faultbond.algebra.solving.backward_euler import Plant
+from faultbond.algebra.solving.backward_euler import NumericPlant
 from faultbond.algebra.solving.branches import Condition
-from faultbond.algebra.solving.closed import Candidate, Search, find_candidates
+from faultbond.algebra.solving.closed import FormCandidate, FormSearch, find_candidates
 from faultbond.algebra.solving.elimination import SingularError
 from faultbond.algebra.solving.linearise import Fixed
 from faultbond.algebra.solving.polynomial import TooLargeError
-from faultbond.algebra.solving.problem import TOLERANCE, Problem, Trial, prepare, trials_of
+from faultbond.algebra.solving.problem import TOLERANCE, Problem, ProofData, prepare, trials_of
 from faultbond.algebra.solving.rational import Quotient, quotient_expression
 from faultbond.algebra.solving.roots import Count, find_roots
 from faultbond.algebra.solving.solution import (
     VERSION,
-    Kind,
     Line,
     Root,
     Singular,
     Solution,
+    SolutionKind,
     evaluate_root,
     holds,
     read_cached,
@@ -51,14 +51,16 @@ MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class SolvingLimits:
     """When solving gives up: seconds (a third more for counting roots), and terms of a polynomial."""
 
     seconds: float = 3.0
     terms: int = 5_000
 
 
-def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits | None = None) -> Solution:
+def solve(
+    network: ComponentNetwork, route: Route, plant: NumericPlant, limits: SolvingLimits | None = None
+) -> Solution:
     """Solve a route for its targets.
 
     Parameters
@@ -72,7 +74,7 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
     StructureError
         Where a signal in a frame and a parameter have one name.
     """
-    limits = limits or Limits()
+    limits = limits or SolvingLimits()
     problem = prepare(network, route, plant)
     deadline = monotonic() + limits.seconds
     records, fixed = trials_of(network, problem, plant, deadline)
@@ -92,10 +94,10 @@ def solve(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits 
 
 
 def solve_cached(
-    network: ComponentNetwork, route: Route, plant: Plant, folder: Path, limits: Limits | None = None
+    network: ComponentNetwork, route: Route, plant: NumericPlant, folder: Path, limits: SolvingLimits | None = None
 ) -> Solution:
     """Solve a route, or read what was found for the same equations and numbers before from a folder."""
-    key = cache_key(network, route, plant, limits or Limits())
+    key = cache_key(network, route, plant, limits or SolvingLimits())
     known = read_cached(folder, key)
     if known is not None:
         return known
@@ -105,7 +107,7 @@ def solve_cached(
     return solution
 
 
-def cache_key(network: ComponentNetwork, route: Route, plant: Plant, limits: Limits) -> str:
+def cache_key(network: ComponentNetwork, route: Route, plant: NumericPlant, limits: SolvingLimits) -> str:
     """Give a name for a solution that changes with all that it depends on."""
     equations = [(item.name, to_text(item.residual), item.signals) for item in network.equations]
     question = route.question
@@ -132,10 +134,10 @@ def cache_key(network: ComponentNetwork, route: Route, plant: Plant, limits: Lim
 
 
 def _closed_forms(
-    problem: Problem, records: Sequence[Trial], deadline: float, max_terms: int
+    problem: Problem, records: Sequence[ProofData], deadline: float, max_terms: int
 ) -> tuple[tuple[Root, ...], tuple[str, ...]]:
     """Give the closed forms that hold, and remarks."""
-    search = Search(
+    search = FormSearch(
         problem=problem,
         prefer=_positive_at(records[0].true),
         deadline=deadline,
@@ -170,11 +172,14 @@ def _unchecked(problem: Problem, fixed: Fixed | None) -> Solution:
     """Say why no record could be made to check a closed form on."""
     targets = ", ".join(problem.targets)
     if fixed is None:
-        kind, words = Kind.NUMERIC, BEYOND
+        kind, words = SolutionKind.NUMERIC, BEYOND
     elif fixed is Fixed.NOT:
-        kind, words = Kind.UNDETERMINED, f"the equations of this route do not fix {targets} on any test record"
+        kind, words = SolutionKind.UNDETERMINED, f"the equations of this route do not fix {targets} on any test record"
     else:
-        kind, words = Kind.NUMERIC, f"the equations of this route amplify rounding so much that {targets} would be lost"
+        kind, words = (
+            SolutionKind.NUMERIC,
+            f"the equations of this route amplify rounding so much that {targets} would be lost",
+        )
     return Solution(targets=problem.targets, kind=kind, degree=None, real_roots=None, remarks=(words,))
 
 
@@ -189,7 +194,7 @@ def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
     return positive
 
 
-def _draft(candidate: Candidate) -> Root:
+def _draft(candidate: FormCandidate) -> Root:
     """Give all lines of a candidate as they are."""
     lines = (
         Line(name=name, value=quotient_expression(value) if isinstance(value, Quotient) else value)
@@ -198,24 +203,24 @@ def _draft(candidate: Candidate) -> Root:
     return Root(lines=tuple(lines), conditions=candidate.conditions)
 
 
-def _is_met(root: Root, problem: Problem, record: Trial) -> bool:
+def _is_met(root: Root, problem: Problem, record: ProofData) -> bool:
     """Whether a root satisfies the original equations on a record, and its own conditions."""
     values = {**record.known, **evaluate_root(root, record.known)}
     found = all(not is_nan(values[name]) for name in problem.unknown)
     return found and holds(root, values) and problem.is_met(values)
 
 
-def _is_reached(root: Root, record: Trial) -> bool:
+def _is_reached(root: Root, record: ProofData) -> bool:
     """Whether a record lies where a root is said to hold; where cases are left out some do not."""
     return holds(root, {**evaluate_root(root, record.known), **record.true})
 
 
-def _is_true(root: Root, problem: Problem, record: Trial) -> bool:
+def _is_true(root: Root, problem: Problem, record: ProofData) -> bool:
     """Whether a root gives the values that a record was made with."""
     return _agree(evaluate_root(root, record.known), record.true, problem.targets, record)
 
 
-def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str], record: Trial) -> bool:
+def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str], record: ProofData) -> bool:
     return all(
         abs(float(found[name]) - float(other[name]))
         <= TOLERANCE * abs(float(other[name])) + _ROUNDING * record.scales.get(name, 0.0) + _TINY
@@ -223,7 +228,7 @@ def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Seque
     )
 
 
-def _finished(candidate: Candidate, problem: Problem) -> Root:
+def _finished(candidate: FormCandidate, problem: Problem) -> Root:
     """Give the lines that the targets need, in lowest terms, grouped by parameters; conditions in plain names."""
     outer = [name for name in _all_names(candidate) if name not in problem.signals]
     lines: list[Line] = []
@@ -235,7 +240,7 @@ def _finished(candidate: Candidate, problem: Problem) -> Root:
     return Root(lines=tuple(reversed(lines)), conditions=_spelled_out(candidate, problem))
 
 
-def _spelled_out(candidate: Candidate, problem: Problem) -> tuple[Condition, ...]:
+def _spelled_out(candidate: FormCandidate, problem: Problem) -> tuple[Condition, ...]:
     """Give the conditions of a candidate in plain names."""
     values = dict(candidate.lines)
     spelled = (
@@ -245,7 +250,7 @@ def _spelled_out(candidate: Candidate, problem: Problem) -> tuple[Condition, ...
     return tuple(dict.fromkeys(spelled))
 
 
-def _all_names(candidate: Candidate) -> tuple[str, ...]:
+def _all_names(candidate: FormCandidate) -> tuple[str, ...]:
     return tuple(
         dict.fromkeys(
             name
@@ -285,7 +290,7 @@ def _in_words(conditions: Sequence[Condition]) -> str:
     return " and ".join(condition.text for condition in conditions)
 
 
-def _count(problem: Problem, record: Trial, seconds: float) -> Count | None:
+def _count(problem: Problem, record: ProofData, seconds: float) -> Count | None:
     """Count the roots on a record of the nominal plant; None where that takes too long."""
     try:
         return find_roots(problem, record.known, record.true, seconds)
@@ -293,7 +298,7 @@ def _count(problem: Problem, record: Trial, seconds: float) -> Count | None:
         return None
 
 
-def _not_closed(problem: Problem, record: Trial, roots: Sequence[Root], count: Count | None) -> tuple[str, ...]:
+def _not_closed(problem: Problem, record: ProofData, roots: Sequence[Root], count: Count | None) -> tuple[str, ...]:
     """Say how many of the real roots at the nominal plant no closed form gives."""
     if count is None or not roots:
         return ()
@@ -304,13 +309,13 @@ def _not_closed(problem: Problem, record: Trial, roots: Sequence[Root], count: C
     return (f"{missing} of {len(count.roots)} real roots at the nominal plant have no closed form here",)
 
 
-def _kind(roots: Sequence[Root], count: Count | None) -> Kind:
+def _kind(roots: Sequence[Root], count: Count | None) -> SolutionKind:
     if count is None or count.degree is None:
-        return Kind.NUMERIC
+        return SolutionKind.NUMERIC
     if count.degree > 2:
-        return Kind.POLYNOMIAL
+        return SolutionKind.POLYNOMIAL
     several = len({root.conditions for root in roots}) < len(roots)  # on one side of every kink
-    return Kind.QUADRATIC if count.degree == 2 or several else Kind.LINEAR
+    return SolutionKind.QUADRATIC if count.degree == 2 or several else SolutionKind.LINEAR
 
 
 def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from faultbond.algebra.solving.branches import Applied, Case, Condition
+from faultbond.algebra.solving.branches import Applied, Branch, Condition
 from faultbond.algebra.solving.tidy import replaced
 from faultbond.equations.matching import blocks, holdings, match
 from faultbond.model.expression import Binary, Call, Expression, Name, Number, names
@@ -44,7 +44,7 @@ class Ordered:
     conditions: tuple[Condition, ...]
 
 
-def order_systems(case: Case, unknown: tuple[str, ...], fresh: Callable[[str], str]) -> Ordered:
+def order_systems(case: Branch, unknown: tuple[str, ...], fresh: Callable[[str], str]) -> Ordered:
     """Give the parts of a case in order of computation.
 
     Parameters
@@ -76,7 +76,7 @@ def order_systems(case: Case, unknown: tuple[str, ...], fresh: Callable[[str], s
     return Ordered(parts=tuple(parts), conditions=(*case.conditions, *conditions))
 
 
-def _with_roots(case: Case) -> tuple[tuple[Expression, ...], list[Applied], list[Condition]]:
+def _with_roots(case: Branch) -> tuple[tuple[Expression, ...], list[Applied], list[Condition]]:
     """Turn roots into powers: with r = x**(p/q), the unknown is x**(1/q), at least 0, and r its p-th power."""
     residuals, functions, conditions = list(case.residuals), [], []
     for item in case.unknown:

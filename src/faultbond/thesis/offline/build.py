@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from faultbond import sets
-from faultbond.algebra.solving.backward_euler import Plant, plant_of
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.component_network import SAMPLE_TIME, ComponentNetwork, build_components, frame_name
 from faultbond.equations.plant import build_plant
@@ -21,7 +21,7 @@ from faultbond.thesis.offline.functions import (
     read_by,
     state_signals,
 )
-from faultbond.thesis.offline.sides import MISFIT, Relation, Side, reaching, relations, side_of
+from faultbond.thesis.offline.sides import MISFIT, RedundantSet, Side, reaching, relations, side_of
 from faultbond.thesis.offline.tapes import compile_batch, compile_torn
 from faultbond.thesis.online.plan import Batch, ClassicPlan, Sides
 from faultbond.thesis.online.settings import Erratum, Settings
@@ -74,7 +74,7 @@ def largest_sets(hypotheses: Iterable[Sequence[int]]) -> tuple[tuple[int, ...], 
     return tuple(tuple(sorted(item)) for item in sets.largest(hypotheses))
 
 
-def _functions(network: ComponentNetwork, numbers: Plant, settings: Settings) -> _Functions:
+def _functions(network: ComponentNetwork, numbers: NumericPlant, settings: Settings) -> _Functions:
     inputs_only = Erratum.INPUTS in settings.printed
     samples = from_samples(network)
     before = [
@@ -90,7 +90,7 @@ def _functions(network: ComponentNetwork, numbers: Plant, settings: Settings) ->
     )
 
 
-def _sides(network: ComponentNetwork, relation: Relation, numbers: Plant) -> tuple[Side, ...]:
+def _sides(network: ComponentNetwork, relation: RedundantSet, numbers: NumericPlant) -> tuple[Side, ...]:
     """Give the laws of a relation that may be left over, one for each suspect in it."""
     found: dict[str, Side] = {}
     refusal = None

@@ -11,11 +11,11 @@ from itertools import islice
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import alternatives, find_route
-from faultbond.algebra.solving.backward_euler import Plant
+from faultbond.algebra.solving.backward_euler import NumericPlant
 from faultbond.algebra.solving.printing import to_one_line
 from faultbond.algebra.solving.problem import name_of
 from faultbond.algebra.solving.solution import Root, Solution
-from faultbond.algebra.solving.solve import Limits, solve
+from faultbond.algebra.solving.solve import SolvingLimits, solve
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
 from faultbond.thesis.offline.torn import Torn, tear
@@ -45,7 +45,7 @@ def state_signals(network: ComponentNetwork) -> tuple[str, ...]:
     return tuple(dict.fromkeys(state.signal for state in network.states))
 
 
-def answer_closed(network: ComponentNetwork, question: Question, route: Route | None, plant: Plant) -> Closed:
+def answer_closed(network: ComponentNetwork, question: Question, route: Route | None, plant: NumericPlant) -> Closed:
     """Give the closed form of a route, or, where there is none, the way to find its targets by Newton's method.
 
     Raises
@@ -55,7 +55,7 @@ def answer_closed(network: ComponentNetwork, question: Question, route: Route | 
     """
     if route is None:
         return Closed(question=question, route=None, roots=(Root(lines=()),), formula="measured")
-    solution = solve(network, route, plant, Limits())
+    solution = solve(network, route, plant, SolvingLimits())
     if solution.roots:
         return Closed(question=question, route=route, roots=solution.roots, formula=to_one_line(solution) or "")
     states = [f"{name}_0" for name in state_signals(network)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from faultbond.algebra.route import Question
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Plant
+from faultbond.algebra.solving.backward_euler import NumericPlant
 from faultbond.algebra.solving.solution import Line, Root
 from faultbond.equations.component_network import ComponentNetwork, Equation, SignalAt, in_frame
 from faultbond.equations.inversion import substitute
@@ -25,7 +25,7 @@ MISFIT = "misfit"  # name of what is left over of a law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Relation:
+class RedundantSet:
     """Equations that together have one to spare; smallest first where several are given."""
 
     equations: frozenset[str]
@@ -87,7 +87,7 @@ def _question(network: ComponentNetwork, equation: Equation, allowed: frozenset[
     )
 
 
-def relations(network: ComponentNetwork) -> tuple[Relation, ...]:
+def relations(network: ComponentNetwork) -> tuple[RedundantSet, ...]:
     """Give the smallest independent relations."""
     laws = [item for item in network.equations if item.name not in _sums(network)]
     found: dict[frozenset[str], int] = {}
@@ -101,7 +101,7 @@ def relations(network: ComponentNetwork) -> tuple[Relation, ...]:
         found.setdefault(relation, len(found))
     suspects = {item.name: len(set(item.parameters).intersection(network.suspects)) for item in laws}
     order = sorted(found, key=lambda item: (len(item), sum(suspects[name] for name in item), found[item]))
-    return tuple(Relation(equations=item) for item in independent(network, order))
+    return tuple(RedundantSet(equations=item) for item in independent(network, order))
 
 
 def independent(network: ComponentNetwork, candidates: Iterable[frozenset[str]]) -> tuple[frozenset[str], ...]:
@@ -127,7 +127,7 @@ def _spare(network: ComponentNetwork, equations: frozenset[str]) -> int:
     return len(rows) - sum(row >= 0 for row in matched)
 
 
-def side_of(network: ComponentNetwork, relation: Relation, parameter: str, plant: Plant) -> Side:
+def side_of(network: ComponentNetwork, relation: RedundantSet, parameter: str, plant: NumericPlant) -> Side:
     """Give, in a relation, the law of a suspended component and the signals on its sides.
 
     Raises
@@ -145,7 +145,7 @@ def side_of(network: ComponentNetwork, relation: Relation, parameter: str, plant
     raise StructureError(refusals[0])
 
 
-def _closed_side(network: ComponentNetwork, law: Equation, relation: Relation, plant: Plant) -> Side:
+def _closed_side(network: ComponentNetwork, law: Equation, relation: RedundantSet, plant: NumericPlant) -> Side:
     question = _question(network, law, relation.equations)
     route = find_route(network, question) if question.targets else None
     closed = answer_closed(network, question, route, plant)

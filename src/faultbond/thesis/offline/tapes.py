@@ -9,7 +9,7 @@ from faultbond.algebra.solving.solution import Line, Root
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.thesis.offline.torn import Torn, starts_of
 from faultbond.thesis.online.plan import Batch
-from faultbond.thesis.online.tape import Instruction, Outcome, Program, Search
+from faultbond.thesis.online.tape import Instruction, NewtonTape, Outcome, Program
 
 MAX_POWER = 16  # whole powers up to here are products
 
@@ -93,9 +93,9 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
     )
 
 
-def compile_torn(torn: Torn, target: str, places: Mapping[str, int]) -> Search:
+def compile_torn(torn: Torn, target: str, places: Mapping[str, int]) -> NewtonTape:
     """Give the search for a target that has no closed form."""
-    return Search(
+    return NewtonTape(
         program=compile_roots([Root(lines=torn.lines)], (*torn.misfits, target), places),
         guessed=tuple(places[name] for name in torn.guessed),
         starts=starts_of(torn, places),

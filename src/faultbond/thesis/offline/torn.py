@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from faultbond.algebra.route import Route
-from faultbond.algebra.solving.backward_euler import Plant
+from faultbond.algebra.solving.backward_euler import NumericPlant
 from faultbond.algebra.solving.problem import Block, prepare, trials_of
 from faultbond.algebra.solving.solution import Line
 from faultbond.equations.component_network import ComponentNetwork
@@ -35,7 +35,7 @@ class Torn:
     misfits: tuple[str, ...]
 
 
-def tear(network: ComponentNetwork, route: Route, plant: Plant, prefer: Sequence[str]) -> Torn:
+def tear(network: ComponentNetwork, route: Route, plant: NumericPlant, prefer: Sequence[str]) -> Torn:
     """Tear the equations of a route.
 
     Parameters

@@ -13,7 +13,7 @@ from faultbond.thesis.online.state import ClassicState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Point:
+class CurvePoint:
     """What is plotted of one sample; SI.
 
     time : of the sample worked on, s; told_at : of the newest one, at which it was known
@@ -47,14 +47,14 @@ class Point:
     averages: FloatArray
 
 
-def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Point:
+def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> CurvePoint:
     """Give what is plotted of the sample that a state was left by."""
     testing = state.alarm >= 0
     scales = np.array([item.scale for item in spec.parameters] + [np.nan])
     estimates = scales[plan.slots[:, 1:].astype(int)] * state.factors[:, 1:]
     nothing = np.full(len(plan.tested), np.nan)
     found = reason(spec, plan, state) if testing and plan.tested else None
-    return Point(
+    return CurvePoint(
         time=state.at,
         told_at=state.time,
         trust=state.trust,
@@ -91,6 +91,6 @@ def averages_of(n_parameters: int, plan: ClassicPlan, estimates: FloatArray) -> 
     return found
 
 
-def stacked(points: list[Point]) -> dict[str, FloatArray]:
+def stacked(points: list[CurvePoint]) -> dict[str, FloatArray]:
     """Give the curves by name, one row for each point."""
-    return {name: np.array([getattr(point, name) for point in points]) for name in Point.__slots__}
+    return {name: np.array([getattr(point, name) for point in points]) for name in CurvePoint.__slots__}

@@ -9,7 +9,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
-from faultbond.thesis.online.models import Moment, misfits_of, parameters_of, states_from_samples
+from faultbond.thesis.online.models import FilteredSample, misfits_of, parameters_of, states_from_samples
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum
 from faultbond.thesis.online.state import ClassicState
@@ -30,13 +30,13 @@ def start_factors(spec: EngineSpec, plan: ClassicPlan, healthy: FloatArray) -> t
     return factors[chosen], covariance
 
 
-def healthy_misfits(plan: ClassicPlan, state: ClassicState, moment: Moment) -> FloatArray:
+def healthy_misfits(plan: ClassicPlan, state: ClassicState, moment: FilteredSample) -> FloatArray:
     """Give the misfit of each law by the healthy model, (n_sides,)."""
     return _misfits(plan, state, moment, 1)[:, 0]
 
 
 def improve(
-    spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment: Moment, resting: BoolArray
+    spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment: FilteredSample, resting: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Take one sample into the estimates of all lanes.
 
@@ -56,7 +56,7 @@ def improve(
     stacked = np.concatenate(
         [parameters_of(spec, plan, state.healthy, item) for item in _moved(state.factors, moved)], axis=1
     )
-    all_ = _misfits(plan, state, Moment(dt=moment.dt, frames=moment.frames, parameters=stacked), 1 + slots)
+    all_ = _misfits(plan, state, FilteredSample(dt=moment.dt, frames=moment.frames, parameters=stacked), 1 + slots)
     all_ = all_.reshape(len(plan.sides), 1 + slots, lanes)
     factors, covariance = state.factors.copy(), state.covariance.copy()
     for side in np.flatnonzero(~resting & (state.misfit_counts > 0)):
@@ -92,7 +92,7 @@ def _moved(factors: FloatArray, moved: FloatArray) -> list[FloatArray]:
     return found
 
 
-def _misfits(plan: ClassicPlan, state: ClassicState, moment: Moment, times: int) -> FloatArray:
+def _misfits(plan: ClassicPlan, state: ClassicState, moment: FilteredSample, times: int) -> FloatArray:
     lanes = moment.n_lanes // times
     states, rates = np.tile(state.states[:, :lanes], times), np.tile(state.rates[:, :lanes], times)
     if Erratum.SIGNALS in plan.settings.printed:
@@ -100,9 +100,9 @@ def _misfits(plan: ClassicPlan, state: ClassicState, moment: Moment, times: int)
     return misfits_of(plan, moment, states, rates)
 
 
-def _propagated(plan: ClassicPlan, moment: Moment, otherwise: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _propagated(plan: ClassicPlan, moment: FilteredSample, otherwise: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Give the states and rates that propagating samples gives, as printed."""
-    earlier = Moment(
+    earlier = FilteredSample(
         dt=moment.dt, frames=np.vstack([moment.frames[1:], moment.frames[-1:]]), parameters=moment.parameters
     )
     now, before = (states_from_samples(plan, item, otherwise) for item in (moment, earlier))

@@ -9,11 +9,11 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.thesis.online.newton import solve
 from faultbond.thesis.online.plan import Batch, ClassicPlan
-from faultbond.thesis.online.tape import Search, evaluate
+from faultbond.thesis.online.tape import NewtonTape, evaluate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moment:
+class FilteredSample:
     """One filtered sample with those before it, and the parameters of all lanes.
 
     dt : s. frames : newest first, (depth, n_signals). parameters : (n_parameters, n_lanes).
@@ -53,27 +53,27 @@ def spread_parameters(spec: EngineSpec, healthy: FloatArray) -> FloatArray:
     return np.asarray(healthy[:, None] + np.hstack([np.zeros((len(healthy), 1)), off]))
 
 
-def states_from_samples(plan: ClassicPlan, moment: Moment, otherwise: FloatArray) -> FloatArray:
+def states_from_samples(plan: ClassicPlan, moment: FilteredSample, otherwise: FloatArray) -> FloatArray:
     """Give A, the states from several samples, (n_states, n_lanes); where there is no value the states `otherwise`."""
     environment = _environment(plan, moment)
     return _run(plan.from_samples, environment, otherwise)
 
 
-def states_from_before(plan: ClassicPlan, moment: Moment, before: FloatArray) -> FloatArray:
+def states_from_before(plan: ClassicPlan, moment: FilteredSample, before: FloatArray) -> FloatArray:
     """Give B, the states from those one sample `before`, (n_states, n_lanes), and one sample; nan: no value."""
     environment = _environment(plan, moment)
     _place(environment, plan.before, before)
     return _run(plan.from_before, environment, np.full(before.shape, np.nan))
 
 
-def outputs_from_before(plan: ClassicPlan, moment: Moment, before: FloatArray) -> FloatArray:
+def outputs_from_before(plan: ClassicPlan, moment: FilteredSample, before: FloatArray) -> FloatArray:
     """Give the outputs expected from the states one sample `before` and all else, (n_outputs, n_lanes)."""
     environment = _environment(plan, moment)
     _place(environment, plan.before, before)
     return _run(plan.expected, environment, np.full((len(plan.algebraic), moment.n_lanes), np.nan))
 
 
-def misfits_of(plan: ClassicPlan, moment: Moment, states: FloatArray, rates: FloatArray) -> FloatArray:
+def misfits_of(plan: ClassicPlan, moment: FilteredSample, states: FloatArray, rates: FloatArray) -> FloatArray:
     """Give what is left over of each law between the signals on its sides, (n_sides, n_lanes)."""
     environment = _environment(plan, moment)
     _place(environment, plan.rates, rates)
@@ -81,7 +81,7 @@ def misfits_of(plan: ClassicPlan, moment: Moment, states: FloatArray, rates: Flo
     return _run(plan.misfits, environment, np.full((len(plan.sides), moment.n_lanes), np.nan))
 
 
-def _environment(plan: ClassicPlan, moment: Moment) -> list[FloatArray]:
+def _environment(plan: ClassicPlan, moment: FilteredSample) -> list[FloatArray]:
     """Give the places with sample time, parameters and samples; the rest is nan."""
     nothing = np.array([np.nan])
     environment = [nothing] * len(plan.names)
@@ -103,7 +103,7 @@ def _place(environment: list[FloatArray], places: Sequence[int], values: FloatAr
 def _run(batch: Batch, environment: Sequence[FloatArray], otherwise: FloatArray) -> FloatArray:
     found = otherwise.copy()
     for program, rows in batch:
-        if isinstance(program, Search):
+        if isinstance(program, NewtonTape):
             value = solve(program, environment, found.shape[1])
         else:
             value = evaluate(program, environment)

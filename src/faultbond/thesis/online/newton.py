@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.thesis.online.tape import Program, Search, evaluate
+from faultbond.thesis.online.tape import NewtonTape, Program, evaluate
 
 STEPS = 40
 HALVINGS = 8
@@ -13,7 +13,7 @@ SLOPE_STEP = 1e-7  # of a guess
 CLOSE = 1e-9  # of a guess; a smaller step is none
 
 
-def solve(search: Search, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
+def solve(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
     """Give the results of a torn function.
 
     Parameters
@@ -41,7 +41,7 @@ def solve(search: Search, environment: Sequence[FloatArray], lanes: int) -> Floa
     return np.where(done, found[len(search.guessed) :], np.nan)
 
 
-def _first(search: Search, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
+def _first(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
     """Begin where the signals were one frame earlier, or where they are in the nominal plant."""
     found = np.repeat(np.array(search.about, dtype=float)[:, None], lanes, axis=1)
     for k, place in enumerate(search.starts):
@@ -50,7 +50,7 @@ def _first(search: Search, environment: Sequence[FloatArray], lanes: int) -> Flo
     return found
 
 
-def _run(search: Search, environment: Sequence[FloatArray], guess: FloatArray) -> FloatArray:
+def _run(search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray) -> FloatArray:
     """Give misfits, then results, (n_guessed + n_results, n_lanes)."""
     filled = list(environment)
     for place, values in zip(search.guessed, guess, strict=True):
@@ -62,13 +62,13 @@ def _height(program: Program) -> int:
     return len(program.outcomes[0].results)
 
 
-def _size(search: Search, found: FloatArray) -> FloatArray:
+def _size(search: NewtonTape, found: FloatArray) -> FloatArray:
     misfits = found[: len(search.guessed)]
     return np.where(np.isfinite(misfits).all(axis=0), np.abs(misfits).max(axis=0), np.inf)
 
 
 def _newton(
-    search: Search, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, scale: FloatArray
+    search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, scale: FloatArray
 ) -> FloatArray:
     """Give the Newton step; nan where there is none."""
     count = len(search.guessed)
@@ -87,7 +87,7 @@ def _newton(
 
 
 def _damped(
-    search: Search, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, change: FloatArray
+    search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, change: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Take the whole step, or half of it, or a quarter, ..., until the misfits shrink; tell which lanes moved."""
     part, open_ = 1.0, np.ones(guess.shape[1], dtype=bool)

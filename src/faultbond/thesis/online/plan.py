@@ -7,9 +7,9 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.thesis.online.settings import Settings
-from faultbond.thesis.online.tape import Program, Search
+from faultbond.thesis.online.tape import NewtonTape, Program
 
-Batch = tuple[tuple[Program | Search, tuple[int, ...]], ...]  # programs, and for each what its results are
+Batch = tuple[tuple[Program | NewtonTape, tuple[int, ...]], ...]  # programs, and for each what its results are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,7 +68,7 @@ class Program:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class NewtonTape:
     """A function without a closed form: its program gives as many misfits as there are guesses, then its results.
 
     guessed: places of the guesses. starts: places at which to begin, -1 where there is none. about: where the guesses

@@ -17,7 +17,7 @@ from faultbond.runtime.state import Report, Sample, Status
 from faultbond.thesis.online.estimate import healthy_misfits, improve, start_factors
 from faultbond.thesis.online.indices import add_error, exceeds, indices_of, trust_in_samples, weights_of
 from faultbond.thesis.online.models import (
-    Moment,
+    FilteredSample,
     outputs_from_before,
     parameters_of,
     spread_parameters,
@@ -148,9 +148,9 @@ def _begun(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicS
     )
 
 
-def _moment(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, lanes: int) -> Moment:
+def _moment(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, lanes: int) -> FilteredSample:
     dt = _interval(spec, plan, state)
-    return Moment(
+    return FilteredSample(
         dt=dt, frames=state.frames, parameters=parameters_of(spec, plan, state.healthy, state.factors[:, :lanes])
     )
 
@@ -187,7 +187,7 @@ def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Classi
     return _estimated(spec, plan, state, moment)
 
 
-def _models(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[Moment, FloatArray]:
+def _models(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[FilteredSample, FloatArray]:
     """Give the models that run, and their states one sample before.
 
     After the alarm the healthy model and one of each tested set; until then the healthy one, and with it those whose
@@ -196,7 +196,7 @@ def _models(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[M
     if state.alarm >= 0:
         return _moment(spec, plan, state, plan.n_lanes), state.states
     parameters = spread_parameters(spec, state.healthy)
-    moment = Moment(dt=_interval(spec, plan, state), frames=state.frames, parameters=parameters)
+    moment = FilteredSample(dt=_interval(spec, plan, state), frames=state.frames, parameters=parameters)
     return moment, np.hstack([state.states[:, :1], state.spread_states])
 
 
@@ -260,7 +260,7 @@ def _settling(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> BoolA
     return np.asarray((state.since_step < settling + smear) & ((settling > 0.0) | ~filtered_))
 
 
-def _estimated(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment: Moment) -> ClassicState:
+def _estimated(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment: FilteredSample) -> ClassicState:
     """While healthy learn how large the misfits of the laws are; later estimate the parameters of all sets."""
     still = _settling(spec, plan, state)
     resting = np.array([bool(still[list(side.inputs)].any()) for side in plan.sides], dtype=bool)
