@@ -25,6 +25,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.bank import Bank, advance_bank, no_bank
 from faultbond.runtime.monitor import step
+from faultbond.runtime.packing import trusted
 from faultbond.runtime.state import Sample, Status, init
 from faultbond.simulate import Inputs, simulate, sines
 from faultbond.synthesis.engine import build_engine
@@ -162,7 +163,7 @@ def _rate(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, coun
     taken = []
     for index in range(count):
         begin = time.thread_time()
-        advance_bank(spec, engine, bank, packed, index)
+        advance_bank(spec, engine, bank, packed, trusted(spec, packed), index)
         taken.append(time.thread_time() - begin)
     return float(np.median(taken))
 

@@ -13,6 +13,7 @@ import pytest
 
 from faultbond.app import course
 from faultbond.app import kept_run as keeping
+from faultbond.app.methods import build_method
 from faultbond.cli import main
 from faultbond.contract.findings import (
     Candidate,
@@ -32,7 +33,7 @@ from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
 from faultbond.runtime.rule import Sure, watch
 from faultbond.runtime.trace import Trace
-from faultbond.types import FaultKind, Method
+from faultbond.types import EngineChoice, FaultKind, Method
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = EXAMPLES / "rc" / "model.yaml"
@@ -312,6 +313,44 @@ def test_decisions_that_come_too_late_are_passed_over() -> None:
     for late in (decided, FoundSoFar().with_detection(first).with_rejected(other)):
         running.heed(late)
         assert running.found == FoundSoFar(detections=2, open=second)
+
+
+def test_what_is_decided_of_another_plant_is_passed_over(folder: Path, tmp_path: Path) -> None:
+    """A file of another model, or with a candidate that no model has, decides nothing of a run and does not stop it."""
+    state = tmp_path / "x.state"
+    run(folder, 0, 250, "--state", str(state))
+    saved = read_saved(state)
+    running = course.Course(
+        build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE, saved.numbers),
+        Grid(0.02, clock=saved.clock),
+        course.Following(out=Out(text=None, json=None)),
+        saved,
+    )
+    keeper = keeping.Keeper(state, running, Method.BANK, Out(text=None, json=None), None, keeping.stamp_of(state))
+    first = kept().found.accepted[0]
+    for hypothesis, sha in ((500, saved.model_sha256), (0, "another")):
+        decided = replace(first, candidate=replace(first.candidate, hypothesis=hypothesis))
+        other = replace(saved, model_sha256=sha, found=saved.found.with_accepted(decided))
+        write_saved(state, other)
+        keeper.look()
+        assert running.found.accepted == saved.found.accepted
+        assert read_saved(state).found == running.found
+
+
+def test_a_decision_that_came_before_the_file_is_written_is_heeded(folder: Path, tmp_path: Path) -> None:
+    """What a person decided since the run last looked is in the run, not overwritten by it."""
+    state = tmp_path / "x.state"
+    run(folder, 0, 250, "--state", str(state))
+    stamp, saved = keeping.stamp_of(state), read_saved(state)
+    assert main(["accept", str(MODEL), str(state), "C"]) == 0
+    running = course.Course(
+        build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE, saved.numbers),
+        Grid(0.02, clock=saved.clock),
+        course.Following(out=Out(text=None, json=None)),
+        saved,
+    )
+    keeping.Keeper(state, running, Method.BANK, Out(text=None, json=None), None, stamp).write(last=True)
+    assert [item.candidate.components for item in read_saved(state).found.accepted] == [("C",)]
 
 
 class Choosy(Refuser):

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,16 @@ MODEL = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 ROWS = 900  # at 50 Hz; C changes at 2 s, R at 9 s
 KILLS = int(os.environ.get("FAULTBOND_KILLS", "6"))
 PROGRAM = [sys.executable, "-m", "faultbond"]
+
+
+@pytest.fixture(autouse=True)
+def signals_are_heard() -> Iterator[None]:
+    """What a shell starts in the background ignores some signals, and so does all that it starts; here they count."""
+    heard = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    before = {number: signal.signal(number, handler) for number, handler in heard.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -13,10 +14,13 @@ from typing import Any
 import pytest
 
 from faultbond.app import kept_run as keeping
+from faultbond.app.rows import _count_lines
 from faultbond.cli import main
 from faultbond.io import files
 from faultbond.io.examples import example
 from faultbond.io.out import Out, open_out
+from faultbond.io.record_file import Mark, holds
+from faultbond.synthesis.compile import cache_folder
 
 RC = Path(__file__).parents[2] / "examples" / "rc"
 ROWS = 1200  # the fault begins at row 1000
@@ -89,6 +93,57 @@ def test_a_recording_on_standard_input_is_an_input(folder: Path) -> None:
         done = subprocess.run(command, stdin=stream, capture_output=True, text=True, check=False)
     assert (done.returncode, recording.read_bytes()) == (2, before)
     assert "this is the recording, on standard input," in done.stderr
+
+
+def test_a_recording_to_which_standard_output_goes_is_an_input(folder: Path) -> None:
+    """Records on standard output are not added to the recording that is being read."""
+    recording = folder / "healthy.csv"
+    before = recording.read_bytes()
+    command = [sys.executable, "-m", "faultbond", "run", str(folder / "m.yaml"), str(recording), "--json", "-"]
+    with recording.open("ab") as stream:
+        done = subprocess.run(command, stdout=stream, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, recording.read_bytes()) == (2, before)
+    assert "standard output goes to the recording" in done.stderr
+
+
+def test_a_pipe_is_read_once(tmp_path: Path) -> None:
+    """A recording that comes through a pipe is not opened to count its rows."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file.csv").write_text("time,y\n0,1\n1,1\n")
+    assert _count_lines(tmp_path / "pipe") is None
+    assert _count_lines(tmp_path / "file.csv") == 2
+
+
+def test_records_longer_than_any_file(tmp_path: Path) -> None:
+    """A state that tells of more records than there are takes no memory."""
+    (tmp_path / "j").write_bytes(b"x")
+    assert not holds(tmp_path / "j", Mark(path=str(tmp_path), length=2**52, sha256="0"))
+
+
+def test_a_stamp_of_what_cannot_be_looked_at(tmp_path: Path) -> None:
+    """A path that is none any more has no stamp, and stops nothing."""
+    (tmp_path / "file").write_bytes(b"x")
+    assert keeping.stamp_of(tmp_path / "file" / "x.state") is None
+    assert keeping.stamp_of(tmp_path / "file") is not None
+
+
+def test_a_seed_below_zero(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A seed that no generator takes is a mistake of the command."""
+    words = ["simulate", str(folder / "m.yaml"), "--inputs", str(folder / "healthy.csv"), "-o", str(folder / "z.csv")]
+    assert main([*words, "--seed", "-1"]) == 2
+    assert "--seed -1: expected a whole number" in capsys.readouterr().err
+
+
+def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is no home, engines are kept below the folder for temporary files."""
+
+    def homeless() -> Path:
+        raise RuntimeError
+
+    monkeypatch.setattr(Path, "home", homeless)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("FAULTBOND_CACHE", raising=False)
+    assert cache_folder().parent == Path(tempfile.gettempdir())
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
         if k in onsets:
             before[k], quiets[k] = sums, quiet
         if k >= operation.warm:
-            sums = added(spec.thresholds, sums, scores[k], operation.counted[k])
+            sums = added(spec.thresholds, sums, scores[k], operation.counted[k], operation.blanked[k])
             quiet = quiet & ~alarms(spec, sums, ratios[k])
     rows = np.array(onsets)[:, None] + np.arange(length + 1)
     return Windows(
@@ -130,7 +130,8 @@ class Bisection:
 class Detector:
     """The statistics of the detector after each onset, with noise, for faults of any size.
 
-    `counted`: (o, w, n_outputs), whether the sums take the value. Single precision: as good for noise, and faster.
+    `counted`, `blanked`: (o, w, n_outputs), whether the sums take the value, or forget those before. Single precision:
+    as good for noise, and faster.
 
     Raises
     ------
@@ -138,12 +139,12 @@ class Detector:
         Where noise alone always alarms before.
     """
 
-    def __init__(self, spec: EngineSpec, windows: Windows, counted: BoolArray) -> None:
+    def __init__(self, spec: EngineSpec, windows: Windows, counted: BoolArray, blanked: BoolArray) -> None:
         self.spec, self.quiet = spec, windows.quiet
         self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
         self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
         self.sums = _each(windows.sums, lambda item: item.transpose(0, 1, 3, 2).astype(np.float32))
-        self.counted = counted.transpose(1, 0, 2)
+        self.counted, self.blanked = counted.transpose(1, 0, 2), blanked.transpose(1, 0, 2)
         if not windows.quiet.any():
             raise RecordingError(
                 f"{spec.model}: in this run noise alone raises the alarm before any fault; "
@@ -191,7 +192,7 @@ class Detector:
             score, ratios = larger * innovations[w, ..., None], larger * slow[w, ..., None]
             if noisy:
                 score, ratios = score + self.noise[w, :, :, some], ratios + self.slow[w, :, :, some]
-            sums = added(settings, sums, score, self.counted[w, :, :, None])
+            sums = added(settings, sums, score, self.counted[w, :, :, None], self.blanked[w, :, :, None])
             peak = np.maximum(peak, height_of(settings, sums))
             slowest = np.maximum(slowest, np.abs(ratios))
         crossed = np.any(peak > settings.cusum_limit, axis=2)

@@ -36,8 +36,9 @@ class Operation:
     time, dt: (n,), s; `dt` since the sample before. u, u_before: (n, n_inputs), SI; `u_before` was held until then.
     mean, implicit: (n, n_joint), (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample
     before; zero in the first row. slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs).
-    spread: (n, n_outputs), sd of the innovations, SI. counted: (n, n_outputs), whether the CUSUM takes the value.
-    covariance: (n_joint, n_joint), after the first row. warm: rows before the alarms are on.
+    spread: (n, n_outputs), sd of the innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the
+    value, and whether they forget those before. covariance: (n_joint, n_joint), after the first row. warm: rows before
+    the alarms are on.
     """
 
     time: FloatArray
@@ -51,6 +52,7 @@ class Operation:
     gain: FloatArray
     spread: FloatArray
     counted: BoolArray
+    blanked: BoolArray
     covariance: FloatArray
     warm: int
 
@@ -113,6 +115,7 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
         gain=spreads @ slope.transpose(0, 2, 1) * information[:, None, :],
         spread=trace.spread,
         counted=(fields["use"] > 0) & (fields["scale"] == 1.0),
+        blanked=(fields["use"] > 0) & (fields["scale"] != 1.0),
         covariance=spreads[0],
         warm=trace.warm,
     )

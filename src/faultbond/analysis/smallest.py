@@ -134,7 +134,7 @@ def smallest_faults(
     else:
         operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
-    detector = Detector(spec, windows, operation.counted[windows.rows])
+    detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
     search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):

@@ -76,6 +76,8 @@ class Course:
         """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
         if self.found.open is None or other.detections != self.found.detections:
             return  # what was decided of is past
+        if other.open not in (None, self.found.open):
+            return  # of another run
         gone = suppress(FaultbondError)  # a candidate that is not among the listed ones any more
         if len(other.accepted) > len(self.found.accepted):
             with gone:

@@ -9,6 +9,7 @@ from faultbond.app.watcher import Watcher
 from faultbond.contract.findings import Decider, Decision, Diagnosis
 from faultbond.contract.records import decision_record, diagnosis_record
 from faultbond.errors import FaultbondError, RecordingError
+from faultbond.io.files import locked
 from faultbond.io.out import Out
 from faultbond.io.record_file import holds
 from faultbond.io.saved import FoundSoFar, Saved, write_saved
@@ -36,11 +37,8 @@ class _Opened:
 
 def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
     """Take a candidate of a kept run, without names the best, as the new healthy model."""
-    opened = _opened(model, state, out)
-    best = opened.diagnosis.candidates[0].hypothesis
-    candidate = opened.watcher.accept(find_hypothesis(opened.watcher.spec, names) if names else best)
-    accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
-    opened.write(state, opened.saved.found.with_accepted(accepted))
+    with locked(state):
+        opened, accepted = _accepted(model, state, names, out)
     out.record(decision_record(accepted))
     if out.text is not None:
         from faultbond.report.verdict import accepted_sentence  # noqa: PLC0415 - loads rich
@@ -48,12 +46,19 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
         out.say(accepted_sentence(opened.graph, accepted))
 
 
+def _accepted(model: Path, state: Path, names: tuple[str, ...], out: Out) -> tuple[_Opened, Decision]:
+    opened = _opened(model, state, out)
+    best = opened.diagnosis.candidates[0].hypothesis
+    candidate = opened.watcher.accept(find_hypothesis(opened.watcher.spec, names) if names else best)
+    accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
+    opened.write(state, opened.saved.found.with_accepted(accepted))
+    return opened, accepted
+
+
 def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
     """Rule a candidate of a kept run out, and with it all sets that contain it."""
-    opened = _opened(model, state, out)
-    chosen = find_hypothesis(opened.watcher.spec, names)
-    rejected = Decision(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
-    opened.write(state, opened.saved.found.with_rejected(rejected))
+    with locked(state):
+        opened, rejected = _rejected(model, state, names, out)
     left = opened.watcher.finish() or opened.diagnosis
     out.record(decision_record(rejected, rejected=True))
     out.record(diagnosis_record(left))
@@ -62,6 +67,14 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
 
         out.say(rejected_sentence(opened.graph, rejected))
         out.say(ranking_text(opened.graph, left))
+
+
+def _rejected(model: Path, state: Path, names: tuple[str, ...], out: Out) -> tuple[_Opened, Decision]:
+    opened = _opened(model, state, out)
+    chosen = find_hypothesis(opened.watcher.spec, names)
+    rejected = Decision(time=opened.diagnosis.time, candidate=opened.watcher.reject(chosen), by=Decider.PERSON)
+    opened.write(state, opened.saved.found.with_rejected(rejected))
+    return opened, rejected
 
 
 def _opened(model: Path, state: Path, out: Out) -> _Opened:

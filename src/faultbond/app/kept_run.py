@@ -7,6 +7,7 @@ from pathlib import Path
 
 from faultbond.app.course import Course
 from faultbond.errors import RecordingError
+from faultbond.io.files import locked
 from faultbond.io.out import Out
 from faultbond.io.record_file import Mark
 from faultbond.io.saved import Saved, read_saved, refuse_strange, write_saved
@@ -62,21 +63,48 @@ class Keeper:
     method : its method
     out : where its records are written
     records : up to where a file held the records of the run before
+    stamp : see `stamp_of`, before the run before was read
     """
 
-    def __init__(self, path: Path, course: Course, method: Method, out: Out, records: Mark | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        course: Course,
+        method: Method,
+        out: Out,
+        records: Mark | None = None,
+        stamp: tuple[int, int] | None = None,
+    ) -> None:
         self._path, self._course, self._method, self._out, self._records = path, course, method, out, records
         self._failing = False
         self._written = time.monotonic()
-        self._stamp = _stamp(path)
+        self._stamp = stamp
         self._found = course.found
 
     def write(self, *, last: bool = False) -> None:
-        """Write the run as it is now, if it has begun; where that cannot be, say so once, and at the end, and go on."""
-        saved = self._course.saved(self._method)
-        if saved is not None:
-            self._write(saved, last=last)
-        self._written, self._stamp, self._found = time.monotonic(), _stamp(self._path), self._course.found
+        """Write the run as it is now, if it has begun; where that cannot be, say so once, and at the end, and go on.
+
+        What a person has decided in the file until then is heeded, so that it is not lost.
+        """
+        with locked(self._path):
+            self._heed()
+            saved = self._course.saved(self._method)
+            if saved is not None:
+                self._write(saved, last=last)
+            self._stamp = stamp_of(self._path)
+        self._written, self._found = time.monotonic(), self._course.found
+
+    def _heed(self) -> None:
+        mine = self._course.saved(self._method) if self._is_replaced() else None
+        if mine is None:
+            return
+        with suppress(RecordingError):  # the file is of something else by now; it is written anew
+            other = read_saved(self._path)
+            if (other.model_sha256, other.method) == (mine.model_sha256, mine.method):
+                self._course.heed(other.found)
+
+    def _is_replaced(self) -> bool:
+        return stamp_of(self._path) not in (None, self._stamp)
 
     def _write(self, saved: Saved, *, last: bool) -> None:
         """Write the file; the records that it stands behind are on the disk before it is."""
@@ -96,22 +124,17 @@ class Keeper:
         self._failing = False
 
     def look(self) -> None:
-        """Of a live run: heed what a person decided in the file; write it at an alarm, and if that was long ago."""
-        stamp = _stamp(self._path)
-        decided = stamp is not None and stamp != self._stamp
-        if decided:
-            with suppress(RecordingError):  # the file is of something else by now; it is written anew
-                self._course.heed(read_saved(self._path).found)
+        """Of a live run: write the file where a person decided in it, at an alarm, and if that was long ago."""
         known, now = self._found, self._course.found
         due = (known.detections, known.accepted) != (now.detections, now.accepted)
-        if decided or due or time.monotonic() - self._written >= EVERY:
+        if due or self._is_replaced() or time.monotonic() - self._written >= EVERY:
             self.write()
 
 
-def _stamp(path: Path) -> tuple[int, int] | None:
-    """Give what changes when a file is replaced; None where there is none."""
+def stamp_of(path: Path | None) -> tuple[int, int] | None:
+    """Give what changes when a file is replaced; None where there is none that can be read."""
     try:
-        about = path.stat()
-    except FileNotFoundError:
+        about = path.stat() if path is not None else None
+    except OSError:
         return None
-    return about.st_mtime_ns, about.st_ino
+    return (about.st_mtime_ns, about.st_ino) if about is not None else None

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from faultbond.app.course import Course, Following
-from faultbond.app.kept_run import Keeper, read_before
+from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.methods import build_method
 from faultbond.app.network_run import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress
@@ -37,6 +37,7 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
     if graph.grid is TimeGrid.NONE:
         _refuse_time(wanted, graph.file)
         return run_static(graph, recording, method=wanted.method, report=wanted.report, out=out)
+    stamp = stamp_of(wanted.state)
     before = read_before(wanted.state, graph, wanted.method)
     live = recording == STANDARD_INPUT
     rows: Iterable[Row] = read_rows(recording, _columns(graph, before))
@@ -57,7 +58,7 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
         if before is not None:
             out.go_on(records)
         out.record(_run_record(watcher.spec, wanted.method, before))
-        keeper = Keeper(wanted.state, course, wanted.method, out, records) if wanted.state else None
+        keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
         _pass(course, follow(rows), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before

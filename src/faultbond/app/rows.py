@@ -49,8 +49,8 @@ def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:
 
 
 def _count_lines(path: Path) -> int | None:
-    """Give the number of rows of a CSV file, about; None of another."""
-    if path.suffix.lower() in (".parquet", ".pq"):
+    """Give the number of rows of a CSV file, about; None of another, and of a pipe, which can be read but once."""
+    if not path.is_file() or path.suffix.lower() in (".parquet", ".pq"):
         return None
     with path.open("rb") as stream:
         return sum(block.count(b"\n") for block in iter(lambda: stream.read(2**20), b"")) - 1

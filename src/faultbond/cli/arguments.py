@@ -18,6 +18,7 @@ from faultbond.cli.verbs import (
     level,
     part,
     time,
+    whole,
 )
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
@@ -88,7 +89,7 @@ def add_simulate(verbs: Subparsers) -> None:
         "SIGNAL.bias, .gain, .noise or .stuck, such as flow.bias=1.4e-5@1500 or flow.stuck@1500; @TIME..TIME for a "
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
-    parser.add_argument("--seed", metavar="N", type=int, help="make the noise repeatable")
+    parser.add_argument("--seed", metavar="N", type=whole, help="make the noise repeatable")
     parser.add_argument(
         "--start",
         metavar="STATE=VALUE",

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from faultbond.app import FitWishes
-from faultbond.cli.verbs import DONE, Subparsers, Verbs, add_engine, add_model, add_verb, engine
+from faultbond.cli.verbs import DONE, Subparsers, Verbs, add_engine, add_model, add_verb, engine, whole
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 
@@ -42,7 +42,7 @@ def add_fit(verbs: Subparsers) -> None:
         "--starts", metavar="N", type=_count, default=4, help="begin the search at N places (default: %(default)s)"
     )
     parser.add_argument(
-        "--seed", metavar="N", type=int, default=0, help="choose the other places (default: %(default)s)"
+        "--seed", metavar="N", type=whole, default=0, help="choose the other places (default: %(default)s)"
     )
     add_engine(parser)
 

@@ -2,9 +2,11 @@
 
 import argparse
 import os
+import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
 
 from faultbond.app.wishes import DEMO
 from faultbond.errors import FaultbondError
@@ -26,6 +28,8 @@ def check_outputs(arguments: argparse.Namespace) -> None:
         Where an output is also an input or another output, or cannot be written.
     """
     known = {identity_: what for identity_, what in _read(arguments) if identity_ is not None}
+    if (shown := _redirected(sys.stdout)) in known:
+        raise FaultbondError(f"standard output goes to {known[shown]}, which would be changed while it is read.")
     for name, what in WRITTEN.items():
         value = getattr(arguments, name, None)
         if value is None or (name == "json" and value == STANDARD_OUTPUT):
@@ -49,7 +53,7 @@ def _read(arguments: argparse.Namespace) -> Iterator[tuple[object, str]]:
             if value is None:
                 continue
             if str(value) == STANDARD_INPUT and name != "model":
-                yield _standard_input(), f"{what}, on standard input,"
+                yield _redirected(sys.stdin), f"{what}, on standard input,"
             else:
                 yield identity(Path(value)), what
     if arguments.verb == "demo":
@@ -57,13 +61,13 @@ def _read(arguments: argparse.Namespace) -> Iterator[tuple[object, str]]:
             yield identity(path), "a file of the example"
 
 
-def _standard_input() -> object:
-    """Give what a file that was redirected to standard input has in common with its name."""
+def _redirected(stream: TextIO) -> object:
+    """Give what a file to which a standard stream was redirected has in common with its name; None of no file."""
     try:
-        found = os.fstat(sys.stdin.fileno())
+        found = os.fstat(stream.fileno())
     except (OSError, ValueError, AttributeError):
         return None
-    return found.st_dev, found.st_ino
+    return (found.st_dev, found.st_ino) if stat.S_ISREG(found.st_mode) else None
 
 
 def _check_place(path: Path) -> None:

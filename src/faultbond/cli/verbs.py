@@ -144,6 +144,17 @@ def time(text: str) -> float:
     return duration(text)
 
 
+def whole(text: str) -> int:
+    """Read a whole number that is not negative."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise FaultbondError(f"--seed {text}: expected a whole number from 0, such as 1")
+    return value
+
+
 def level(text: str) -> float:
     """Read a probability from which a diagnosis is accepted."""
     if text == "auto":

@@ -24,7 +24,7 @@ from faultbond.runtime.cusum import LAGS, clip, scatter_gain
 OVERSHOOT = 1.166  # standard deviations
 LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing
 STILL = 1e-9
-STEEPEST = 16.0  # exponent; where crossings are rarer still, they are for ever
+FLATTEST, STEEPEST = 1e-6, 16.0  # exponents; below, rounding decides; above, crossings are rare for ever
 FARTHEST = 1e30  # s; longer is for ever
 
 
@@ -140,7 +140,7 @@ def scatter_time(settings: Thresholds, scores: Sequence[FloatArray], lag: int) -
 
 
 def _lundberg(gains: FloatArray) -> float:
-    """Give the root r > 0 of mean(exp(r g)) = 1 of gains with a negative mean; where none gains, the largest tried."""
+    """Give the root r > 0 of mean(exp(r g)) = 1 of gains with a negative mean, within what is tried."""
 
     def excess(exponent: float) -> float:
         return float(np.mean(np.exp(exponent * gains))) - 1.0
@@ -150,6 +150,8 @@ def _lundberg(gains: FloatArray) -> float:
         return high
     low = high
     while excess(low) >= 0.0:
+        if low < FLATTEST:
+            return low
         low /= 2.0
     return float(brentq(excess, low, 2.0 * low))
 

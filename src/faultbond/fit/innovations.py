@@ -132,7 +132,6 @@ def _summed(spec: EngineSpec, scores: FloatArray, use: BoolArray, settling: Bool
     sums = no_sums(n, n_y)
     slow, height = np.zeros((2, *scores.shape)), np.zeros(scores.shape)
     for t in range(scores.shape[1]):
-        sums = added(spec.thresholds, sums, scores[:, t], use[t])
-        sums.before[:, :, settling[t]] = np.nan
+        sums = added(spec.thresholds, sums, scores[:, t], use[t], settling[t])
         slow[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
     return slow, height

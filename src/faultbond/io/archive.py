@@ -22,6 +22,7 @@ from faultbond.arrays import FloatArray
 MAX_SIZE = 2**29  # bytes; the bank of a large plant takes a tenth of it
 ABOUT, CHECKSUM = "about", "checksum"
 _SUFFIX = ".npy"
+_ENCRYPTED = 0x1  # bit of the flags of a member
 _HEADER = re.compile(rb"\{'descr': '<(f8|U\d{1,9})', 'fortran_order': False, 'shape': \([\d, ]{0,99}\), \} *\n")
 
 
@@ -65,7 +66,7 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
 
 def _member(archive: ZipFile, member: ZipInfo) -> Any:
     """Give one array, whose header must tell the size that is there."""
-    if member.compress_type != ZIP_STORED or not member.filename.endswith(_SUFFIX):
+    if member.compress_type != ZIP_STORED or member.flag_bits & _ENCRYPTED or not member.filename.endswith(_SUFFIX):
         raise ValueError(f"{member.filename} is not stored as an array")
     stream = BytesIO(archive.read(member))
     if np.lib.format.read_magic(stream) != (1, 0) or not _HEADER.match(stream.getvalue(), stream.tell() + 2):

@@ -9,16 +9,48 @@ import re
 import secrets
 import shutil
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TextIO
+
+if sys.platform != "win32":
+    from fcntl import LOCK_EX, flock
 
 _STANDARD = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _LONGEST = 50  # characters of a name that its draft repeats
 
 STANDARD_INPUT = "-"
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Keep others who ask for it away from a file while it is read and replaced.
+
+    Where the system cannot lock its folder, as on Windows and on some network file systems, nobody is kept away.
+    """
+    folder = _lock(path.resolve().parent)
+    try:
+        yield
+    finally:
+        if folder is not None:
+            os.close(folder)
+
+
+def _lock(folder: Path) -> int | None:
+    if sys.platform == "win32":
+        return None
+    number = None
+    try:
+        number = os.open(folder, os.O_RDONLY)
+        flock(number, LOCK_EX)
+    except OSError:
+        if number is not None:
+            os.close(number)
+        return None
+    return number
 
 
 @contextmanager

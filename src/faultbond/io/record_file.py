@@ -228,11 +228,14 @@ class RecordFile:
 
 def holds(path: Path, mark: Mark) -> bool:
     """Whether a file begins with the records up to a mark."""
-    if not path.is_file():
+    if not path.is_file() or path.stat().st_size < mark.length:
         return False
+    total, left = sha256(), mark.length
     with path.open("rb") as stream:
-        found = stream.read(mark.length)
-    return len(found) == mark.length and sha256(found).hexdigest() == mark.sha256
+        while left and (block := stream.read(min(left, _BLOCK))):
+            total.update(block)
+            left -= len(block)
+    return not left and total.hexdigest() == mark.sha256
 
 
 def _kind(line: bytes) -> object:

@@ -371,7 +371,7 @@ def _parquet_records(path: Path, columns: Columns) -> Iterator[tuple[int, Sequen
                 for fields in zip(*(by_name.get(name, nothing) for name in found), strict=True):
                     number += 1
                     yield number, fields
-        except pyarrow.ArrowException as error:
+        except (pyarrow.ArrowException, OverflowError, ValueError) as error:  # the latter of values beyond Python's
             reason = str(error).partition("\n")[0]
             raise RecordingError(f"{path}: this is not a Parquet file that can be read ({reason}).") from error
 

@@ -147,6 +147,8 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
     """
     if state.alarm < 0:
         raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
+    if not 0 <= hypothesis < spec.n_hypotheses:
+        raise FaultbondError(f"{spec.model}: there is no candidate of the number {hypothesis}.")
     found = (item for item in conclude(spec, state).candidates if item.hypothesis == hypothesis)
     candidate = next(found, None)
     if candidate is None:

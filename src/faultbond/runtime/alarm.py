@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.cusum import Sums, added, clip, height_of, scales
+from faultbond.runtime.packing import trusted
 from faultbond.runtime.state import Changes, State
 from faultbond.runtime.unseen import unknown_inputs
 
@@ -20,15 +21,12 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     """
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     score = innovations[:n_y] / np.sqrt(innovations[n_y:])
-    present, settled = packed[place["use"]] > 0, packed[place["scale"]] < settings.blank_factor
-    use = present & settled & ~unknown_inputs(state).any()
+    use, blanked = counted(spec, state, packed), (packed[place["use"]] > 0) & ~trusted(spec, packed)
     sums = sums_of(state)
-    after = added(settings, sums, score, use)
+    after = added(settings, sums, score, use, blanked)
     scatter, before = after.scatter, after.before
     if state.astray.any():  # after a gap
         scatter, before = sums.scatter, np.full_like(before, np.nan)
-    elif not settled.all():
-        before[:, present & ~settled] = np.nan
     asleep = float(state.begun + settings.warm_up_samples - 1)  # the last sample before the sums began
     nis = state.nis if state.alarm >= 0 else usual_squares(state, np.where(use, clip(settings, score), np.nan))
     return {
@@ -38,6 +36,11 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
         "scatter": np.array([scatter, np.where(scatter <= 0.0, float(state.index), state.scatter[1]), before]),
         "nis": nis,
     }
+
+
+def counted(spec: EngineSpec, state: State, packed: FloatArray) -> BoolArray:
+    """Tell of which sensors the sums take a sample, (n_outputs,)."""
+    return trusted(spec, packed) & ~unknown_inputs(state).any()
 
 
 def sums_of(state: State) -> Sums:

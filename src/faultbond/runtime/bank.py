@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.lanes import extremes, plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
@@ -81,8 +81,8 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak
     )
 
 
-def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, index: int) -> Bank:
-    """Give the bank after one more packed sample, shape (n_sample,), with the number `index`."""
+def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, use: BoolArray, index: int) -> Bank:
+    """Give the bank after one more packed sample, (n_sample,), with the number `index`; `use`: see `add_misfit`."""
     steps, one = advance_steps(spec, engine, bank.steps, packed)
     slots, two = advance_slots(spec, engine, bank.slots, packed)
     innovations = np.concatenate([one, two], axis=1)
@@ -91,7 +91,7 @@ def advance_bank(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArra
         steps=steps,
         slots=slots,
         misfit=add_misfit(
-            spec, bank.misfit, packed, innovations, index, switched=one.shape[1] + plan_slots(spec).switched
+            spec, bank.misfit, use, innovations, index, switched=one.shape[1] + plan_slots(spec).switched
         ),
     )
 

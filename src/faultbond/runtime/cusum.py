@@ -65,7 +65,7 @@ def scatter_gain(settings: Thresholds, apart: Floats) -> Floats:
     return 0.25 * (1.0 - settings.scatter_ratio**-2) * apart * apart - log(settings.scatter_ratio)
 
 
-def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray) -> Sums:
+def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray, forget: BoolArray | None = None) -> Sums:
     """Take one sample into the sums.
 
     Parameters
@@ -75,7 +75,9 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray) -> Su
     score : array, shape (..)
         Innovations in their standard deviations.
     use : array of bool that broadcasts to `score`
-        False leaves the sums as they are.
+        False leaves the sums as they are; so does a score that is no number.
+    forget : array of bool that broadcasts to `score`
+        True where the next score is compared with none so far, as after a step of an input.
     """
     limited = clip(settings, score)
     slow = climb(sums.slow, limited, settings.cusum_drift)
@@ -83,14 +85,13 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray) -> Su
     gained = np.maximum(sums.scatter + scatter_gain(settings, score - sums.before), 0.0)
     scatter = np.where(np.isfinite(gained), gained, sums.scatter)
     before = np.concatenate([score[None], sums.before[:-1]])
-    if np.all(use):
-        return Sums(slow=slow, fast=fast, scatter=scatter, before=before)
-    return Sums(
-        slow=np.where(use, slow, sums.slow),
-        fast=np.where(use, fast, sums.fast),
-        scatter=np.where(use, scatter, sums.scatter),
-        before=np.where(use, before, sums.before),
-    )
+    use = use & np.isfinite(score)
+    if not np.all(use):
+        slow, fast = np.where(use, slow, sums.slow), np.where(use, fast, sums.fast)
+        scatter, before = np.where(use, scatter, sums.scatter), np.where(use, before, sums.before)
+    if forget is not None and np.any(forget):
+        before = np.where(forget, np.nan, before)
+    return Sums(slow=slow, fast=fast, scatter=scatter, before=before)
 
 
 def height_of(settings: Thresholds, sums: Sums) -> Floats:

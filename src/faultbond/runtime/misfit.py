@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.cusum import climb, clip
 
@@ -34,7 +34,7 @@ def no_misfit(spec: EngineSpec, n_lanes: int, index: int) -> Misfit:
 def add_misfit(
     spec: EngineSpec,
     misfit: Misfit,
-    packed: FloatArray,
+    use: BoolArray,
     innovations: FloatArray,
     index: int,
     switched: int | None = None,
@@ -45,16 +45,16 @@ def add_misfit(
     ----------
     spec : the model
     misfit : the sums before
-    packed : float array, shape (n_sample,)
+    use : bool array, shape (n_outputs,)
+        Sensors whose sums go on, as those of the alarm do.
     innovations : float array, shape (2 * n_outputs, n_lanes)
         Of each lane, see `Engine.advance`.
     index : number of the sample
     switched : the first of the lanes whose fault comes and goes; these come last. None: there are none
     """
-    settings, fields, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
+    settings, n_y = spec.thresholds, len(spec.outputs)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         score = np.nan_to_num(innovations[:n_y] / np.sqrt(innovations[n_y:]), nan=settings.cusum_clip)
-    use = (packed[fields["use"]] > 0) & (packed[fields["scale"]] < settings.blank_factor)
     sums = climb(misfit.sums, clip(settings, score), settings.cusum_drift)
     sums = np.where(use[:, None], sums, misfit.sums)
     comes_and_goes = np.arange(score.shape[1]) >= (score.shape[1] if switched is None else switched)

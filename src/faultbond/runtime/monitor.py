@@ -13,7 +13,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Detection, Diagnosis, Unexplained
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.alarm import accumulated, detect, slow_ratios, statistic
+from faultbond.runtime.alarm import accumulated, counted, detect, slow_ratios, statistic
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
 from faultbond.runtime.drifting import drifting
 from faultbond.runtime.estimates import Absorbed
@@ -113,8 +113,11 @@ def _kept(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, ch
     slot = state.index % len(state.trail_times)
     samples, times = state.trail_samples.copy(), state.trail_times.copy()
     samples[slot], times[slot] = packed, changes["time"]
-    bank = bank_fields(advance_bank(spec, engine, state.bank, packed, state.index)) if state.alarm >= 0 else {}
-    return replace(state, trail_samples=samples, trail_times=times, **changes, **bank)
+    kept = replace(state, trail_samples=samples, trail_times=times, **changes)
+    if state.alarm < 0:
+        return kept
+    use = counted(spec, kept, packed)
+    return replace(kept, **bank_fields(advance_bank(spec, engine, state.bank, packed, use, state.index)))
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:

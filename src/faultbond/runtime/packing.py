@@ -69,6 +69,12 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     return packed, inputs | seen | told_inputs(state, told, u, moved, gap, silent=bool(silent))
 
 
+def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:
+    """Tell which sensors have a value in a packed sample and are not blanked, (n_outputs,)."""
+    place = spec.sample_fields
+    return np.asarray((packed[place["use"]] > 0) & (packed[place["scale"]] < spec.thresholds.blank_factor))
+
+
 def _empty_points(state: State, _: float) -> tuple[float, float, float]:
     """Give how many grid points before this one had no value, how many usually have none, and this mean after it."""
     return state.silent, state.pause, state.pause + (min(state.silent, PAUSES) - state.pause) / PAUSES

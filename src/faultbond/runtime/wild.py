@@ -13,9 +13,9 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.packing import pack_sample
+from faultbond.runtime.packing import pack_sample, trusted
 from faultbond.runtime.state import Changes, Sample, State
-from faultbond.runtime.unseen import allowed, doubt, travelled
+from faultbond.runtime.unseen import allowed, doubt, is_restless, travelled
 
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,
 NOISES = 100.0  # of a sensor at least so many sd of its noise wide,
@@ -60,9 +60,14 @@ def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tup
     if gain < -TELLING:
         return state, *refused
     if gain <= TELLING:  # the readings do not tell
-        again = np.isfinite(refused[1]["odd"])
-        if again[odd].all() and length < PENDING:
-            return state, packed, changes | {"odd_since": state.odd_since, "rival": rival, "gain": gain}, 0
+        again, missing = np.isfinite(refused[1]["odd"]), ~np.isfinite(sample.u)
+        if (again | missing)[odd].all():
+            if length < PENDING:
+                later: Changes = {"odd": np.where(odd & missing, state.odd, refused[1]["odd"])}
+                later |= {"odd_since": state.odd_since, "rival": rival, "gain": gain}
+                return state, packed, changes | later, 0
+            if (missing & is_restless(state))[odd].any():  # usually told, and never told again
+                return state, *refused
         back = np.abs(sample.u - state.held) < BACK * np.abs(state.odd - state.held)
         if back[odd].all():
             return state, _doubting(spec, engine, (state.lane, packed), (real.lane, other), state), *refused[1:]
@@ -118,17 +123,15 @@ def _compared(spec: EngineSpec, engine: Engine, one: Past, two: Past) -> tuple[F
 
     That is the difference of the sums of squares of what both trust.
     """
-    n_y, place = len(spec.outputs), spec.sample_fields
-    trusted = np.logical_and(
-        *((s[place["use"]] > 0) & (s[place["scale"]] < spec.thresholds.blank_factor) for _, s in (one, two))
-    )
+    n_y = len(spec.outputs)
+    both = trusted(spec, one[1]) & trusted(spec, two[1])
     costs = []
     for lane, packed in (one, two):
         after, innovations = engine.advance(lane, packed[None, :])
         with np.errstate(all="ignore"):
             score = np.abs(innovations[0, :n_y, 0]) / np.sqrt(innovations[0, n_y:, 0])
         costs.append(np.minimum(np.nan_to_num(score, nan=CAP, posinf=CAP), CAP) ** 2)
-    return after, float(np.sum(costs[0] - costs[1], where=trusted))
+    return after, float(np.sum(costs[0] - costs[1], where=both))
 
 
 def surprising(spec: EngineSpec, packed: FloatArray, innovations: FloatArray) -> bool:

@@ -25,10 +25,17 @@ _CHECKSUM = 32  # bytes at the end of a library, behind what the loader reads
 
 
 def cache_folder() -> Path:
-    """Give the folder for compiled engines: `FAULTBOND_CACHE`, else the user's cache folder."""
-    chosen = os.environ.get("FAULTBOND_CACHE")
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return Path(chosen) if chosen else base / "faultbond"
+    """Give the folder for compiled engines: `FAULTBOND_CACHE`, else the user's cache folder.
+
+    A user who has no home, as in some containers, has one below the system's folder for temporary files.
+    """
+    chosen, base = os.environ.get("FAULTBOND_CACHE"), os.environ.get("XDG_CACHE_HOME")
+    if chosen:
+        return Path(chosen)
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "faultbond"
+    except RuntimeError:
+        return Path(tempfile.gettempdir()) / f"faultbond-{os.getuid()}"
 
 
 def find_compiler() -> tuple[str, ...] | None:

@@ -73,7 +73,7 @@ def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: b
     effects = np.full((101, 1, 3, 1), 0.2) * np.array([1.0, 0.8, 1.2])[:, None]
     if shape == "burst":
         effects *= np.random.default_rng(7).choice([-4.0, 4.0], (101, 1, 1, 1))
-    detector = Detector(spec, windows, operation.counted[windows.rows])
+    detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
     (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Bisection(np.log(20.0), 12, 1, 0.0), 0.6)
     share = []
     for larger in (1.02 * factor, factor / 1.02):

@@ -1,7 +1,7 @@
 """The detector along a recording in one call, and how often it would alarm."""
 
 from dataclasses import replace
-from math import erf
+from math import erf, log
 
 import numpy as np
 import pytest
@@ -85,6 +85,14 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     assert flow.between <= 1200.0
     assert pressure.peak < 1.0
     assert pressure.between > 1200.0
+
+
+def test_gains_that_hardly_fall() -> None:
+    """Scores whose scatter gains nothing on average have a time, not an endless search."""
+    high = np.sqrt((1.0 + log(2.5)) / (0.25 * (1.0 - 2.5**-2)))
+    low = np.sqrt((log(2.5) - 1.0 - 1e-8 + 1.0) / (0.25 * (1.0 - 2.5**-2)))
+    steps = np.array([high, low] * 50) * np.array([1.0, -1.0, -1.0, 1.0] * 25)
+    assert scatter_time(Thresholds(), [np.cumsum(steps)], 1) > 0.0
 
 
 def test_the_time_between_false_alarms_is_that_of_white_noise() -> None:

@@ -8,6 +8,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.slots import plan_slots
 from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
 from faultbond.runtime.misfit import add_misfit
+from faultbond.runtime.packing import trusted
 from faultbond.runtime.slotted import advance_slots, renewed_groups
 from faultbond.runtime.state import State
 from faultbond.runtime.stepped import advance_steps
@@ -68,11 +69,13 @@ def test_a_sample_takes_all_lanes_further() -> None:
     """After a sample steps, lanes with a slot and the sums of both are what their own functions give, in this order."""
     before, after = alarmed(200), alarmed(201)
     packed = last_sample(after)
-    bank = advance_bank(SPEC, ENGINE, before.bank, packed, 200)
+    bank = advance_bank(SPEC, ENGINE, before.bank, packed, trusted(SPEC, packed), 200)
     steps, one = advance_steps(SPEC, ENGINE, before.steps, packed)
     slots, two = advance_slots(SPEC, ENGINE, before.slots, packed)
     pairs = one.shape[1] + plan_slots(SPEC).switched
-    misfit = add_misfit(SPEC, before.bank.misfit, packed, np.concatenate([one, two], axis=1), 200, switched=pairs)
+    misfit = add_misfit(
+        SPEC, before.bank.misfit, trusted(SPEC, packed), np.concatenate([one, two], axis=1), 200, switched=pairs
+    )
     for found in (bank, after.bank):
         assert np.array_equal(found.steps, steps)
         assert np.array_equal(found.slots, slots)

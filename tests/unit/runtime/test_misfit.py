@@ -9,6 +9,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.alarm import accumulated
 from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
+from faultbond.runtime.packing import trusted
 from faultbond.runtime.state import init
 from faultbond.simulate import Fault
 from made import plant, recorded, run
@@ -38,7 +39,7 @@ def test_sums_of_the_healthy_lane_are_those_of_the_detector() -> None:
         state = replace(state, index=index)
         state = replace(state, **accumulated(SPEC, state, sample, found))
         other = generator.normal(size=2 * N_Y) ** 2
-        misfit = add_misfit(SPEC, misfit, sample, np.stack([other, found, 2.0 * other], axis=1), index)
+        misfit = add_misfit(SPEC, misfit, trusted(SPEC, sample), np.stack([other, found, 2.0 * other], axis=1), index)
         assert misfit.sums[:, :, 1] == pytest.approx(state.cusum, rel=1e-12, abs=1e-12)
         assert np.array_equal(misfit.since[:, :, 1], state.cusum_start)
     assert misfit.sums[0, :, 1].max() > SPEC.thresholds.cusum_limit
@@ -50,7 +51,7 @@ def test_a_lane_without_numbers_misfits() -> None:
     """An innovation that is no number counts as one as large as an innovation can count."""
     settings = SPEC.thresholds
     lost = np.full((2 * N_Y, 1), np.nan)
-    misfit = add_misfit(SPEC, no_misfit(SPEC, 1, 7), packed(SPEC, [1.0, 1.0], [1.0, 1.0]), lost, 8)
+    misfit = add_misfit(SPEC, no_misfit(SPEC, 1, 7), trusted(SPEC, packed(SPEC, [1.0, 1.0], [1.0, 1.0])), lost, 8)
     assert misfit.sums[0, :, 0] == pytest.approx(settings.cusum_clip - settings.cusum_drift)
     assert np.all(misfit.sums[1] == 0.0)
     assert misfit.since[:, :, 0].tolist() == [[7.0, 7.0], [8.0, 8.0]]
@@ -61,7 +62,7 @@ def test_a_wild_innovation_counts_so_far() -> None:
     settings = SPEC.thresholds
     before = Misfit(sums=np.full((2, N_Y, 1), 10.0), since=np.full((2, N_Y, 1), 3.0))
     wild = np.array([[1e6], [-1e6], [1.0], [1.0]])
-    after = add_misfit(SPEC, before, packed(SPEC, [1.0, 1.0], [1.0, 1.0]), wild, 9)
+    after = add_misfit(SPEC, before, trusted(SPEC, packed(SPEC, [1.0, 1.0], [1.0, 1.0])), wild, 9)
     up, down = 10.0 + settings.cusum_clip - settings.cusum_drift, 10.0 - settings.cusum_clip - settings.cusum_drift
     assert after.sums[:, :, 0] == pytest.approx(np.array([[up, down], [down, up]]))
     assert np.all(after.since == 3.0)
@@ -99,11 +100,11 @@ def test_what_comes_and_goes_stays_contradicted() -> None:
     for index in range(rows):
         found = wild.copy()
         found[:N_Y, 2] *= float(index < 3)  # the last lane is contradicted for three samples only
-        misfit = add_misfit(SPEC, misfit, sample, found, index, switched=1)
+        misfit = add_misfit(SPEC, misfit, trusted(SPEC, sample), found, index, switched=1)
     peak = misfit.sums[0, :, 1].copy()
     assert peak.min() > settings.cusum_limit
     for index in range(rows, rows + 400):
-        misfit = add_misfit(SPEC, misfit, sample, quiet, index, switched=1)
+        misfit = add_misfit(SPEC, misfit, trusted(SPEC, sample), quiet, index, switched=1)
     assert np.all(misfit.sums[0, :, 0] == 0.0)
     assert np.array_equal(misfit.sums[0, :, 1], peak)
     assert np.all(misfit.sums[0, :, 2] == 0.0)

@@ -11,7 +11,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
-from faultbond.runtime.cusum import LAGS
+from faultbond.runtime.cusum import LAGS, added, no_sums
 from faultbond.runtime.state import Sample, State, init
 from faultbond.types import FaultKind
 from made import differing, plant, recorded, run
@@ -180,3 +180,17 @@ def test_a_sensor_that_scatters_is_found_and_named() -> None:
     assert not any(item.detection for item in reports)
     restored = State.restore(state.save())
     assert not differing(state, restored)
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, -np.inf])
+def test_a_score_that_is_no_number_leaves_all_sums_as_they_are(wild: float) -> None:
+    """One innovation without a variance neither blinds the detector nor raises an alarm."""
+    settings, sums = SPEC.thresholds, no_sums(2)
+    for score in np.random.default_rng(9).standard_normal((20, 2)) + 1.0:
+        sums = added(settings, sums, score, np.array([True, True]))
+    after = added(settings, sums, np.array([wild, 1.0]), np.array([True, True]))
+    for name in ("slow", "fast", "scatter", "before"):
+        assert np.array_equal(getattr(after, name)[:, 0], getattr(sums, name)[:, 0])
+        assert np.isfinite(getattr(after, name)).all()
+    assert after.slow[0, 1] > sums.slow[0, 1]
+    assert after.before[0, 1] == 1.0

@@ -135,6 +135,18 @@ def test_a_burst_of_an_input_raises_no_alarm(value: float) -> None:
     assert sum(report.wild for report in reports) == 12
 
 
+@pytest.mark.parametrize("absent", [1, 2, 40])
+def test_an_input_that_is_wild_once_and_then_missing_is_not_believed(absent: int) -> None:
+    """A wild value of an input after which some values are missing is held, counted, and no part of its range."""
+    _, spec, engine = plant("dc_motor")
+    samples = spoiled(recorded_rows("dc_motor")[:260], ("u", 0), [100], 1e6)
+    samples = spoiled(samples, ("u", 0), range(101, 101 + absent), np.nan)
+    final, reports = run(spec, engine, samples)
+    assert final.detections == 0
+    assert sum(report.wild for report in reports) >= 1
+    assert final.highest[0] < 100.0
+
+
 @pytest.mark.parametrize("told", SPARSE)
 @pytest.mark.parametrize(("name", "case"), [(name, case) for name in STEPS for case in range(len(STEPS[name]))])
 def test_an_input_that_really_goes_far_is_followed(name: str, case: int, told: str) -> None:
