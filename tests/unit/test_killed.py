@@ -29,10 +29,9 @@ PROGRAM = [sys.executable, "-m", "faultbond"]
 @pytest.fixture(autouse=True)
 def signals_are_heard() -> Iterator[None]:
     """What a shell starts in the background ignores some signals, and so does all that it starts; here they count."""
-    heard = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
-    before = {number: signal.signal(number, handler) for number, handler in heard.items()}
+    before = [signal.signal(signal.SIGINT, signal.default_int_handler), signal.signal(signal.SIGHUP, signal.SIG_DFL)]
     yield
-    for number, handler in before.items():
+    for number, handler in zip((signal.SIGINT, signal.SIGHUP), before, strict=True):
         signal.signal(number, handler)
 
 

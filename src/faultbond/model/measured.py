@@ -16,6 +16,8 @@ from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread, spread
 from faultbond.model.source import Entry, Node, Source, Text, closest, shown
 from faultbond.model.units import Measure
 from faultbond.model.values import (
+    check_length,
+    check_scale,
     needs_size,
     range_ends,
     read_column,
@@ -143,6 +145,7 @@ class MeasuredReader:
         self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
         if noise.difference() <= 0 and not self.kind.static:
             raise self.source.error(entry, f"{what} must be above 0; state its standard deviation")
+        check_scale(self.source, entry, what, noise.difference())
         return noise.difference()
 
     def _range(self, fields: Mapping[str, Entry], name: str, what: str) -> tuple[float, float]:
@@ -189,6 +192,8 @@ class MeasuredReader:
                 self.size_measures[target] = sd.quantity.measure
             else:
                 same_unit(self.source, fields["size"], f"{what}: size", sd.quantity, default)
+        check_scale(self.source, fields["size"], f"{what}: size", sd.ratio if sd.is_relative else sd.difference())
+        check_length(self.source, fields["size"], f"{what}: its memory", memory)
         if ("after" in fields) != ("each" in fields):
             problem = "`after` and `each` belong together; write `after: [inflow], each: 0.005 cm/(cm^3/s)`"
             raise self.source.error(entry, f"{what}: {problem}")

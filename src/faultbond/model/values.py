@@ -15,6 +15,8 @@ from faultbond.model.source import Entry, Items, Node, Source, Text, shown
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
 
+SMALLEST, LARGEST = 1e-100, 1e100  # of standard deviations, SI
+LONGEST = 1e12  # s
 PARAMETER_KEYS = ("nominal", "accuracy", "change", "range", "limit", "suspect")
 INPUT_KEYS = ("unit", "column", "noise", "settling", "range", "suspect")
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
@@ -103,6 +105,7 @@ class ValueReader:
         if "noise" in fields:
             noise = read_spread(self.source, fields["noise"], f"{what}: noise", found)
             needs_size(self.source, fields["noise"], f"{what}: noise", noise)
+            check_scale(self.source, fields["noise"], f"{what}: noise", noise.difference())
         else:
             noise = Spread(absolute=Quantity(0.0, found))
             if not self.kind.logic:
@@ -190,6 +193,7 @@ class ValueReader:
         result = chosen.difference(nominal.value)
         if not math.isfinite(result) or (key == "change" and result == 0):
             raise self.source.error(entry, f"parameter {name}: `{key}` must be a finite size above 0")
+        check_scale(self.source, entry, f"parameter {name}: `{key}`", result / abs(nominal.value or 1.0))
         return result
 
     def _suspect(self, fields: Mapping[str, Entry], what: str, owner: Part) -> bool:
@@ -326,6 +330,12 @@ def needs_size(source: Source, entry: Entry, what: str, found: Spread) -> None:
         raise source.error(entry, f"{what} is relative; say of what, such as `{text} % of 8.9 kPa`, or write a size")
 
 
+def check_scale(source: Source, place: Node | Entry, what: str, size: float) -> None:
+    """Refuse a size whose square no computer holds."""
+    if size and not SMALLEST < abs(size) < LARGEST:
+        raise source.error(place, f"{what} is {size:.3g} in SI, as nothing real is; check the number and its unit")
+
+
 def same_unit(source: Source, place: Node | Entry, what: str, found: Quantity, wanted: Measure | None) -> None:
     """Refuse a quantity of another dimension than the thing it belongs to."""
     if found.measure is None:
@@ -340,4 +350,12 @@ def same_unit(source: Source, place: Node | Entry, what: str, found: Quantity, w
 
 def read_duration(source: Source, entry: Entry, what: str) -> float:
     """Give a time in seconds."""
-    return duration(source.text(entry.value, what), f"{source.at(entry)}{what} ")
+    found = duration(source.text(entry.value, what), f"{source.at(entry)}{what} ")
+    check_length(source, entry, what, found)
+    return found
+
+
+def check_length(source: Source, place: Node | Entry, what: str, seconds: float) -> None:
+    """Refuse a time longer than anything lasts."""
+    if seconds > LONGEST:
+        raise source.error(place, f"{what} is longer than any plant runs; check the number and its unit")

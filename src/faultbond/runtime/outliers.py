@@ -7,7 +7,6 @@ others for a moment the readings decide whether it did. Huber and Ronchetti, *Ro
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from faultbond.runtime.state import Sample, State, init
 
 FAR = 10.0  # sd of its noise, or usual misfits, that a reading may lie from the start that the others give
 APART = 3.0  # usual distances from the middle that an input may lie from it
-MOST = 0.25  # part of the values of a column that may be wild; where more are, the model is off
+MOST = 0.45  # part of the values of a column that may be wild; where more are, the model is off
+SHORT = 0.25  # part of an input's values that is held for wild also where the readings do not tell
 HUBER = 1.5  # usual misfits from which on a reading counts less,
 PASSES = 5  # and how often such weights are found anew
 SPIKE, SPIKES = 4.0, 3  # misfit, sd, that may be due to an input that was off for a sample, and how many are tried
@@ -82,7 +82,8 @@ def begin(
         trial = _fitted(spec, engine, other, known, again=again)
         gain = _compared(spec, fit, trial)
         ends = last == len(samples) - 1
-        unseen = (column, first, last) in strays and (not ends or first == last)
+        short = last - first < SHORT * len(samples)
+        unseen = (column, first, last) in strays and short and (not ends or first == last)
         if gain > (-TELLING if unseen else TELLING):
             refused, fit, kept = without, trial, other_state
     if refused.any():
@@ -154,30 +155,31 @@ def _alone(spec: EngineSpec, samples: FloatArray) -> BoolArray:
     y, there = samples[:, spec.sample_fields["y"]], samples[:, spec.sample_fields["use"]] > 0
     found = np.zeros_like(there)
     for k, noise in enumerate(spec.output_noise):
-        apart, usual = _distances(y[:, k], there[:, k])
+        apart, usual = _distances(y[:, k], there[:, k], MOST)
         found[:, k] = there[:, k] & (apart > FAR * max(usual, noise))
     return found
 
 
-def _distances(values: FloatArray, there: BoolArray) -> tuple[FloatArray, float]:
-    """Give how far values are from the middle of those that are there, and how far three quarters of these are."""
+def _distances(values: FloatArray, there: BoolArray, most: float) -> tuple[FloatArray, float]:
+    """Give how far values are from the middle of those that are there, and how far all but a part of these are."""
     if not there.any():
         return np.zeros(len(values)), 0.0
     apart = np.abs(values - np.median(values[there]))
-    return apart, float(np.quantile(apart[there], 1.0 - MOST))
+    return apart, float(np.quantile(apart[there], 1.0 - most, method="lower"))
 
 
 def _strays(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, int]]:
     """Give column, first and last sample of each run in which an input leaves its other values."""
-    place = spec.sample_fields["u"]
-    everywhere = np.ones(len(samples), dtype=bool)
+    place, whole = spec.sample_fields["u"], len(samples)
+    everywhere = np.ones(whole, dtype=bool)
     for column, item in enumerate(spec.inputs):
-        apart, usual = _distances(samples[:, place][:, column], everywhere)
-        stray = apart > APART * max(usual, item.noise)
-        for is_stray, run in groupby(range(len(samples)), key=lambda k: bool(stray[k])):
-            chosen = list(run)
-            if is_stray and len(chosen) <= MOST * len(samples):
-                yield column, chosen[0], chosen[-1]
+        for least, most in ((0.0, SHORT), (SHORT, MOST)):
+            apart, usual = _distances(samples[:, place][:, column], everywhere, most)
+            stray = apart > APART * max(usual, item.noise)
+            edges = np.flatnonzero(np.diff(stray, prepend=False, append=False))
+            for first, end in edges.reshape(-1, 2).tolist():
+                if least * whole < end - first <= most * whole:
+                    yield column, first, end - 1
 
 
 def _spikes(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, int]]:

@@ -20,7 +20,7 @@ from faultbond.runtime.unseen import allowed, doubt, is_restless, travelled
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,
 NOISES = 100.0  # of a sensor at least so many sd of its noise wide,
 SURPRISE = 20.0  # and sd by which a reading must lie off what is expected
-LIMIT = 1e6  # widths beyond what was seen at which a value counts that goes on: for arithmetic's sake
+LIMIT = 10.0  # widths beyond what was seen at which a value counts that goes on: wilder ones only teach nonsense
 PATIENCE = 5.0  # wild readings of a sensor that are refused,
 RECOVERY = 50.0  # and samples after which it is one more again
 PENDING = 20  # samples for which an input that goes on may wait for the readings to tell

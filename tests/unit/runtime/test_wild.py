@@ -28,6 +28,18 @@ STEPS: dict[
 JUMPS = [("dc_motor_current", "R", 0.2), ("dc_motor_current", "R", 5.0), ("dc_motor_current", "L", 0.5)]
 JUMPS += [("rc", "R", 0.2), ("rc", "R", 5.0)]
 FAULTY = [("dc_motor", "fault_winding.csv", 1000), ("rc", "fault_capacitor.csv", 1000)]
+BURSTS = [  # of a plant: the sensor, the first row and the number of wild readings
+    ("dc_motor", 0, 60, 13),
+    ("dc_motor", 0, 2, 5),
+    ("dc_motor", 0, 20, 8),
+    ("tank", 0, 30, 30),
+    ("tank", 0, 200, 30),
+    ("tank", 1, 2, 8),
+    ("rlc", 0, 60, 13),
+    ("rlc", 0, 200, 30),
+    ("rlc", 0, 8, 5),
+    ("dc_motor_current", 1, 2, 5),
+]
 Place = tuple[str, int]  # `u` or `y`, and the column
 
 
@@ -122,6 +134,20 @@ def test_a_burst_of_a_sensor_is_a_fault_of_that_sensor(value: float) -> None:
         found = finish(spec, final)
         assert (found is not None) == (length > 3)
         assert found is None or found.candidates[0].components == ("omega",)
+
+
+@pytest.mark.parametrize("value", [1e6, 100.0])
+@pytest.mark.parametrize(("name", "column", "row", "length"), BURSTS)
+def test_a_sensor_that_recovers_from_nonsense_blames_no_component(
+    name: str, column: int, row: int, length: int, value: float
+) -> None:
+    """After a burst of wild readings, early or late, the sensor is at fault or nothing is; never a component."""
+    _, spec, engine = plant(name)
+    rows = recorded_rows(name)[: row + length + 260]
+    final, _ = run(spec, engine, spoiled(rows, ("y", column), range(row, row + length), value * rows[row].y[column]))
+    found = finish(spec, final)
+    best = found.candidates[0] if found is not None else None
+    assert best is None or spec.outputs[column].name in best.components, best
 
 
 @pytest.mark.parametrize("value", [1e300, 1e6, -100.0])
