@@ -10,7 +10,7 @@ from benchmarks.thesis_page import Line, Table, equal, number, set_text, sets_te
 from faultbond.algebra.solving.solution import solve_samples
 from faultbond.analysis.ranks import ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.solutions import OtherSolutions, other_solutions
-from faultbond.analysis.testable import Testability, generic_run, judge
+from faultbond.analysis.testable import SetVerdict, generic_run, judge
 from faultbond.analysis.twins import twins
 from faultbond.equations.numeric import Value
 from faultbond.equations.plant import build_plant
@@ -53,7 +53,7 @@ def shown(name: str) -> ReducedSensitivities:
     return reduce([generic_run(model(name))])
 
 
-def verdicts(name: str) -> dict[frozenset[str], Testability]:
+def verdicts(name: str) -> dict[frozenset[str], SetVerdict]:
     """Give the verdict on every set of parameters, by the thesis' names for them."""
     names = [_printed(item.name) for item in model(name).plant.graph.parameters]
     found = judge(shown(name), range(len(names)), len(names)).verdicts

@@ -9,12 +9,14 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from faultbond.app import course
+from faultbond.app.signals import Stopped, Stopping
 from faultbond.cli import main
 from faultbond.io.out import open_out
 from faultbond.io.record_file import Mark, RecordFile
@@ -199,6 +201,15 @@ def wait_for_module(number: int) -> None:
             return
         threading.Event().wait(0.002)
     pytest.fail("it does not start")
+
+
+def test_a_signal_that_a_library_swallows_ends_the_run() -> None:
+    """What was raised while a library was loaded, and caught there, is raised again before the first row is taken."""
+    with Stopping():
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        with Stopping() as inner, pytest.raises(Stopped):
+            next(inner.between(iter([1])))
 
 
 def test_a_signal_that_is_ignored_stays_so(recording: Path, tmp_path: Path) -> None:

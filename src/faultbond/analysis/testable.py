@@ -23,7 +23,7 @@ NOT_IDENTIFIABLE = "not identifiable"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Testability:
+class SetVerdict:
     """What data can tell of a set of suspects, given by their positions in `BondGraph.parameters`.
 
     uncertain: the sensitivities are so nearly dependent that rounding decides; the set then counts as identifiable.
@@ -45,7 +45,7 @@ class Judgement:
     """The verdict on every set up to a size; `left_out` sets, the largest, were not judged."""
 
     rank: Rank
-    verdicts: tuple[Testability, ...]
+    verdicts: tuple[SetVerdict, ...]
     left_out: int = 0
 
 
@@ -87,7 +87,7 @@ def judge(reduced: ReducedSensitivities, suspects: Sequence[int], largest: int) 
     suspects : positions of parameters
     largest : size of a set
     """
-    verdicts: list[Testability] = []
+    verdicts: list[SetVerdict] = []
     total = sum(comb(len(suspects), size) for size in range(1, largest + 1))
     for size in range(1, min(largest, len(suspects)) + 1):
         sets = tuple(islice(combinations(suspects, size), MOST_SETS - len(verdicts)))
@@ -96,7 +96,7 @@ def judge(reduced: ReducedSensitivities, suspects: Sequence[int], largest: int) 
         ranks, doubts = (found.tolist() for found in set_ranks(reduced, sets))
         for chosen, rank, doubt in zip(sets, ranks, doubts, strict=True):
             verdicts.append(
-                Testability(
+                SetVerdict(
                     parameters=chosen,
                     identifiable=rank == size,
                     falsifiable=rank < reduced.rank.value,

@@ -34,6 +34,9 @@ class Stopping:
             for number in STOPPING:
                 if signal.getsignal(number) not in (signal.SIG_IGN, None):
                     self._before[number] = signal.signal(number, self._note)
+                    outer = getattr(self._before[number], "__self__", None)
+                    if isinstance(outer, Stopping):  # what it raised, a library may have swallowed
+                        self.noted = self.noted or outer.noted
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

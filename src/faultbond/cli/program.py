@@ -76,6 +76,7 @@ def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
     """
     if argv is None and not sys.warnoptions:
         warnings.filterwarnings("ignore", category=RuntimeWarning)  # of arithmetic; what is not finite is told in words
+    _load(sys.argv[1:] if argv is None else argv, verbs)
     with Stopping() as stopping:
         try:
             return _guarded(argv, verbs)
@@ -85,6 +86,12 @@ def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
             if stopping.noted is not None:  # what the library made of it that was stopped
                 return SIGNALLED + stopping.noted
             return _internal(error)
+
+
+def _load(words: Sequence[str], verbs: Verbs) -> None:
+    """Load what the verb needs, while Ctrl-C still ends the program at once."""
+    if words and not {"-h", "--help"} & set(words):
+        getattr(verbs, words[0].replace("-", "_"), None)
 
 
 def _guarded(argv: Sequence[str] | None, verbs: Verbs) -> int:

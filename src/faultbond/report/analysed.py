@@ -11,7 +11,7 @@ from faultbond.analysis.input_advice import Stimulus
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.testable import Testability
+from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
 from faultbond.contract.records import Record
 from faultbond.diagnosability.isolability import Isolability
@@ -62,8 +62,8 @@ def hypotheses_record(
 
 def _hypothesis(
     graph: BondGraph,
-    item: Testability,
-    on_data: Mapping[tuple[int, ...], Testability],
+    item: SetVerdict,
+    on_data: Mapping[tuple[int, ...], SetVerdict],
     known: Mapping[tuple[str, ...], OtherSolutions],
 ) -> Record:
     names = _names(graph, item.parameters)
@@ -77,7 +77,7 @@ def _hypothesis(
     return record
 
 
-def _verdict(item: Testability) -> Record:
+def _verdict(item: SetVerdict) -> Record:
     return {"identifiable": item.identifiable, "falsifiable": item.falsifiable, "testable": item.testable}
 
 

@@ -165,7 +165,7 @@ def _distances(values: FloatArray, there: BoolArray, most: float) -> tuple[Float
     if not there.any():
         return np.zeros(len(values)), 0.0
     apart = np.abs(values - np.median(values[there]))
-    return apart, float(np.quantile(apart[there], 1.0 - most, method="lower"))
+    return apart, float(np.sort(apart[there])[int((1.0 - most) * np.count_nonzero(there))])
 
 
 def _strays(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, int]]:
@@ -178,7 +178,7 @@ def _strays(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, i
             stray = apart > APART * max(usual, item.noise)
             edges = np.flatnonzero(np.diff(stray, prepend=False, append=False))
             for first, end in edges.reshape(-1, 2).tolist():
-                if least * whole < end - first <= most * whole:
+                if least * whole <= end - first < most * whole:
                     yield column, first, end - 1
 
 

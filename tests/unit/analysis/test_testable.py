@@ -13,7 +13,7 @@ from faultbond.analysis.testable import (
     EXPLAINS_ANYTHING,
     NOT_IDENTIFIABLE,
     Judgement,
-    Testability,
+    SetVerdict,
     choose_sets,
     generic_run,
     judge,
@@ -241,7 +241,7 @@ def test_where_rounding_decides_all_verdicts_are_uncertain() -> None:
 def test_without_testable_sets_the_smallest_identifiable_are_tested() -> None:
     """Of two suspects of which each alone and both explain anything, each alone is tested."""
     verdicts = tuple(
-        Testability(parameters=chosen, identifiable=True, falsifiable=False, uncertain=False)
+        SetVerdict(parameters=chosen, identifiable=True, falsifiable=False, uncertain=False)
         for chosen in ((0,), (1,), (0, 1))
     )
     choice = sets_to_test(Judgement(rank=told_rank(np.array([1.0, 0.5])), verdicts=verdicts))

@@ -12,7 +12,7 @@ from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.ranks import Rank
 from faultbond.analysis.smallest import Effect, SmallestFault
 from faultbond.analysis.solutions import OtherSolutions
-from faultbond.analysis.testable import Judgement, Testability
+from faultbond.analysis.testable import Judgement, SetVerdict
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
@@ -44,7 +44,7 @@ def view(
     """A view in which all single suspects are testable."""
     rank = Rank(value=n, least=n, kept=1.0, dropped=0.0, clear=clear, low=0.0, high=0.0)
     verdicts = tuple(
-        Testability(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n)
+        SetVerdict(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n)
     )
     return CapabilityView(judgement=Judgement(rank=rank, verdicts=verdicts), groups=groups, near_groups=near)
 
