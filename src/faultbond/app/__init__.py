@@ -6,11 +6,11 @@ from faultbond.lazy import lazily
 
 if TYPE_CHECKING:
     from faultbond.app.analysis import analyse, print_code, trace
+    from faultbond.app.any_run import run
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
     from faultbond.app.identification import check_data, fit
     from faultbond.app.model_check import check
-    from faultbond.app.plant_run import run
     from faultbond.app.simulation import simulate
     from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
 
@@ -40,7 +40,7 @@ __getattr__ = lazily(
         "demonstration": "demo",
         "identification": "check_data fit",
         "model_check": "check",
-        "plant_run": "run",
+        "any_run": "run",
         "simulation": "simulate",
         "wishes": "FitWishes Imperfections Wanted Wishes",
     },

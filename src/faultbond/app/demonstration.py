@@ -4,8 +4,8 @@ import shutil
 import sys
 from pathlib import Path
 
+from faultbond.app.any_run import run
 from faultbond.app.engines import engine_title
-from faultbond.app.plant_run import run
 from faultbond.app.wishes import DEMO, Wanted
 from faultbond.io.examples import example
 from faultbond.io.out import Out

@@ -1,4 +1,4 @@
-"""`run`: every sample of a plant passes the monitor."""
+"""`run` on a plant in time: every sample passes the monitor."""
 
 import sys
 from collections.abc import Iterable
@@ -8,35 +8,25 @@ from pathlib import Path
 from faultbond.app.course import Course, Following
 from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.methods import build_method
-from faultbond.app.network_run import run_circuit, run_static
 from faultbond.app.rows import begun, no_time, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.watcher import Watcher
 from faultbond.app.wishes import Wanted
 from faultbond.contract.records import run_record
 from faultbond.contract.spec import EngineSpec
-from faultbond.errors import ModelError, RecordingError
+from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Grid, GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.io.recording import Columns, columns_of, read_rows
 from faultbond.io.saved import Saved
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
-from faultbond.networks.logic.dxc import is_circuit
 from faultbond.runtime.trace import Trace
-from faultbond.types import Method, TimeGrid, Verdict
+from faultbond.types import Method, Verdict
 
 
-def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
-    """Watch a recording, a path or `-`, and give the verdict."""
-    if is_circuit(model):
-        _refuse_time(wanted, str(model))
-        return run_circuit(model, recording, method=wanted.method, report=wanted.report, out=out)
-    graph = load_model(model)
-    if graph.grid is TimeGrid.NONE:
-        _refuse_time(wanted, graph.file)
-        return run_static(graph, recording, method=wanted.method, report=wanted.report, out=out)
+def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
+    """Watch a recording of a plant in time, and give the verdict."""
     stamp = stamp_of(wanted.state)
     before = read_before(wanted.state, graph, wanted.method)
     live = recording == STANDARD_INPUT
@@ -65,18 +55,6 @@ def run(model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
     _conclude(graph, watcher, course, trace, wanted, out)
     return course.verdict
-
-
-def _refuse_time(wanted: Wanted, model: str) -> None:
-    """Refuse what only a plant in time has."""
-    options = {
-        "--state": wanted.state is not None,
-        "--accept": wanted.accept is not None,
-        f"--method {wanted.method.value}": wanted.method is not Method.BANK,
-    }
-    for option, given in options.items():
-        if given:
-            raise ModelError(f"{model}: a network without time is diagnosed row by row; leave out {option}")
 
 
 def _columns(graph: BondGraph, before: Saved | None) -> Columns:
