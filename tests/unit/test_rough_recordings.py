@@ -166,6 +166,16 @@ def test_a_fault_after_a_gap_and_a_gap_after_a_fault(folder: Path, tmp_path: Pat
         assert group["C"]["estimate"] == pytest.approx(160e-6, rel=0.1)
 
 
+def test_rows_that_go_backwards_are_refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording whose rows are in the wrong order is refused; a few late rows are not."""
+    model = EXAMPLES / "rc" / "model.yaml"
+    for edit, code in ((lambda rows: rows[::-1], 2), (lambda rows: [rows[k ^ 1] for k in range(900)], 0)):
+        capsys.readouterr()
+        recording = spoiled(folder / "healthy.csv", tmp_path / "r.csv", edit)
+        assert main(["run", str(model), str(recording)]) == code
+        assert ("most rows are earlier than all before" in capsys.readouterr().err) == (code == 2)
+
+
 def test_a_sensor_without_any_value(folder: Path, tmp_path: Path) -> None:
     """A column without a number leaves the plant to the other sensors."""
     model = EXAMPLES / "dc_motor_current" / "model.yaml"

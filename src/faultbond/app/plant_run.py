@@ -32,7 +32,7 @@ def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> 
     live = recording == STANDARD_INPUT
     rows: Iterable[Row] = read_rows(recording, _columns(graph, before))
     if not live:
-        rows = begun(iter(rows))  # a wrong file is refused before the engine is built
+        rows = begun(iter(rows), recording)  # a wrong file is refused before the engine is built
     with progress(recording, out) as follow:
         watcher = build_method(graph, wanted.method, wanted.engine, before.numbers if before else None)
         grid = Grid(

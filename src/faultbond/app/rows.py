@@ -4,14 +4,17 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from itertools import chain
+from itertools import accumulate, chain, islice
 from pathlib import Path
 
+from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
 from faultbond.runtime.packing import UNKNOWN_GAP
 from faultbond.runtime.state import Sample, State
+
+FIRST = 50  # rows by which the order of a recording is judged
 
 Follow = Callable[[Iterable[Row]], Iterable[Row]]
 
@@ -24,9 +27,23 @@ def no_time(recording: str) -> str:
     )
 
 
-def begun(rows: Iterator[Row]) -> Iterator[Row]:
-    """Read the first row now."""
-    return chain([next(rows)], rows)
+def begun(rows: Iterator[Row], recording: str) -> Iterator[Row]:
+    """Read the first rows now.
+
+    Raises
+    ------
+    RecordingError
+        Where most of them are earlier than all before: rows that are a little late are sorted in, these could not be.
+    """
+    first = list(islice(rows, FIRST))
+    earliest = accumulate((row.time for row in first), min)
+    back = [row for before, row in zip(earliest, first[1:], strict=False) if row.time < before]
+    if 2 * len(back) > len(first):
+        raise RecordingError(
+            f"{recording}: line {back[0].line}: most rows are earlier than all before, so hardly any are of use. "
+            "Sort them by time, or check the column of `time`."
+        )
+    return chain(first, rows)
 
 
 def sample_of(point: GridPoint) -> Sample:
