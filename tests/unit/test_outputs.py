@@ -58,6 +58,7 @@ def folder(tmp_path: Path) -> Path:
         ("accept m.yaml s.state --json s.state", "s.state: this is the state"),
         ("reject m.yaml m.yaml C", "m.yaml: this is the model and would be the state too"),
         ("demo --report r.html --json r.html", "r.html: this is the report"),
+        ("run m.yaml healthy.csv --report -", "-: only records go to standard output"),
         ("run m.yaml healthy.csv --report no/r.html", "no/r.html: there is no folder no"),
         ("run m.yaml healthy.csv --json .", "this is a folder"),
     ],

@@ -34,6 +34,8 @@ def check_outputs(arguments: argparse.Namespace) -> None:
         value = getattr(arguments, name, None)
         if value is None or (name == "json" and value == STANDARD_OUTPUT):
             continue
+        if str(value) == STANDARD_OUTPUT:
+            raise FaultbondError(f"-: only records go to standard output, by --json -. Name a file for {what}.")
         path = Path(value)
         _check_place(path)
         found = identity(path)
