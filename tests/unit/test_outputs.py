@@ -109,10 +109,15 @@ def test_a_recording_to_which_standard_output_goes_is_an_input(folder: Path) -> 
 
 def test_a_pipe_is_read_once(tmp_path: Path) -> None:
     """A recording that comes through a pipe is not opened to count its rows."""
-    os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "file.csv").write_text("time,y\n0,1\n1,1\n")
-    assert _count_lines(tmp_path / "pipe") is None
+    recording = b"time,y\n0,1\n1,1\n"
+    (tmp_path / "file.csv").write_bytes(recording)
     assert _count_lines(tmp_path / "file.csv") == 2
+    reading, writing = os.pipe()
+    os.write(writing, recording)
+    os.close(writing)
+    assert _count_lines(Path(f"/dev/fd/{reading}")) is None
+    assert os.read(reading, 100) == recording
+    os.close(reading)
 
 
 def test_records_longer_than_any_file(tmp_path: Path) -> None:

@@ -30,6 +30,16 @@ def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> No
     assert windows.quiet.mean() > 0.9
 
 
+def test_what_is_blanked_is_compared_with_nothing() -> None:
+    """After a step that blanks a sensor the sum of its scatter begins anew, as in the monitor."""
+    model = example("rlc")
+    spec = build_spec(model)
+    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 200)
+    always = replace(operation, blanked=np.ones_like(operation.counted))
+    assert windows_of(spec, operation, [120], 20).sums.scatter.any()
+    assert not windows_of(spec, always, [120], 20).sums.scatter.any()
+
+
 def test_the_sums_are_those_of_the_monitor() -> None:
     """From the monitor's own innovations many realisations at once have the same sums, sample for sample.
 

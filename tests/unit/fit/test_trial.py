@@ -8,8 +8,8 @@ import pytest
 
 from faultbond.contract.spec import Thresholds
 from faultbond.fit.certainty import long_run_variance
-from faultbond.fit.false_alarms import cusum_time, scatter_time
-from faultbond.fit.innovations import watch
+from faultbond.fit.false_alarms import cusum_time, rates, scatter_time
+from faultbond.fit.innovations import Watch, watch
 from faultbond.fit.likelihood import layout_of
 from faultbond.fit.samples import prepare
 from faultbond.fit.trial import on_trial
@@ -17,7 +17,7 @@ from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
-from faultbond.runtime.cusum import added, no_sums
+from faultbond.runtime.cusum import LAGS, added, no_sums
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, init
 from faultbond.synthesis.engine import build_engine, build_model
@@ -85,6 +85,19 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     assert flow.between <= 1200.0
     assert pressure.peak < 1.0
     assert pressure.between > 1200.0
+
+
+def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
+    """Scores that only scatter, whose sums therefore stay low, alarm as often as that of the scatter."""
+    built = build_engine(load_model(example("tank") / "model.yaml"))[0]
+    noise = np.random.default_rng(3).standard_normal((4001, len(built.outputs)))
+    scores = 1.3 * np.diff(noise, axis=0)
+    nothing = np.zeros_like(scores)
+    slow = np.zeros((len(scores), len(built.slow_errors)))
+    seen = Watch(scores=scores, cusum=np.array([nothing, nothing]), height=nothing, slow=slow)
+    rate = rates(built, [seen], 2.0)[0]
+    told = max(scatter_time(built.thresholds, [scores[:, 0]], lag) for lag in range(1, LAGS + 1))
+    assert rate.between == pytest.approx(2.0 * told, rel=0.01)
 
 
 def test_gains_that_hardly_fall() -> None:
