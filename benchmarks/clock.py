@@ -69,8 +69,8 @@ def bank_throughout(seed: int, rounds: int = 3) -> tuple[float, int]:
         begin = time.process_time()
         state = play_through(eager, engine, given)
         taken.append(time.process_time() - begin)
-    if state.alarm != spec.thresholds.warm_up_samples:
-        raise RuntimeError(f"the bank began at sample {state.alarm}, not at the end of the warm-up")
+    if state.clock.alarm != spec.thresholds.warm_up_samples:
+        raise RuntimeError(f"the bank began at sample {state.clock.alarm}, not at the end of the warm-up")
     return float(np.median(taken)), len(spec.hypotheses)
 
 

@@ -140,8 +140,8 @@ def _packed(spec: EngineSpec, inputs: FloatArray) -> FloatArray:
     state, packed, dt = init(spec), np.zeros((len(inputs), spec.n_sample)), spec.sample_time or 1.0
     for row, u in enumerate(inputs):
         sample = Sample(time=row * dt, dt=dt, u=u, y=np.zeros(len(spec.outputs)))
-        packed[row], changes = pack_sample(spec, state, sample, u)
-        state = replace(state, index=row + 1, time=sample.time, **changes)
+        packed[row], state = pack_sample(spec, state, sample, u)
+        state = replace(state, clock=replace(state.clock, index=row + 1))
     return packed
 
 

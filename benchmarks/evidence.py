@@ -78,10 +78,10 @@ def evidence(made: Played, *, kept: bool) -> float:
         if sample.time >= made.onset:
             if not ratios:
                 healthy, told = before, suspect_lanes(spec, _plan(spec, made, before[:, 0], kept=kept), before[:, 0])
-            packed = state.trail_samples[(state.index - 1) % len(state.trail_samples)][None, :]
+            packed = state.past.samples[-1:]
             healthy, told = engine.advance(healthy, packed)[0], engine.advance(told, relinearised(spec, packed))[0]
             ratios.append(float(told[-1, 0] - healthy[-1, 0]))
-        before = state.lane
+        before = state.healthy.lane
     return max(ratios)
 
 

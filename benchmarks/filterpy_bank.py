@@ -283,7 +283,7 @@ def start_of(spec: EngineSpec, engine: Engine, recording: Simulation) -> Snapsho
     for k, dt in enumerate(steps):
         sample = Sample(time=float(recording.time[k]), dt=float(dt), u=recording.inputs[k], y=recording.outputs[k])
         state, _ = step(spec, engine, state, sample)
-    lane, loops = state.lane[:, 0], spec.n_joint + spec.n_packed
+    lane, loops = state.healthy.lane[:, 0], spec.n_joint + spec.n_packed
     return Snapshot(
         mean=lane[: spec.n_joint],
         covariance=unpack(spec, lane[spec.covariance_slice]),

@@ -68,9 +68,9 @@ def play() -> tuple[EngineSpec, Played]:
         begin = time.perf_counter()
         state, _ = step(spec, engine, state, sample)
         taken.append(time.perf_counter() - begin)
-    if state.alarm < 0:
+    if state.clock.alarm < 0:
         raise RuntimeError("no alarm was raised, so nothing was measured")
-    return spec, Played(taken=np.array(taken), alarm=state.alarm)
+    return spec, Played(taken=np.array(taken), alarm=state.clock.alarm)
 
 
 def waits(taken: FloatArray, period: float) -> FloatArray:

@@ -165,7 +165,7 @@ def needed(
 ) -> list[tuple[float, bool]] | None:
     """Give for each fault the size that this seed needs, and whether the predicted size is found; None: early alarm."""
     plant = begun(folder, inputs_seed, seed)
-    if plant.state.alarm >= 0:
+    if plant.state.clock.alarm >= 0:
         return None
     results = []
     for parameter, way, size in wanted:

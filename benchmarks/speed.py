@@ -151,7 +151,7 @@ def _latencies(spec: EngineSpec, engine: Engine, given: Sequence[Sample], status
 def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: list[Sample]) -> tuple[float, float]:
     """Give the median time per sample of the bank on the first engine, and how many times as long the second takes."""
     state = play_through(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
-    packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
+    packed = state.past.samples[-1]
     compiled, virtual = (
         _rate(spec, engine, state.bank, packed, count)
         for engine, count in zip(engines, (DIAGNOSED // 2, MACHINE_SAMPLES), strict=True)

@@ -14,11 +14,12 @@ import numpy as np
 from benchmarks.play import engine_of
 from benchmarks.trust_plants import Make, Played
 from faultbond.app.methods import restored
-from faultbond.app.rows import resumed, sample_of
+from faultbond.app.rows import sample_of
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Grid, GridClock, Row, on_grid
 from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.runtime.monitor import step
+from faultbond.runtime.packing import resumed
 from faultbond.runtime.state import Report, Sample, State, init
 from faultbond.types import Method
 

@@ -1,8 +1,10 @@
 """Made-up recordings of the built-in plants, and runs of the monitor over them, for tests."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from faultbond.synthesis.engine import build_engine
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TANK_START = 0.2  # m^3
+PARTS = ("clock", "inputs", "sensors", "healthy", "bank", "normal")
 
 
 @cache
@@ -65,3 +68,11 @@ def differing(one: State, two: State) -> list[str]:
     """Names of the numbers in which two states differ, to the last bit; nan equals nan."""
     first, second = one.save(), two.save()
     return [name for name in first if not np.array_equal(first[name], second[name], equal_nan=True)]
+
+
+def changed(state: State, **numbers: Any) -> State:
+    """A state with other numbers, each by the name that it has in one of the parts."""
+    for name, value in numbers.items():
+        part = next(part for part in PARTS if hasattr(getattr(state, part), name))
+        state = replace(state, **{part: replace(getattr(state, part), **{name: value})})
+    return state

@@ -95,15 +95,15 @@ def like(watcher: Watcher, saved: Numbers) -> Watcher:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("index", np.nan),
-        ("index", 0.5),
-        ("alarm", 1e300),
-        ("begun", 2.0**40),
-        ("misfit_since", np.nan),
-        ("cusum_start", -2.0),
-        ("trail_times", np.inf),
-        ("reading_gain", np.nan),
-        ("rates", np.inf),
+        ("clock.index", np.nan),
+        ("clock.index", 0.5),
+        ("clock.alarm", 1e300),
+        ("clock.begun", 2.0**40),
+        ("bank.misfit.since", np.nan),
+        ("sensors.cusum_start", -2.0),
+        ("past.times", np.inf),
+        ("normal.gain", np.nan),
+        ("normal.rates", np.inf),
     ],
 )
 def test_a_number_that_no_run_has_is_refused(
@@ -119,8 +119,9 @@ def test_a_number_that_no_run_has_is_refused(
 def test_samples_that_would_fill_the_memory(folder: Path, tmp_path: Path) -> None:
     """A filter that is said to have gathered samples for years would look for all of them."""
     saved = read_saved(folder / "bank")
-    forged = {"index": np.array(1e9), "begun": np.array(0.0), "running": np.array(0.0), "alarm": np.array(-1.0)}
-    write_saved(tmp_path / "x", replace(saved, numbers={**saved.numbers, **forged}))
+    forged = {"index": 1e9, "begun": 0.0, "running": 0.0, "alarm": -1.0}
+    clock = {f"clock.{name}": np.array(value) for name, value in forged.items()}
+    write_saved(tmp_path / "x", replace(saved, numbers={**saved.numbers, **clock}))
     assert goes_on(folder, tmp_path / "x") == 2
 
 

@@ -149,21 +149,27 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     for sample in samples:
         state, report = step(watched, engine, state, sample)
-        if not state.running:
+        if not state.clock.running:
             rows = []
             continue
-        packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
-        rows.append((sample.time, packed, state.lane[:, 0], np.sqrt(np.maximum(report.variance, 0.0))))
+        rows.append(
+            (
+                sample.time,
+                state.past.samples[-1].copy(),
+                state.healthy.lane[:, 0],
+                np.sqrt(np.maximum(report.variance, 0.0)),
+            )
+        )
     if not rows:
         return None
-    first = state.index - len(rows)
+    first = state.clock.index - len(rows)
     time, samples_seen, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
     return _Trace(
         time=time,
         samples=samples_seen,
         lanes=lanes,
         spread=spread,
-        warm=max(state.begun + spec.thresholds.warm_up_samples - first, 0),
+        warm=max(state.clock.begun + spec.thresholds.warm_up_samples - first, 0),
     )
 
 
@@ -173,7 +179,11 @@ def _begun(spec: EngineSpec, engine: Engine) -> State:
     if any(item.start_sd is None for item in spec.states):
         return state
     start = solve_start(spec, engine, np.zeros((0, spec.n_sample)))
-    return replace(state, lane=healthy_lane(spec, *start), running=1)
+    return replace(
+        state,
+        clock=replace(state.clock, running=1),
+        healthy=replace(state.healthy, lane=healthy_lane(spec, *start)),
+    )
 
 
 def _slopes(

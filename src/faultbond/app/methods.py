@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.app.engines import build_watcher
-from faultbond.app.rows import resumed
 from faultbond.app.watcher import Numbers, Watcher
 from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
@@ -16,7 +15,8 @@ from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
 from faultbond.runtime.allowed import BEGIN_ANEW, fitting
 from faultbond.runtime.monitor import START_PATIENCE, finish, step
-from faultbond.runtime.state import Report, Sample, State, allowed_of, init
+from faultbond.runtime.packing import resumed
+from faultbond.runtime.state import Report, Sample, State, allowed_of, init, restore
 from faultbond.types import EngineChoice, Method
 
 
@@ -43,7 +43,7 @@ class BankWatcher:
     @property
     def in_use(self) -> BoolArray:
         """Which sensors are used."""
-        return np.isfinite(self._state.reading_noise)
+        return np.isfinite(self._state.normal.noise)
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
@@ -101,8 +101,10 @@ def restored(spec: EngineSpec, saved: Numbers) -> State:
     RecordingError
         Where it does not fit the model, or has numbers that no run has.
     """
-    state = State.restore(fitting(init(spec).save(), saved, allowed_of(spec)))
-    gathering = 0 if state.running or state.begun < 0 else state.index - state.begun
-    if max(state.begun, state.alarm, state.accepted) > state.index or gathering > START_PATIENCE:
+    fresh = init(spec)
+    state = restore(fresh, fitting(fresh.save(), saved, allowed_of(spec)))
+    clock = state.clock
+    gathering = 0 if clock.running or clock.begun < 0 else clock.index - clock.begun
+    if max(clock.begun, clock.alarm, clock.accepted) > clock.index or gathering > START_PATIENCE:
         raise RecordingError(f"the saved state is damaged: its samples are out of order. {BEGIN_ANEW}")
     return state

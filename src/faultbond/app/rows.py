@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from itertools import accumulate, chain, islice
 from pathlib import Path
 
@@ -11,8 +10,7 @@ from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import GridPoint, Row
 from faultbond.io.out import Out
-from faultbond.runtime.packing import UNKNOWN_GAP
-from faultbond.runtime.state import Sample, State
+from faultbond.runtime.state import Sample
 
 FIRST = 50  # rows by which the order of a recording is judged
 
@@ -49,11 +47,6 @@ def begun(rows: Iterator[Row], recording: str) -> Iterator[Row]:
 def sample_of(point: GridPoint) -> Sample:
     """Give a grid point as the monitor takes it."""
     return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
-
-
-def resumed(state: State) -> State:
-    """Give the state with which a run goes on after a time of unknown length."""
-    return replace(state, silent=UNKNOWN_GAP)
 
 
 def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:

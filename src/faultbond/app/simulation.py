@@ -97,7 +97,8 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     state = init(spec)
     for point in points:
         state, _ = step(spec, engine, state, sample_of(point))
-    mean, _ = solve_start(spec, engine, state.trail_samples[max(state.begun, 0) : state.index])
+    first = state.past.place(max(state.clock.begun, 0))
+    mean, _ = solve_start(spec, engine, state.past.samples[first:])
     contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]
     return {
         store.name: float(content)

@@ -17,7 +17,7 @@ The noise variance of each sensor is `noise_role` times that declared. So drifts
 sensors and inputs are data too.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -170,6 +170,14 @@ class EngineSpec:
     reserve: tuple[tuple[int, ...], ...] = ()  # testable sets, too many to be tested at once; the likeliest are, later
     checks: tuple[CheckSpec, ...] = ()
     slot: bool = False  # whether lanes have the slot for one more fault
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Hash of all fields: plans are looked up by specification, many times for a ranking."""
+        return hash(tuple(getattr(self, field.name) for field in fields(self)))
 
     @cached_property
     def slotted(self) -> "EngineSpec":

@@ -19,7 +19,7 @@ from faultbond.runtime.bank import no_bank
 from faultbond.runtime.monitor import conclude
 from faultbond.runtime.ranking import best_lanes, scores
 from faultbond.runtime.slotted import shared
-from faultbond.runtime.state import State, bank_fields, no_scatter
+from faultbond.runtime.state import State, no_detector_sums
 from faultbond.types import FaultKind
 
 WANDER = 0.5  # of what an accepted drift moves in a sample, the parameter may move otherwise
@@ -66,28 +66,23 @@ def accept(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
     """
     candidate = candidate_of(spec, state, hypothesis)
     lane = int(best_lanes(spec, state.bank)[hypothesis])
-    steps = state.steps.shape[1]
+    steps = state.bank.steps.shape[1]
     if lane < steps:
-        changed, healthy = state, state.steps[:, lane]
+        changed, healthy = state, state.bank.steps[:, lane]
     else:
         item = plan_slots(spec).lanes[lane - steps]
-        changed, healthy = _absorbed(spec, state, item, state.slots[:, lane - steps], candidate.suspects[0].estimate)
-    last = state.index - 1
-    trail = state.trail_lanes.copy()
-    trail[last % len(trail)] = healthy
+        changed, healthy = _absorbed(
+            spec, state, item, state.bank.slots[:, lane - steps], candidate.suspects[0].estimate
+        )
+    last, past = state.clock.index - 1, state.past
     accepted = replace(
         changed,
-        alarm=-1,
-        accepted=last,
-        lane=healthy[:, None].copy(),
-        normal=healthy[:, None].copy(),
-        trail_lanes=trail,
-        cusum=np.zeros_like(state.cusum),
-        fast=np.zeros_like(state.fast),
-        cusum_start=np.full_like(state.cusum_start, last),
-        scatter=no_scatter(len(spec.outputs), last),
-        rejected=np.zeros_like(state.rejected),
-        **bank_fields(no_bank(spec)),
+        clock=replace(state.clock, alarm=-1, accepted=last),
+        sensors=replace(changed.sensors, **no_detector_sums(len(spec.outputs), last)),
+        healthy=replace(state.healthy, lane=healthy[:, None].copy()),
+        past=past.mended(past.samples[-1:], healthy[None, :], past.wildness[-1:]),
+        bank=no_bank(spec),
+        normal=replace(changed.normal, lane=healthy[:, None].copy()),
     )
     return accepted, candidate
 
@@ -102,11 +97,11 @@ def reject(spec: EngineSpec, state: State, hypothesis: int) -> tuple[State, Cand
         left.
     """
     candidate = candidate_of(spec, state, hypothesis)
-    if state.rejected[hypothesis] > 0:
+    if state.bank.rejected[hypothesis] > 0:
         names = ", ".join(sorted(hypothesis_names(spec, hypothesis)))
         raise FaultbondError(f"{names}: rejected already, alone or with a set that it contains.")
-    rejected = without(spec, state.rejected, hypothesis, scores(spec, state.bank) > -np.inf)
-    return replace(state, rejected=rejected), candidate
+    rejected = without(spec, state.bank.rejected, hypothesis, scores(spec, state.bank) > -np.inf)
+    return replace(state, bank=replace(state.bank, rejected=rejected)), candidate
 
 
 def without(spec: EngineSpec, rejected: FloatArray, hypothesis: int, tested: BoolArray) -> FloatArray:
@@ -145,7 +140,7 @@ def candidate_of(spec: EngineSpec, state: State, hypothesis: int) -> Candidate:
     FaultbondError
         Where there is no alarm to explain, or it is not among the candidates.
     """
-    if state.alarm < 0:
+    if state.clock.alarm < 0:
         raise FaultbondError("There is no alarm to explain, so nothing to accept or reject.")
     if not 0 <= hypothesis < spec.n_hypotheses:
         raise FaultbondError(f"{spec.model}: there is no candidate of the number {hypothesis}.")
@@ -193,10 +188,11 @@ def _absorbed(
         return _absorbed_parameter(spec, state, item, lane, rate)
     changed = state
     if item.input >= 0:
-        offset, held, acting = state.input_offset.copy(), state.held.copy(), size * item.acts
+        offset, held, acting = state.normal.input_offset.copy(), state.inputs.held.copy(), size * item.acts
         offset[item.input] += acting
         held[item.input] += acting  # what acts is not changed by knowing of it
-        changed = replace(state, input_offset=offset, held=held)
+        normal = replace(state.normal, input_offset=offset)
+        changed = replace(state, normal=normal, inputs=replace(state.inputs, held=held))
     elif item.acts:
         changed = _absorbed_sensor(spec, state, item, size, estimate)
     return changed, _narrowed(spec, lane, np.zeros(wide.n_joint), -1)
@@ -204,9 +200,8 @@ def _absorbed(
 
 def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float, estimate: float) -> State:
     """Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times."""
-    j = item.output
-    gain, offset, noise = state.reading_gain.copy(), state.reading_offset.copy(), state.reading_noise.copy()
-    nis = state.nis.copy()
+    j, normal = item.output, state.normal
+    gain, offset, noise, nis = (part.copy() for part in (normal.gain, normal.offset, normal.noise, state.sensors.nis))
     match item.kind:
         case FaultKind.BIAS:
             offset[j] += gain[j] * size * spec.outputs[j].noise
@@ -217,7 +212,11 @@ def _absorbed_sensor(spec: EngineSpec, state: State, item: SlotLane, size: float
             nis[j] = 1.0  # the noise that was found is what squares are now taken in
         case _:
             noise[j] = np.inf
-    return replace(state, reading_gain=gain, reading_offset=offset, reading_noise=noise, nis=nis)
+    return replace(
+        state,
+        normal=replace(normal, gain=gain, offset=offset, noise=noise),
+        sensors=replace(state.sensors, nis=nis),
+    )
 
 
 def _absorbed_parameter(
@@ -228,10 +227,10 @@ def _absorbed_parameter(
     weights = np.zeros(wide.n_joint)
     weights[wide.slot_slice.start] = float(item.acts)
     if item.kind is FaultKind.DRIFT:
-        rates, wander = state.rates.copy(), state.wander.copy()
+        rates, wander = state.normal.rates.copy(), state.normal.wander.copy()
         rates[item.parameter] += rate
         wander[item.parameter] = abs(WANDER * rate)
-        changed = replace(state, rates=rates, wander=wander)
+        changed = replace(state, normal=replace(state.normal, rates=rates, wander=wander))
     return changed, _narrowed(spec, lane, weights, item.parameter)
 
 

@@ -65,11 +65,12 @@ def _rivals(spec: EngineSpec, engine: Engine, state: State, diagnosis: Diagnosis
     kept = [item for item in diagnosis.candidates[:MOST] if item.probability >= LEAST]
     total = sum(item.probability for item in kept)
     lanes = best_lanes(spec, state.bank)
-    steps, rivals = state.steps.shape[1], []
+    bank = state.bank
+    steps, rivals = bank.steps.shape[1], []
     for item in kept:
         lane = int(lanes[item.hypothesis])
         own = lane < steps
-        numbers = state.steps[:, lane] if own else state.slots[:, lane - steps]
+        numbers = bank.steps[:, lane] if own else bank.slots[:, lane - steps]
         rivals.append(
             _Rival(
                 candidate=item,
@@ -93,13 +94,13 @@ def _looks(spec: EngineSpec, rivals: Sequence[_Rival]) -> Iterator[Advice]:
 def _moves(spec: EngineSpec, state: State, rivals: Sequence[_Rival]) -> Iterator[Advice]:
     """Moving an input lets candidates go apart that agree now."""
     step = spec.sample_time or 1.0
-    waited = _entropy(rivals, _told_apart(spec, rivals, _ahead(spec, state, state.held)))
+    waited = _entropy(rivals, _told_apart(spec, rivals, _ahead(spec, state, state.inputs.held)))
     listed = {item.name: item for item in spec.checks if item.kind is CheckKind.INPUT}
     for k, item in enumerate(spec.inputs):
         check = listed.get(item.name)
         moves = []
         for value in _values(spec, state, k, check):
-            held = state.held.copy()
+            held = state.inputs.held.copy()
             held[k] = value
             groups = _told_apart(spec, rivals, _ahead(spec, state, held))
             cost = 1.0 if check is None else check.cost
@@ -115,11 +116,11 @@ def _values(spec: EngineSpec, state: State, index: int, check: CheckSpec | None)
     Zero counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0
     to 100; how far a stated move may go is left to whoever stated it.
     """
-    item, now = spec.inputs[index], float(state.held[index])
-    low, high = float(state.lowest[index]), float(state.highest[index])
+    item, now = spec.inputs[index], float(state.inputs.held[index])
+    low, high = float(state.inputs.lowest[index]), float(state.inputs.highest[index])
     full = high - low
     if not item.unit_offset:
-        low, high, full = min(low, 0.0), max(high, 0.0), float(state.peak[index])
+        low, high, full = min(low, 0.0), max(high, 0.0), float(state.inputs.peak[index])
     if item.percent:
         low, high, full = 0.0, 100.0, 100.0
     sizes = [part * full for part in MOVES]
@@ -136,11 +137,11 @@ def _ahead(spec: EngineSpec, state: State, held: FloatArray) -> FloatArray:
     samples = np.zeros((AHEAD, spec.n_sample))
     samples[:, fields["dt"]] = step
     samples[:, fields["u"]] = samples[:, fields["u_before"]] = held
-    samples[0, fields["u_before"]] = state.held
+    samples[0, fields["u_before"]] = state.inputs.held
     samples[:, fields["scale"]] = 1.0
     samples[:, fields["again"]] = 1.0
     settling = np.array([item.settling for item in spec.inputs])
-    moved = np.where(held != state.held, settling, 0.0)
+    moved = np.where(held != state.inputs.held, settling, 0.0)
     for j, output in enumerate(spec.outputs):
         blank = max((float(moved[i]) for i in output.direct_inputs), default=0.0)
         samples[: int(np.ceil(blank / step)), fields["scale"].start + j] = spec.thresholds.blank_factor
@@ -177,7 +178,7 @@ def _separation(apart: FloatArray, variance: FloatArray, noise: FloatArray) -> f
 
 def _measurements(spec: EngineSpec, state: State, rivals: Sequence[_Rival], probe: Probe) -> Iterator[Advice]:
     """Measuring a signal by hand tells candidates apart that expect different values of it."""
-    values = np.stack([probe(rival.lane, state.held) for rival in rivals])
+    values = np.stack([probe(rival.lane, state.inputs.held) for rival in rivals])
     signals = [item for item in spec.checks if item.kind is CheckKind.SIGNAL]
     for k, item in enumerate(signals):
         scaled = (values[:, k] / max(item.noise, 1e-300)).tolist()

@@ -28,6 +28,7 @@ class Bank:
     misfit : of both, in this order
     healthy : (n_numbers, 1), the healthy lane before the fault; none where there is no reserve
     grown : (n_grown,), which sets of the reserve have lanes; -1: not yet
+    rejected : (n_hypotheses,), 1 where a person has ruled it out
     """
 
     steps: FloatArray
@@ -35,6 +36,7 @@ class Bank:
     misfit: Misfit
     healthy: FloatArray
     grown: FloatArray
+    rejected: FloatArray
 
     @property
     def likelihoods(self) -> FloatArray:
@@ -51,6 +53,7 @@ def no_bank(spec: EngineSpec) -> Bank:
         misfit=no_misfit(spec, n + m, 0),
         healthy=np.zeros((spec.n_numbers, 1 if spec.reserve else 0)),
         grown=np.full(n_grown(spec), -1.0),
+        rejected=np.zeros(spec.n_hypotheses),
     )
 
 
@@ -78,6 +81,7 @@ def begin_bank(spec: EngineSpec, engine: Engine, trail: Trail, change: int, peak
         misfit=no_misfit(spec, steps.shape[1] + later.shape[1] + slots.shape[1], index),
         healthy=trail.lanes[0][:, None].copy() if spec.reserve else np.zeros((spec.n_numbers, 0)),
         grown=np.full(n_grown(spec), -1.0),
+        rejected=np.zeros(spec.n_hypotheses),
     )
 
 
@@ -111,12 +115,11 @@ def renew_bank(
     trail: Trail,
     bank: Bank,
     index: int,
-    rejected: FloatArray,
     peak: FloatArray,
     *,
     last: bool = False,
 ) -> Bank:
-    """Begin lanes again from what the bank has found, and those of the likeliest sets in reserve.
+    """Begin lanes again from what the bank has found, and those of the likeliest sets in reserve that are not rejected.
 
     Parameters
     ----------
@@ -124,8 +127,6 @@ def renew_bank(
     trail : the last samples and healthy lanes
     bank : the bank before
     index : number of the sample of now
-    rejected : float array, shape (n_hypotheses,)
-        1 for each that a person has ruled out; of the reserve these are not begun.
     peak : float array, shape (n_inputs,)
         Largest size of each input so far, SI.
     last : whether no renewal follows; then all filters of steps begin again
@@ -135,7 +136,7 @@ def renew_bank(
     steps[:, :own] = (renew_all_steps if last else renew_steps)(spec, engine, trail, bank.steps[:, :own])
     if spec.reserve:
         extended = extend(spec, tested_sets(spec, replace(bank, steps=steps)), bank.healthy[:, 0])
-        out = rejected[spec.n_begun :] > 0
+        out = bank.rejected[spec.n_begun :] > 0
         extended = replace(extended, likelihood=np.where(out, -np.inf, extended.likelihood))
         kept = np.where(out[bank.grown.astype(np.intp)], -1.0, bank.grown)
         steps[:, own:], grown = grow(spec, engine, trail, extended, bank.steps[:, own:], kept)

@@ -6,11 +6,12 @@ algorithms.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.findings import Detection, Diagnosis, Unexplained
+from faultbond.contract.findings import Diagnosis, Unexplained
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.alarm import accumulated, counted, detect, slow_ratios, statistic
@@ -23,16 +24,16 @@ from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.state import (
     SNAPSHOT_EVERY,
-    Changes,
+    Clock,
+    Healthy,
     Report,
     Sample,
     State,
     Status,
-    bank_fields,
     init,
-    no_scatter,
+    no_detector_sums,
 )
-from faultbond.runtime.trail import Trail, bursts
+from faultbond.runtime.trail import Trail, bursts, wildness_of
 from faultbond.runtime.untested import untested
 from faultbond.runtime.wild import admit, judged, seen, surprising, without_spike
 
@@ -59,65 +60,61 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     state, report : State, Report
         Nothing raises on data; what was missing shows in the report's status and nan values.
     """
-    sample = corrected(state, sample)
-    u = np.where(np.isfinite(sample.u), sample.u, state.held)
+    sample = corrected(state.normal, sample)
+    u = np.where(np.isfinite(sample.u), sample.u, state.inputs.held)
     if not np.all(np.isfinite(u)):
-        return replace(state, index=state.index + 1, time=sample.time, held=u), _silent(spec, Status.WAITING)
-    moving = drifting(spec, engine, state.rates, state.wander)
-    state, packed, changes, wild = admit(spec, moving, state, sample)
-    changes["time"] = sample.time
-    if not state.running:
-        return _gather(spec, engine, _kept(spec, moving, state, packed, changes))
-    lane, innovations = moving.advance(state.lane, packed[None, :])
-    if state.spent.any() or surprising(spec, packed, innovations[0, :, 0]):
-        lane, innovations, packed, more, changes = _mended(spec, moving, state, packed, changes, lane, innovations)
-        wild += more
+        waiting = replace(state, inputs=replace(state.inputs, held=u))
+        return _after(waiting, time=sample.time), _silent(spec, Status.WAITING)
+    moving = drifting(spec, engine, state.normal.rates, state.normal.wander)
+    before, packed, state, wild = admit(spec, moving, state, sample)
+    state = replace(state, clock=replace(state.clock, time=sample.time))
+    if not state.clock.running:
+        return _gather(spec, moving, _kept(spec, moving, state, packed, np.zeros(spec.n_numbers), 0.0), packed)
+    lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
+    if before.sensors.spent.any() or surprising(spec, packed, innovations[0, :, 0]):
+        smooth = without_spike(spec, moving, before, packed)
+        if smooth is not packed:
+            lane, innovations = moving.advance(before.healthy.lane, smooth[None, :])
+        packed, sensors, readings = judged(spec, state, smooth, innovations[0, :, 0])
+        if readings:
+            lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
+        wild += readings + (smooth is not packed)
     else:
-        changes |= seen(state, *_readings(spec, packed))
-    state = _kept(spec, moving, state, packed, changes)
+        sensors = seen(state.sensors, *_readings(spec, packed))
+    state = replace(state, sensors=sensors)
+    state = _kept(spec, moving, state, packed, lane[:, 0], wildness_of(spec, packed, innovations[0, :, 0]))
     if not np.all(np.isfinite(lane)):
-        zero = np.zeros_like(state.cusum)
-        sums: Changes = {"cusum": zero, "fast": zero, "scatter": no_scatter(len(spec.outputs))}
-        nowhere = init(spec).travel  # where a lost filter believed the plant is no place where it has been
-        odd = np.full_like(state.odd, np.nan)
-        lost = replace(state, index=state.index + 1, begun=-1, running=0, travel=nowhere, odd=odd, **sums)
-        return lost, replace(_silent(spec, Status.LOST), wild=wild)
+        return _lost(spec, state), replace(_silent(spec, Status.LOST), wild=wild)
     state, report = _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
     return state, replace(report, wild=wild) if wild else report
 
 
-def _mended(
-    spec: EngineSpec,
-    engine: Engine,
-    state: State,
-    packed: FloatArray,
-    changes: Changes,
-    lane: FloatArray,
-    innovations: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, int, Changes]:
-    """Pass a sample through the healthy filter once more without what is wild in it.
-
-    Gives the lane, the innovations, the packed sample, the number of wild values, and what changes in the state.
-    """
-    smooth = without_spike(spec, engine, state, packed)
-    if smooth is not packed:
-        lane, innovations = engine.advance(state.lane, smooth[None, :])
-    mended, more, readings = judged(spec, state, changes, smooth, innovations[0, :, 0])
-    if readings:
-        lane, innovations = engine.advance(state.lane, mended[None, :])
-    return lane, innovations, mended, readings + (smooth is not packed), changes | more
+def _after(state: State, **changes: Any) -> State:
+    """Give the state as it is for the next sample, with other changes of its clock."""
+    return replace(state, clock=replace(state.clock, index=state.clock.index + 1, **changes))
 
 
-def _kept(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, changes: Changes) -> State:
-    """Give the state with its changes, a packed sample in its trail, and the bank after it."""
-    slot = state.index % len(state.trail_times)
-    samples, times = state.trail_samples.copy(), state.trail_times.copy()
-    samples[slot], times[slot] = packed, changes["time"]
-    kept = replace(state, trail_samples=samples, trail_times=times, **changes)
-    if state.alarm < 0:
-        return kept
-    use = counted(spec, kept, packed)
-    return replace(kept, **bank_fields(advance_bank(spec, engine, state.bank, packed, use, state.index)))
+def _kept(
+    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, lane: FloatArray, wildness: float
+) -> State:
+    """Give the state with a packed sample and the healthy lane (n_numbers,) in its past, and the bank after it."""
+    clock = state.clock
+    past = state.past.followed(clock.index, packed, lane, clock.time, wildness)
+    if clock.alarm < 0:
+        return replace(state, past=past)
+    use = counted(spec, state, packed)
+    return replace(state, past=past, bank=advance_bank(spec, engine, state.bank, packed, use, clock.index))
+
+
+def _lost(spec: EngineSpec, state: State) -> State:
+    """Give the state with which the filter starts anew; where a lost one believed the plant it has not been."""
+    fresh = init(spec)
+    return replace(
+        _after(state, begun=-1, running=0),
+        inputs=replace(state.inputs, odd=fresh.inputs.odd),
+        sensors=replace(state.sensors, **no_detector_sums(len(spec.outputs))),
+        healthy=replace(state.healthy, travel=fresh.healthy.travel),
+    )
 
 
 def _silent(spec: EngineSpec, status: Status) -> Report:
@@ -127,31 +124,41 @@ def _silent(spec: EngineSpec, status: Status) -> Report:
     )
 
 
-def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
+def _gather(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray) -> tuple[State, Report]:
     """Collect the first samples, then solve the start and filter what was collected."""
-    count = state.index - state.begun + 1
-    again = bool(np.any(state.lane))  # the filter ran before: the start that the model gives is long past
+    clock = state.clock
+    count = clock.index - clock.begun + 1
+    used = state.past.samples[-count:, spec.sample_fields["use"]] > 0
+    again = bool(np.any(state.healthy.lane))  # the filter ran before: the start that the model gives is long past
     unknown = again or any(item.start_sd is None for item in spec.states)
-    if count < START_SAMPLES or (unknown and count < START_PATIENCE and not _all_seen(spec, state)):
-        return replace(state, index=state.index + 1), _silent(spec, Status.STARTING)
+    if count < START_SAMPLES or (unknown and count < START_PATIENCE and not np.all(used.any(axis=0))):
+        return _after(state), _silent(spec, Status.STARTING)
     if count > START_SAMPLES and all(item.start_sd is None for item in spec.states):
-        state = replace(state, begun=_recent(spec, state))
-    chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
-    known = state.normal if state.accepted >= 0 else None
-    found = begin(spec, engine, state, state.trail_samples[chosen], known, again=again)
+        # Enough of them, with the last value of each sensor: over all of a long wait nominal parameters would not hold.
+        last = [int(np.flatnonzero(column)[-1]) for column in used.T if np.any(column)]
+        begun = clock.begun + min([count - START_SAMPLES, *last])
+        state = replace(state, clock=replace(clock, begun=begun))
+        count = clock.index - begun + 1
+    known = state.normal.lane if clock.accepted >= 0 else None
+    found = begin(spec, engine, state, state.past.samples[-count:], known, again=again)
+    state = found.state
     lane = healthy_lane(spec, found.mean, found.covariance, known)
-    samples, lanes = state.trail_samples.copy(), state.trail_lanes.copy()
-    samples[chosen] = found.samples
-    state = replace(found.state, trail_samples=samples, shown=init(spec).shown)
+    sensors = replace(state.sensors, shown=init(spec).sensors.shown)
+    lanes, wildness = np.zeros((count, spec.n_numbers)), np.zeros(count)
     innovations = np.zeros((1, 2 * len(spec.outputs), 1))
-    for slot, sample in zip(chosen, found.samples, strict=True):
+    for k, sample in enumerate(found.samples):
         lane, innovations = engine.advance(lane, sample[None, :])
-        lanes[slot] = lane[:, 0]
-        state = replace(state, **seen(state, *_readings(spec, sample)))
-    state = replace(state, lane=lane, trail_lanes=lanes, running=1)
-    last = found.samples[-1]
-    report = _report(spec, state, Status.WARMING, last, innovations[0, :, 0], statistic(spec, state))
-    return replace(state, index=state.index + 1), replace(report, wild=found.wild)
+        lanes[k], wildness[k] = lane[:, 0], wildness_of(spec, sample, innovations[0, :, 0])
+        sensors = seen(sensors, *_readings(spec, sample))
+    state = replace(
+        state,
+        clock=replace(state.clock, running=1),
+        sensors=sensors,
+        healthy=replace(state.healthy, lane=lane),
+        past=state.past.mended(found.samples, lanes, wildness),
+    )
+    report = _report(spec, state, Status.WARMING, found.samples[-1], innovations[0, :, 0])
+    return _after(state), replace(report, wild=found.wild)
 
 
 def _readings(spec: EngineSpec, packed: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -159,62 +166,38 @@ def _readings(spec: EngineSpec, packed: FloatArray) -> tuple[FloatArray, BoolArr
     return packed[spec.sample_fields["y"]], packed[spec.sample_fields["use"]] > 0
 
 
-def _recent(spec: EngineSpec, state: State) -> int:
-    """Give the first of the samples that are enough: over all of a long wait the nominal parameters would not hold."""
-    chosen = np.arange(state.begun, state.index + 1)
-    used = state.trail_samples[chosen % len(state.trail_times)][:, spec.sample_fields["use"]] > 0
-    last = [int(chosen[column][-1]) for column in used.T if np.any(column)]
-    return min([state.index - START_SAMPLES + 1, *last])
+def _remembered(state: State, lane: FloatArray) -> Healthy:
+    """Give the healthy filter after a sample, with what is kept of it for long."""
+    clock, before = state.clock, state.healthy
+    travel, snapshots = before.travel, before.snapshots
+    x, (low, high) = lane[: travel.shape[1], 0], travel
+    if ((x < low) | (x > high)).any() and not before.astray.any():  # else the states are sought, and not known well
+        travel = np.stack([np.minimum(low, x), np.maximum(high, x)])
+    number, rest = divmod(clock.index - _learned_from(clock), SNAPSHOT_EVERY)
+    if rest == 0 and number >= 0:
+        snapshots = snapshots.copy()
+        snapshots[number % len(snapshots)] = lane[:, 0]
+    return replace(before, lane=lane, travel=travel, snapshots=snapshots)
 
 
-def _all_seen(spec: EngineSpec, state: State) -> bool:
-    """Whether every output has had a value among the samples gathered."""
-    chosen = np.arange(state.begun, state.index + 1) % len(state.trail_times)
-    return bool(np.all(np.any(state.trail_samples[chosen][:, spec.sample_fields["use"]] > 0, axis=0)))
-
-
-def _remembered(state: State, lane: FloatArray) -> Changes:
-    lanes = state.trail_lanes.copy()
-    lanes[state.index % len(lanes)] = lane[:, 0]
-    kept: Changes = {"lane": lane, "trail_lanes": lanes}
-    x, (low, high) = lane[: state.travel.shape[1], 0], state.travel
-    if ((x < low) | (x > high)).any() and not state.astray.any():  # else the states are sought, and not known well
-        kept["travel"] = np.stack([np.minimum(low, x), np.maximum(high, x)])
-    number, rest = divmod(state.index - _learned_from(state), SNAPSHOT_EVERY)
-    if rest or number < 0:
-        return kept
-    snapshots = state.snapshots.copy()
-    snapshots[number % len(snapshots)] = lane[:, 0]
-    return kept | {"snapshots": snapshots}
-
-
-def _learned_from(state: State) -> int:
+def _learned_from(clock: Clock) -> int:
     """Give the sample from which healthy lanes are kept for long: a while after the start, or what was accepted."""
-    return max(state.begun, state.accepted) + SNAPSHOT_EVERY
+    return max(clock.begun, clock.accepted) + SNAPSHOT_EVERY
 
 
 def _oldest(state: State) -> FloatArray | None:
     """Give the oldest healthy lane that is kept; None before the first, and where that is of after the alarm."""
-    first = _learned_from(state)
-    number = (state.index - first) // SNAPSHOT_EVERY
-    oldest = max(number - len(state.snapshots) + 1, 0)
-    if number < 0 or 0 <= state.alarm < first + oldest * SNAPSHOT_EVERY:
+    clock, snapshots = state.clock, state.healthy.snapshots
+    first = _learned_from(clock)
+    number = (clock.index - first) // SNAPSHOT_EVERY
+    oldest = max(number - len(snapshots) + 1, 0)
+    if number < 0 or 0 <= clock.alarm < first + oldest * SNAPSHOT_EVERY:
         return None
-    lane: FloatArray = state.snapshots[oldest % len(state.snapshots)]
+    lane: FloatArray = snapshots[oldest % len(snapshots)]
     return lane
 
 
-def _report(
-    spec: EngineSpec,
-    state: State,
-    status: Status,
-    packed: FloatArray,
-    innovations: FloatArray,
-    peak: FloatArray,
-    *,
-    detection: Detection | None = None,
-    diagnosis: Diagnosis | None = None,
-) -> Report:
+def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, innovations: FloatArray) -> Report:
     n_y = len(spec.outputs)
     present = packed[spec.sample_fields["use"]] > 0
     measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
@@ -224,10 +207,8 @@ def _report(
         status=status,
         expected=measured - innovations[:n_y],
         variance=innovations[n_y:] - blank,
-        cusum=peak,
-        slow=slow_ratios(spec, state),
-        detection=detection,
-        diagnosis=diagnosis,
+        cusum=statistic(spec, state.sensors),
+        slow=slow_ratios(spec, state.healthy.lane),
     )
 
 
@@ -235,61 +216,66 @@ def _judge(
     spec: EngineSpec, engine: Engine, state: State, lane: FloatArray, packed: FloatArray, innovations: FloatArray
 ) -> tuple[State, Report]:
     """Update the statistics, raise the alarm, run the bank."""
-    warm = state.index - state.begun >= spec.thresholds.warm_up_samples
-    sums = accumulated(spec, state, packed, innovations) if warm else {}
-    state = replace(state, **_remembered(state, lane), **sums)
-    peak = statistic(spec, state)
-    detection, alarm, bank = None, state.alarm, state.bank
-    if alarm >= 0:
-        if state.index - alarm in RENEWALS and alarm > state.begun:  # of a filter that was lost, no lanes are kept
-            trail, _ = _cut_trail(spec, engine, state, alarm)
-            last = state.index - alarm == RENEWALS[-1]
-            bank = renew_bank(spec, engine, trail, bank, state.index, state.rejected, state.peak, last=last)
+    clock = state.clock
+    warm = clock.index - clock.begun >= spec.thresholds.warm_up_samples
+    sensors = accumulated(spec, state, packed, innovations) if warm else state.sensors
+    state = replace(state, healthy=_remembered(state, lane), sensors=sensors)
+    status = Status.DIAGNOSING if clock.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
+    report, bank = _report(spec, state, status, packed, innovations), state.bank
+    if clock.alarm >= 0:
+        since = clock.index - clock.alarm
+        if since in RENEWALS and clock.alarm > clock.begun:  # of a filter that was lost, no lanes are kept
+            trail, _ = _cut_trail(state, clock.alarm)
+            last = since == RENEWALS[-1]
+            bank = renew_bank(spec, engine, trail, bank, clock.index, state.inputs.peak, last=last)
     elif warm:
-        detection, change = detect(spec, state, peak)
+        detection, change = detect(spec, state, report.cusum)
         if detection is not None:
-            alarm = state.index
-            bank = begin_bank(spec, engine, *_cut_trail(spec, engine, state, change), state.peak, state.index)
-    due = alarm >= 0 and (state.index - alarm) % DIAGNOSIS_EVERY == 0
-    report = _report(
-        spec,
-        state,
-        Status.DIAGNOSING if alarm >= 0 else (Status.WATCHING if warm else Status.WARMING),
-        packed,
-        innovations,
-        peak,
-        detection=detection,
-        diagnosis=conclude(spec, replace(state, **bank_fields(bank))) if due else None,
-    )
-    count = state.detections + (detection is not None)
-    return replace(state, alarm=alarm, detections=count, index=state.index + 1, **bank_fields(bank)), report
+            clock = replace(clock, alarm=clock.index, detections=clock.detections + 1)
+            bank = begin_bank(spec, engine, *_cut_trail(state, change), state.inputs.peak, clock.index)
+            report = replace(report, status=Status.DIAGNOSING, detection=detection)
+    state = replace(state, clock=clock, bank=bank)
+    if clock.alarm >= 0 and (clock.index - clock.alarm) % DIAGNOSIS_EVERY == 0:
+        report = replace(report, diagnosis=conclude(spec, state))
+    return _after(state), report
 
 
-def _cut_trail(spec: EngineSpec, engine: Engine, state: State, change: int) -> tuple[Trail, int]:
+def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
     """Give the trail up to now, oldest first, and the place of the onset in it."""
-    depth = len(state.trail_times)
-    oldest = max(state.begun, state.accepted, state.index - depth + 1)
-    chosen = np.arange(oldest, state.index + 1) % depth
-    samples, lanes = state.trail_samples[chosen], state.trail_lanes[chosen]
-    alarm = (state.alarm if state.alarm >= 0 else state.index) - oldest
-    wild = bursts(spec, engine, samples[: alarm + 1], lanes)
-    return Trail(samples=samples, lanes=lanes, old=_oldest(state), alarm=alarm, bursts=wild), change - oldest
+    clock, past = state.clock, state.past
+    oldest = max(clock.begun, clock.accepted, clock.index - len(past.rows) + 1)
+    first, alarm = past.place(oldest), (clock.alarm if clock.alarm >= 0 else clock.index) - oldest
+    return Trail(
+        samples=past.samples[first:],
+        lanes=past.lanes[first:],
+        old=_oldest(state),
+        alarm=alarm,
+        bursts=bursts(past.wildness[first:][: alarm + 1]),
+    ), change - oldest
 
 
 def conclude(spec: EngineSpec, state: State) -> Diagnosis:
     """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect."""
     if not spec.n_hypotheses:
-        return Diagnosis(time=state.time, candidates=())
-    bank = _without(spec, state)
+        return Diagnosis(time=state.clock.time, candidates=())
+    bank = _not_rejected(spec, state.bank)
     steady = _steady(spec, bank)
     followed = float(np.max(scores(spec, bank)) - np.max(scores(spec, steady))) > FOLLOWED
     unexplained = _unexplained(spec, state, leading_lane(spec, steady), followed=followed)
-    fresh = any(0 <= state.index - state.alarm - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
-    bounded = unexplained is None and state.alarm >= 0 and not fresh  # sums of what began just now tell nothing yet
+    since = state.clock.index - state.clock.alarm
+    fresh = any(0 <= since - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
+    bounded = (
+        unexplained is None and state.clock.alarm >= 0 and not fresh
+    )  # sums of what began just now tell nothing yet
     return replace(
-        rank(spec, state.time, bank, Absorbed(rates=state.rates, noise=state.reading_noise * state.nis)),
+        rank(
+            spec,
+            state.clock.time,
+            bank,
+            Absorbed(rates=state.normal.rates, noise=state.normal.noise * state.sensors.nis),
+        ),
         unexplained=unexplained,
-        untested=untested(spec, bank, state.index, state.rejected, bounded=bounded),
+        untested=untested(spec, bank, state.clock.index, bounded=bounded),
     )
 
 
@@ -300,14 +286,14 @@ def _steady(spec: EngineSpec, bank: Bank) -> Bank:
     return replace(bank, slots=slots)
 
 
-def _without(spec: EngineSpec, state: State) -> Bank:
+def _not_rejected(spec: EngineSpec, bank: Bank) -> Bank:
     """Give the bank without the hypotheses that were rejected."""
-    if not np.any(state.rejected):
-        return state.bank
-    out = state.rejected[table_of(spec, state.bank).hypothesis] > 0
-    steps, slots, n = state.steps.copy(), state.slots.copy(), state.steps.shape[1]
+    if not np.any(bank.rejected):
+        return bank
+    out = bank.rejected[table_of(spec, bank).hypothesis] > 0
+    steps, slots, n = bank.steps.copy(), bank.slots.copy(), bank.steps.shape[1]
     steps[-1, out[:n]] = slots[-1, out[n:]] = -np.inf
-    return replace(state.bank, steps=steps, slots=slots)
+    return replace(bank, steps=steps, slots=slots)
 
 
 def _unexplained(spec: EngineSpec, state: State, lane: int, *, followed: bool) -> Unexplained | None:
@@ -315,21 +301,19 @@ def _unexplained(spec: EngineSpec, state: State, lane: int, *, followed: bool) -
 
     followed : whether a drift whose rate may change fits better by far; then this lane does not fit anyhow
     """
-    sums = state.misfit[:, :, lane]
+    sums, clock = state.bank.misfit.sums[:, :, lane], state.clock
     side, signal = np.unravel_index(int(np.argmax(sums)), sums.shape)
     if sums[side, signal] <= spec.thresholds.cusum_limit and not followed:
         return None
-    length = state.index - int(state.misfit_since[side, signal, lane])
-    depth = len(state.trail_times)
-    since = state.trail_times[(state.index - min(length, depth - 1)) % depth]
+    past, length = state.past, clock.index - int(state.bank.misfit.since[side, signal, lane])
     return Unexplained(
         signal=spec.outputs[signal].name,
         sd=float(sums[side, signal] / max(length, 1) + spec.thresholds.cusum_drift),
-        since=float(since),
-        until=state.time,
+        since=float(past.times[past.place(clock.index - min(length, len(past.rows) - 1))]),
+        until=clock.time,
     )
 
 
 def finish(spec: EngineSpec, state: State) -> Diagnosis | None:
     """Give the last diagnosis, if a fault was detected."""
-    return conclude(spec, state) if state.alarm >= 0 else None
+    return conclude(spec, state) if state.clock.alarm >= 0 else None

@@ -88,7 +88,7 @@ def begin(
             refused, fit, kept = without, trial, other_state
     if refused.any():
         odd = np.where(refused[-1], samples[-1, spec.sample_fields["u"]], np.nan)
-        state = replace(kept, odd=odd, odd_since=state.index)
+        state = replace(kept, inputs=replace(kept.inputs, odd=odd, odd_since=state.clock.index))
         refused[-1] = False  # whether that one is wild, the next sample tells
     return Begun(
         state=state,
@@ -208,18 +208,19 @@ def _packed_again(spec: EngineSpec, state: State, samples: FloatArray, refused: 
     """Pack the first samples anew as if the refused inputs had been missing, and give the state after them."""
     place, fresh = spec.sample_fields, init(spec)
     forgotten = ("held", "lowest", "highest", "leap", "guessed", "habit", "since_step", "change")
-    past = replace(state, **{name: getattr(fresh, name) for name in forgotten}, silent=0)
-    inputs = np.where(refused, np.nan, samples[:, place["u"]])
-    for column in inputs.T:  # before the first value that is good, that holds
+    inputs = replace(state.inputs, **{name: getattr(fresh.inputs, name) for name in forgotten})
+    past, clock = replace(state, inputs=inputs), replace(state.clock, silent=0)
+    told = np.where(refused, np.nan, samples[:, place["u"]])
+    for column in told.T:  # before the first value that is good, that holds
         good = np.flatnonzero(np.isfinite(column))
         column[: good[0]] = column[good[0]]
     rows = np.zeros_like(samples)
     for k, old in enumerate(samples):
         y = np.where(old[place["use"]] > 0, old[place["y"]], np.nan)
-        sample = Sample(time=state.time, dt=float(old[place["dt"]][0]), u=inputs[k], y=y)
-        u = np.where(np.isfinite(inputs[k]), inputs[k], past.held)
-        past = replace(past, index=state.begun + k)
-        rows[k], changes = pack_sample(spec, past, sample, u)
+        sample = Sample(time=clock.time, dt=float(old[place["dt"]][0]), u=told[k], y=y)
+        u = np.where(np.isfinite(told[k]), told[k], past.inputs.held)
+        past = replace(past, clock=replace(clock, index=state.clock.begun + k))
+        rows[k], past = pack_sample(spec, past, sample, u)
         rows[k, place["gap"]] = old[place["gap"]]
-        past = replace(past, **changes)
-    return replace(past, index=state.index), rows
+        clock = past.clock
+    return replace(past, clock=replace(clock, index=state.clock.index)), rows

@@ -6,7 +6,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.state import Changes, Sample, State
+from faultbond.runtime.state import Clock, Normal, Sample, State
 from faultbond.runtime.unseen import is_restless, told_inputs, wandered
 
 GAP = 3  # samples without any value from which on the states are uncertain after them,
@@ -16,28 +16,34 @@ UNKNOWN_GAP = 1000  # samples; a gap of unknown length counts as one of so many
 CHANGE_MEMORY = 16.0  # seconds for which a change of an input disturbs the slow errors that follow it
 
 
-def corrected(state: State, sample: Sample) -> Sample:
+def resumed(state: State) -> State:
+    """Give the state with which a run goes on after a time of unknown length."""
+    return replace(state, clock=replace(state.clock, silent=UNKNOWN_GAP))
+
+
+def corrected(normal: Normal, sample: Sample) -> Sample:
     """Give a sample without the faults of instruments that were accepted; a sensor that is out of use is missing."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        y = (sample.y - state.reading_offset) / state.reading_gain
-    return replace(sample, u=sample.u + state.input_offset, y=np.where(np.isfinite(state.reading_noise), y, np.nan))
+        y = (sample.y - normal.offset) / normal.gain
+    return replace(sample, u=sample.u + normal.input_offset, y=np.where(np.isfinite(normal.noise), y, np.nan))
 
 
-def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Changes]:
+def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, State]:
     """Pack a sample for the engine: hold inputs, blank after steps, kick slow errors, switch off missing values.
 
-    Gives the packed sample, and what changes in the state. What inputs may have done unseen is added by
+    Gives the packed sample, (n_sample,), and the state after it. What inputs may have done unseen is added by
     `faultbond.runtime.unseen.allowed`.
     """
-    first = not np.all(np.isfinite(state.held))
-    before = u if first else state.held
+    clock, inputs = state.clock, state.inputs
+    first = not np.all(np.isfinite(inputs.held))
+    before = u if first else inputs.held
     dt = 0.0 if first else sample.dt
     moved = u - before
-    peak = np.maximum(state.peak, np.abs(u))
+    peak = np.maximum(inputs.peak, np.abs(u))
     limits = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
     stepped = (np.abs(moved) > limits) & ~first
-    since = np.where(stepped, 0.0, state.since_step + dt)
-    change = state.change * np.exp(-dt / CHANGE_MEMORY) + moved
+    since = np.where(stepped, 0.0, inputs.since_step + dt)
+    change = inputs.change * np.exp(-dt / CHANGE_MEMORY) + moved
     released = 1.0 - np.exp(-2.0 * dt / CHANGE_MEMORY)  # adds up to 1 over the memory of a step
     present = np.isfinite(sample.y)
     packed = np.zeros(spec.n_sample)
@@ -48,25 +54,29 @@ def pack_sample(spec: EngineSpec, state: State, sample: Sample, u: FloatArray) -
     packed[place["y"]] = np.where(present, sample.y, 0.0)
     packed[place["use"]] = present
     packed[place["scale"]] = np.where(
-        _blanked(spec, state, sample, since), spec.thresholds.blank_factor, np.where(present, state.reading_noise, 1.0)
+        _blanked(spec, state, sample, since), spec.thresholds.blank_factor, np.where(present, state.normal.noise, 1.0)
     )
     packed[place["kick"]] = [
         released * sum((each * change[k]) ** 2 for k, each in error.after) for error in spec.slow_errors
     ]
-    packed[place["nis"]] = state.nis
-    silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else state.silent + 1
-    absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(state, dt)
+    packed[place["nis"]] = state.sensors.nis
+    silent = 0 if np.any(np.isfinite(sample.u)) or np.any(present) else clock.silent + 1
+    absent, usual, pause = (_empty_points if spec.sample_time else _absent_rows)(clock, dt)
     gap = absent if absent > GAP - 1 + UNUSUAL * usual and not silent else 0
     sought = bool(gap) or bool(np.any(present))  # else the states are not looked for
-    astray = wandered(spec, state, gap) if sought else state.astray
+    astray = wandered(spec, state, gap) if sought else state.healthy.astray
     packed[place["gap"]] = astray if sought else 0.0
-    begun = state.index if state.begun < 0 or (gap and not state.running) else state.begun
-    if state.index - begun >= spec.thresholds.warm_up_samples:
+    begun = clock.index if clock.begun < 0 or (gap and not clock.running) else clock.begun
+    if clock.index - begun >= spec.thresholds.warm_up_samples:
         packed[place["bound"]] = spec.thresholds.learning_bound
     told = np.isfinite(sample.u)
-    seen = {"begun": begun, "silent": silent, "pause": state.pause if silent else pause, "astray": astray}
-    inputs = {"held": u, "earlier": before, "since_step": since, "change": change}
-    return packed, inputs | seen | told_inputs(state, told, u, moved, gap, silent=bool(silent))
+    inputs = told_inputs(inputs, told, u, moved, gap, silent=bool(silent))
+    return packed, replace(
+        state,
+        clock=replace(clock, begun=begun, silent=silent, pause=clock.pause if silent else pause),
+        inputs=replace(inputs, held=u, earlier=before, since_step=since, change=change),
+        healthy=replace(state.healthy, astray=astray),
+    )
 
 
 def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:
@@ -75,16 +85,16 @@ def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:
     return np.asarray((packed[place["use"]] > 0) & (packed[place["scale"]] < spec.thresholds.blank_factor))
 
 
-def _empty_points(state: State, _: float) -> tuple[float, float, float]:
+def _empty_points(clock: Clock, _: float) -> tuple[float, float, float]:
     """Give how many grid points before this one had no value, how many usually have none, and this mean after it."""
-    return state.silent, state.pause, state.pause + (min(state.silent, PAUSES) - state.pause) / PAUSES
+    return clock.silent, clock.pause, clock.pause + (min(clock.silent, PAUSES) - clock.pause) / PAUSES
 
 
-def _absent_rows(state: State, dt: float) -> tuple[float, float, float]:
+def _absent_rows(clock: Clock, dt: float) -> tuple[float, float, float]:
     """Give the same where rows are the grid: by the time since the row before, and with the usual time between rows."""
-    if not state.pause:
+    if not clock.pause:
         return 0.0, 1.0, dt
-    return dt / state.pause - 1.0, 1.0, state.pause + (min(dt, PAUSES * state.pause) - state.pause) / PAUSES
+    return dt / clock.pause - 1.0, 1.0, clock.pause + (min(dt, PAUSES * clock.pause) - clock.pause) / PAUSES
 
 
 def _blanked(spec: EngineSpec, state: State, sample: Sample, since_step: FloatArray) -> BoolArray:
@@ -93,5 +103,5 @@ def _blanked(spec: EngineSpec, state: State, sample: Sample, since_step: FloatAr
     moving = since_step < settling
     missing = ~np.isfinite(sample.u)
     if missing.any():
-        moving = moving | (missing & is_restless(state))
+        moving = moving | (missing & is_restless(state.inputs))
     return np.array([bool(np.any(moving[list(output.direct_inputs)])) for output in spec.outputs], dtype=bool)

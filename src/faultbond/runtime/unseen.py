@@ -4,11 +4,13 @@ An input that is missing is held. If it usually is told, and moves, it may stand
 certain. Formulas: docs/method.md, "The joint filter".
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.state import Changes, Sample, State
+from faultbond.runtime.state import Inputs, Sample, State
 
 FAR = 20  # samples of a gap in which a state may go as far as it has ever been
 AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
@@ -24,49 +26,51 @@ def wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
     From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
     each of them a step of Newton's method, down to what counts as nothing.
     """
-    if not gap and not state.astray.any():
-        return state.astray
+    astray = state.healthy.astray
+    if not gap and not astray.any():
+        return astray
     far = travelled(state)
     drift, noise = (np.array([getattr(item, name) for item in spec.states]) for name in ("drift", "noise"))
-    again = np.where(AGAIN * state.astray > np.maximum(noise, NOTHING * far), AGAIN * state.astray, 0.0)
+    again = np.where(AGAIN * astray > np.maximum(noise, NOTHING * far), AGAIN * astray, 0.0)
     return np.asarray(np.maximum.reduce([gap * drift, min(gap / FAR, 1.0) * far, again]))
 
 
 def travelled(state: State) -> FloatArray:
     """Give how far each state has ever moved."""
-    return np.asarray(np.maximum(state.travel[1] - state.travel[0], 0.0))
+    return np.asarray(np.maximum(state.healthy.travel[1] - state.healthy.travel[0], 0.0))
 
 
 def told_inputs(
-    state: State, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool
-) -> Changes:
-    """Give what is known of the inputs `u` after a sample in which some were told and moved by so much.
+    inputs: Inputs, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool
+) -> Inputs:
+    """Give what is known of the inputs after a sample in which some were told, are `u`, and moved by so much.
 
     An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
     """
-    whole = told & (state.guessed == 0.0) & (gap == 0.0)  # both ends of the move were seen
-    leap = np.hypot(np.sqrt(1.0 - 1.0 / MOVES) * state.leap, np.sqrt(1.0 / MOVES) * moved)
-    habit = state.habit + (told - state.habit) / HABIT
-    return {
-        "lowest": np.where(told, np.minimum(state.lowest, u), state.lowest),
-        "highest": np.where(told, np.maximum(state.highest, u), state.highest),
-        "leap": np.where(whole, leap, state.leap),
-        "guessed": np.where(told, 0.0, state.guessed + 1.0),
-        "habit": state.habit if silent else habit,
-    }
+    whole = told & (inputs.guessed == 0.0) & (gap == 0.0)  # both ends of the move were seen
+    leap = np.hypot(np.sqrt(1.0 - 1.0 / MOVES) * inputs.leap, np.sqrt(1.0 / MOVES) * moved)
+    habit = inputs.habit + (told - inputs.habit) / HABIT
+    return replace(
+        inputs,
+        lowest=np.where(told, np.minimum(inputs.lowest, u), inputs.lowest),
+        highest=np.where(told, np.maximum(inputs.highest, u), inputs.highest),
+        leap=np.where(whole, leap, inputs.leap),
+        guessed=np.where(told, 0.0, inputs.guessed + 1.0),
+        habit=inputs.habit if silent else habit,
+    )
 
 
-def is_restless(state: State) -> BoolArray:
+def is_restless(inputs: Inputs) -> BoolArray:
     """Tell which inputs are usually told, and move; where these stand while they are not told nobody knows."""
-    return np.asarray((state.leap > 0.0) & (state.habit > RARELY))
+    return np.asarray((inputs.leap > 0.0) & (inputs.habit > RARELY))
 
 
-def unknown_inputs(state: State) -> BoolArray:
+def unknown_inputs(inputs: Inputs) -> BoolArray:
     """Tell which inputs have been missing for some samples, though they usually are told and do move; (n_inputs,)."""
-    return np.asarray((state.guessed >= LOST) & is_restless(state))
+    return np.asarray((inputs.guessed >= LOST) & is_restless(inputs))
 
 
-def doubt(state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def doubt(inputs: Inputs, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Give by how much each input may have been off before a sample, SI, and over how many samples.
 
     An input whose value is missing is held. When it is told again, it may have changed at any sample since; while it is
@@ -75,9 +79,9 @@ def doubt(state: State, sample: Sample, u: FloatArray) -> tuple[FloatArray, Floa
     told = np.isfinite(sample.u)
     if not np.any(told) and not np.any(np.isfinite(sample.y)):
         return np.zeros(len(u)), np.zeros(len(u))
-    doubted = (state.guessed > 0.0) & (state.habit > RARELY)
-    size = np.where(told, u - state.held, state.leap)
-    count = np.where(told, np.minimum(state.guessed, LONGEST), 1.0)
+    doubted = (inputs.guessed > 0.0) & (inputs.habit > RARELY)
+    size = np.where(told, u - inputs.held, inputs.leap)
+    count = np.where(told, np.minimum(inputs.guessed, LONGEST), 1.0)
     return np.where(doubted, size, 0.0), np.where(doubted, count, 0.0)
 
 
@@ -95,12 +99,12 @@ def allowed(
     place, n_x, far = spec.sample_fields, len(spec.states), travelled(state)
     blind = packed.copy()
     blind[place["use"]] = 0.0
-    base = engine.advance(state.lane, blind[None, :])[0][:n_x, 0]
+    base = engine.advance(state.healthy.lane, blind[None, :])[0][:n_x, 0]
     total = np.square(packed[place["gap"]])
     for index in np.flatnonzero(change):
         trial = blind.copy()
         trial[place["u_before"].start + index] += change[index]
-        step = np.abs(engine.advance(state.lane, trial[None, :])[0][:n_x, 0] - base)
+        step = np.abs(engine.advance(state.healthy.lane, trial[None, :])[0][:n_x, 0] - base)
         total += np.where(np.isfinite(step), np.minimum(count[index] * step, np.maximum(far, step)), far) ** 2
     packed = packed.copy()
     packed[place["gap"]] = np.sqrt(total)

@@ -40,7 +40,7 @@ _LEAST = 1e-9  # information, in that of the narrow prior
 Extensions = tuple[tuple[IntArray, IntArray, IntArray], ...]
 
 
-def untested(spec: EngineSpec, bank: Bank, index: int, rejected: FloatArray, *, bounded: bool) -> Untested | None:
+def untested(spec: EngineSpec, bank: Bank, index: int, *, bounded: bool) -> Untested | None:
     """Give how many sets of the reserve are neither tested nor rejected, and a bound on their probability; 1: none.
 
     Parameters
@@ -48,13 +48,11 @@ def untested(spec: EngineSpec, bank: Bank, index: int, rejected: FloatArray, *, 
     spec : the model
     bank : its lanes; those of rejected sets have no likelihood
     index : number of the sample of now
-    rejected : float array, shape (n_hypotheses,)
-        1 for each that a person has ruled out.
     bounded : whether there may be a bound at all
     """
     if not spec.reserve:
         return None
-    left = rejected[spec.n_begun :] <= 0
+    left = bank.rejected[spec.n_begun :] <= 0
     left[bank.grown[bank.grown >= 0].astype(np.intp)] = False
     if not np.any(left):
         return Untested(sets=0, probability=0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample, trusted
-from faultbond.runtime.state import Changes, Sample, State
+from faultbond.runtime.state import Sample, Sensors, State
 from faultbond.runtime.unseen import allowed, doubt, is_restless, travelled
 
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,
@@ -32,8 +32,8 @@ ABSURD = 100.0  # sizes of a state beyond which no past is believed to have take
 Past = tuple[FloatArray, FloatArray]  # a lane, and a packed sample as it is after that past
 
 
-def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, FloatArray, Changes, int]:
-    """Give the state before a sample, the sample as the engine takes it, what changes, and how many inputs were wild.
+def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, FloatArray, State, int]:
+    """Give the state before a sample, the sample as the engine takes it, the state after, and how many inputs are wild.
 
     While an input is refused a second filter, the rival, runs beside as if its value were real, until the readings tell
     which of the two is right. If the rival is, it is the healthy filter from then on.
@@ -46,76 +46,80 @@ def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tup
     sample : Sample
         Without the faults that were accepted.
     """
-    packed, changes = _packed(spec, engine, state, sample)
-    odd = np.isfinite(state.odd)
-    if not (state.running and odd.any()):
-        return state, packed, changes, 0
-    length = state.index - state.odd_since
-    real = replace(state, lane=state.rival) if length > 1 else state
+    inputs, odd = state.inputs, np.isfinite(state.inputs.odd)
+    if not (state.clock.running and odd.any()):
+        packed, after = _packed(spec, engine, state, sample)
+        return state, packed, after, 0
+    decided = replace(state, inputs=replace(inputs, odd=np.full(len(spec.inputs), np.nan)))
+    packed, after = _packed(spec, engine, decided, sample)
+    length = state.clock.index - inputs.odd_since
+    real = replace(state, healthy=replace(state.healthy, lane=inputs.rival)) if length > 1 else state
     other, if_real = _packed(spec, engine, _believing(spec, real), sample)
-    rival, gain = _compared(spec, engine, (state.lane, packed), (real.lane, other))
-    gain += state.gain
-    decided: Changes = {"odd": np.full(len(spec.inputs), np.nan)}
-    refused = packed, decided | changes, length * int(odd.sum())
+    one, two = (state.healthy.lane, packed), (real.healthy.lane, other)
+    rival, gain = _compared(spec, engine, one, two)
+    gain += inputs.gain
+    n_wild = length * int(odd.sum())
     if gain < -TELLING:
-        return state, *refused
+        return state, packed, after, n_wild
     if gain <= TELLING:  # the readings do not tell
-        again, missing = np.isfinite(refused[1]["odd"]), ~np.isfinite(sample.u)
+        again, missing = np.isfinite(after.inputs.odd), ~np.isfinite(sample.u)
         if (again | missing)[odd].all():
             if length < PENDING:
-                later: Changes = {"odd": np.where(odd & missing, state.odd, refused[1]["odd"])}
-                later |= {"odd_since": state.odd_since, "rival": rival, "gain": gain}
-                return state, packed, changes | later, 0
-            if (missing & is_restless(state))[odd].any():  # usually told, and never told again
-                return state, *refused
-        back = np.abs(sample.u - state.held) < BACK * np.abs(state.odd - state.held)
+                still = np.where(odd & missing, inputs.odd, after.inputs.odd)
+                later = replace(after.inputs, odd=still, odd_since=inputs.odd_since, rival=rival, gain=gain)
+                return state, packed, replace(after, inputs=later), 0
+            if (missing & is_restless(inputs))[odd].any():  # usually told, and never told again
+                return state, packed, after, n_wild
+        back = np.abs(sample.u - inputs.held) < BACK * np.abs(inputs.odd - inputs.held)
         if back[odd].all():
-            return state, _doubting(spec, engine, (state.lane, packed), (real.lane, other), state), *refused[1:]
-    return real, other, decided | if_real, 0
+            return state, _doubting(spec, engine, one, two, state), after, n_wild
+    return real, other, if_real, 0
 
 
-def _packed(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[FloatArray, Changes]:
+def _packed(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[FloatArray, State]:
     """Pack a sample with inputs far beyond their range held, for as long as there is patience."""
-    u, told = sample.u, sample
-    changes: Changes = {}
-    guessed = state.running and state.guessed.any()
-    if guessed or (state.running and ((u < state.lowest) | (u > state.highest)).any()):
-        told, changes = _screened(spec, state, sample)
-    packed, packing = pack_sample(spec, state, told, np.where(np.isfinite(told.u), told.u, state.held))
+    u, told, screened, inputs = sample.u, sample, state, state.inputs
+    guessed = state.clock.running and inputs.guessed.any()
+    if guessed or (state.clock.running and ((u < inputs.lowest) | (u > inputs.highest)).any()):
+        told, screened = _screened(spec, state, sample)
+    packed, after = pack_sample(spec, screened, told, np.where(np.isfinite(told.u), told.u, inputs.held))
     if told is not sample:  # what feels a refused input at once cannot be judged yet
-        refused = np.isfinite(changes["odd"])
+        refused = np.isfinite(screened.inputs.odd)
         blind = [bool(np.any(refused[list(output.direct_inputs)])) for output in spec.outputs]
         scale = spec.sample_fields["scale"]
         packed[scale] = np.where(blind, spec.thresholds.blank_factor, packed[scale])
     if guessed:
-        packed = allowed(spec, engine, state, packed, doubt(state, told, u))
-    return packed, packing | changes
+        packed = allowed(spec, engine, state, packed, doubt(inputs, told, u))
+    return packed, after
 
 
-def _screened(spec: EngineSpec, state: State, sample: Sample) -> tuple[Sample, Changes]:
-    """Give the sample without inputs that are refused, and what changes."""
-    u = sample.u
-    size = np.maximum(state.highest - state.lowest, state.peak)
-    known = (state.lowest <= state.highest) & ~np.array([item.ranged for item in spec.inputs], dtype=bool)
-    far = known & np.isfinite(u) & ((u < state.lowest - FAR * size) | (u > state.highest + FAR * size))
+def _screened(spec: EngineSpec, state: State, sample: Sample) -> tuple[Sample, State]:
+    """Give the sample without inputs that are refused, and the state that knows of them."""
+    u, inputs = sample.u, state.inputs
+    low, high = inputs.lowest, inputs.highest
+    size = np.maximum(high - low, inputs.peak)
+    known = (low <= high) & ~np.array([item.ranged for item in spec.inputs], dtype=bool)
+    far = known & np.isfinite(u) & ((u < low - FAR * size) | (u > high + FAR * size))
     told = replace(sample, u=np.where(far, np.nan, u)) if far.any() else sample
-    return told, {"odd": np.where(far, u, np.nan), "odd_since": state.index, "gain": 0.0}
+    refused = replace(inputs, odd=np.where(far, u, np.nan), odd_since=state.clock.index, gain=0.0)
+    return told, replace(state, inputs=refused)
 
 
 def _believing(spec: EngineSpec, state: State) -> State:
     """Give the state as it would be if the inputs that were refused at the last sample were real."""
-    odd = np.isfinite(state.odd)
-    held = np.where(odd, state.odd, state.held)
-    return replace(
-        state,
+    inputs, odd = state.inputs, np.isfinite(state.inputs.odd)
+    held = np.where(odd, inputs.odd, inputs.held)
+    believed = replace(
+        inputs,
         held=held,
-        lowest=np.minimum(state.lowest, held),
-        highest=np.maximum(state.highest, held),
-        guessed=np.where(odd, 0.0, state.guessed),
-        since_step=np.where(odd, 0.0, state.since_step),
-        change=state.change + held - state.held,
+        lowest=np.minimum(inputs.lowest, held),
+        highest=np.maximum(inputs.highest, held),
+        guessed=np.where(odd, 0.0, inputs.guessed),
+        since_step=np.where(odd, 0.0, inputs.since_step),
+        change=inputs.change + held - inputs.held,
         odd=np.full(len(spec.inputs), np.nan),
     )
+    return replace(state, inputs=believed)
 
 
 def _compared(spec: EngineSpec, engine: Engine, one: Past, two: Past) -> tuple[FloatArray, float]:
@@ -154,13 +158,13 @@ def without_spike(spec: EngineSpec, engine: Engine, state: State, packed: FloatA
     packed : float array, shape (n_sample,)
     """
     place = spec.sample_fields
-    u, before, earlier = packed[place["u"]], packed[place["u_before"]], state.earlier
+    u, before, earlier = packed[place["u"]], packed[place["u_before"]], state.inputs.earlier
     spike = np.abs(u - earlier) < BACK * np.abs(before - earlier)
     if not spike.any():
         return packed
     other = packed.copy()
     other[place["u_before"]] = np.where(spike, earlier, before)
-    _, gain = _compared(spec, engine, (state.lane, packed), (state.lane, other))
+    _, gain = _compared(spec, engine, (state.healthy.lane, packed), (state.healthy.lane, other))
     return other if gain > TELLING else packed
 
 
@@ -181,54 +185,55 @@ def _doubting(spec: EngineSpec, engine: Engine, one: Past, two: Past, state: Sta
 
 
 def judged(
-    spec: EngineSpec, state: State, changes: Changes, packed: FloatArray, innovations: FloatArray
-) -> tuple[FloatArray, Changes, int]:
-    """Give a packed sample without wild readings, what changes in the state, and how many there were.
+    spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray
+) -> tuple[FloatArray, Sensors, int]:
+    """Give a packed sample without wild readings, what is known of the sensors then, and how many there were.
 
     The packed sample is the same array where there are none.
 
     Parameters
     ----------
     spec : the model
-    state, changes : State, Changes
-        Before the sample, and what changes by packing it.
+    state : State
+        After packing the sample.
     packed : float array, shape (n_sample,)
     innovations : float array, shape (2 * n_outputs,)
         Of the healthy filter, see `Engine.advance`.
     """
     n_y, place = len(spec.outputs), spec.sample_fields
-    y, used, spent = packed[place["y"]], packed[place["use"]] > 0, state.spent
+    y, used, spent = packed[place["y"]], packed[place["use"]] > 0, state.sensors.spent
     wild = used & (np.abs(innovations[:n_y]) > SURPRISE * np.sqrt(np.maximum(innovations[n_y:], 0.0)))
-    low, high = _reach(spec, state, FAR)
-    if state.index - changes["begun"] >= spec.thresholds.warm_up_samples:  # before, the range is not known yet
+    low, high = _reach(spec, state.sensors, FAR)
+    if state.clock.index - state.clock.begun >= spec.thresholds.warm_up_samples:  # before, the range is not known yet
         wild &= (y < low) | (y > high)
     wild &= ~np.array([output.ranged for output in spec.outputs], dtype=bool)
     refused = wild & (spent <= PATIENCE - 1.0)
-    bounded = np.clip(y, *_reach(spec, state, LIMIT))
+    bounded = np.clip(y, *_reach(spec, state.sensors, LIMIT))
     cut = wild & ~refused & (bounded != y)
     patience = np.where(wild, spent + refused, np.maximum(spent - 1.0 / RECOVERY, 0.0))
-    more = {"spent": patience} | seen(state, y, used & ~refused & ~cut)
+    sensors = replace(seen(state.sensors, y, used & ~refused & ~cut), spent=patience)
     if not wild.any():
-        return packed, more, 0
+        return packed, sensors, 0
     mended = packed.copy()
     mended[place["use"]] = used & ~refused
     mended[place["y"]] = np.where(refused, 0.0, np.where(cut, bounded, y))
-    return mended, more, int(wild.sum())
+    return mended, sensors, int(wild.sum())
 
 
-def _reach(spec: EngineSpec, state: State, widths: float) -> tuple[FloatArray, FloatArray]:
+def _reach(spec: EngineSpec, sensors: Sensors, widths: float) -> tuple[FloatArray, FloatArray]:
     """Give the ends of what each sensor has shown, and so many widths of it more; infinite where it showed nothing."""
-    known = state.shown[0] <= state.shown[1]
-    low, high = np.where(known, state.shown, 0.0)
+    known = sensors.shown[0] <= sensors.shown[1]
+    low, high = np.where(known, sensors.shown, 0.0)
     beyond = widths * np.maximum(high - low, NOISES * spec.output_noise)
     return np.where(known, low - beyond, -np.inf), np.where(known, high + beyond, np.inf)
 
 
-def seen(state: State, y: FloatArray, used: BoolArray) -> Changes:
-    """Give what the sensors have shown with these readings, (n_outputs,) each."""
-    low, high = state.shown
+def seen(sensors: Sensors, y: FloatArray, used: BoolArray) -> Sensors:
+    """Give what is known of the sensors after readings `y`, SI, of which some were `used`; (n_outputs,) each."""
+    low, high = sensors.shown
     beyond = (y < low) | (y > high)
     if not beyond.any() or not (beyond & used).any():
-        return {}
+        return sensors
     new = beyond & used
-    return {"shown": np.stack([np.where(new, np.minimum(low, y), low), np.where(new, np.maximum(high, y), high)])}
+    shown = np.stack([np.where(new, np.minimum(low, y), low), np.where(new, np.maximum(high, y), high)])
+    return replace(sensors, shown=shown)

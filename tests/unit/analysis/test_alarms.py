@@ -57,7 +57,11 @@ def test_the_sums_are_those_of_the_monitor() -> None:
     for k in range(160):
         sample = Sample(time=float(time[k]), dt=0.02 * (k > 0), u=made.inputs[k], y=outputs[k])
         state, report = step(spec, engine, state, sample)
-        if state.index > spec.thresholds.warm_up_samples and state.running and k >= spec.thresholds.warm_up_samples:
+        if (
+            state.clock.index > spec.thresholds.warm_up_samples
+            and state.clock.running
+            and k >= spec.thresholds.warm_up_samples
+        ):
             score = (outputs[k] - report.expected) / np.sqrt(report.variance)
             sums = added(spec.thresholds, sums, np.array([score, -score, 0.0 * score]), np.array([True]))
             seen = height_of(spec.thresholds, sums)

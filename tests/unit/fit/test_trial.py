@@ -78,7 +78,7 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     state = init(spec)
     for point in points[:900]:
         state, _ = step(spec, engine, state, point)
-    assert state.alarm > 800
+    assert state.clock.alarm > 800
     layout = layout_of(build_model(graph))
     flow, pressure = on_trial(spec, engine, layout, [prepare("tank", points, spec, layout)]).rates[:2]
     assert flow.peak > 1.0

@@ -18,7 +18,7 @@ from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.probe import build_probe
 from faultbond.types import CheckKind
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, changed, plant, recorded, run, samples_of
 
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
@@ -32,7 +32,7 @@ def leaking() -> tuple[EngineSpec, Engine, State, Diagnosis]:
     u = np.stack([np.where(time % 120.0 < 60.0, 80.0, 50.0), np.full(time.shape, 50.0)], axis=1)
     made = simulate(graph, Inputs(time=time, values=u), [FAULT], seed=2, start={"tank.q": TANK_START})
     state, _ = run(spec, engine, samples_of(time, made.inputs, made.outputs))
-    assert state.alarm >= 0
+    assert state.clock.alarm >= 0
     return spec, engine, state, conclude(spec, state)
 
 
@@ -95,7 +95,7 @@ def test_moving_the_outlet_parts_leak_and_outlet() -> None:
     assert move.gain == pytest.approx(1.0)
     assert move.value is not None
     assert 0.0 <= move.value <= 100.0
-    assert abs(move.value - state.held[1]) > 5.0
+    assert abs(move.value - state.inputs.held[1]) > 5.0
     assert move.within == 300.0
 
 
@@ -106,7 +106,7 @@ def test_a_stated_move_is_the_one_that_is_tried() -> None:
     for size in (40.0, 0.5):
         stated = replace(spec, checks=(CheckSpec(name="u_out", kind=CheckKind.INPUT, cost=1.0, move=size),))
         moves = [item for item in advise(stated, engine, state, made) if item.kind is CheckKind.INPUT]
-        assert [abs((item.value or 0.0) - state.held[1]) for item in moves] == ([40.0] if size > 1.0 else [])
+        assert [abs((item.value or 0.0) - state.inputs.held[1]) for item in moves] == ([40.0] if size > 1.0 else [])
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_where_an_input_may_be_moved(
     spec = plant("dc_motor")[1]
     spec = replace(spec, inputs=(replace(spec.inputs[0], unit=unit, unit_offset=offset),))
     low, high = (np.array([value]) for value in seen)
-    state = replace(init(spec), lowest=low, highest=high, held=np.array([now]))
+    state = changed(init(spec), lowest=low, highest=high, held=np.array([now]))
     check = None if move is None else CheckSpec(name="V", kind=CheckKind.INPUT, cost=1.0, noise=0.0, move=move)
     assert _values(spec, state, 0, check) == pytest.approx(expected)
 

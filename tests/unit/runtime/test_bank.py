@@ -24,19 +24,19 @@ FAULT = Fault(parameter="K", factor=0.6, start=2.4)
 def alarmed(rows: int) -> State:
     """The motor after a number of samples, its alarm among them."""
     state, _ = run(SPEC, ENGINE, recorded("dc_motor_current", 201, FAULT)[:rows])
-    assert 0 <= state.alarm < rows
+    assert 0 <= state.clock.alarm < rows
     return state
 
 
 def trail_of(state: State, first: int) -> Trail:
     """Samples and healthy lanes from `first` on."""
-    rows = np.arange(first, state.index) % len(state.trail_times)
-    return Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows], alarm=state.alarm - first)
+    place, past = state.past.place(first), state.past
+    return Trail(samples=past.samples[place:], lanes=past.lanes[place:], alarm=state.clock.alarm - first)
 
 
 def last_sample(state: State) -> FloatArray:
     """The last packed sample."""
-    return np.asarray(state.trail_samples[(state.index - 1) % len(state.trail_times)])
+    return np.asarray(state.past.samples[-1])
 
 
 def test_a_bank_that_has_not_begun_has_the_size_of_one_that_has() -> None:
@@ -59,8 +59,8 @@ def test_likelihoods_of_steps_come_first() -> None:
 def test_sums_begin_at_the_alarm() -> None:
     """A bank has no misfit at the alarm: what it has seen by then has chosen its onsets."""
     state = alarmed(200)
-    trail = trail_of(state, state.alarm - 60)
-    bank = begin_bank(SPEC, ENGINE, trail, 55, state.peak, 777)
+    trail = trail_of(state, state.clock.alarm - 60)
+    bank = begin_bank(SPEC, ENGINE, trail, 55, state.inputs.peak, 777)
     assert not np.any(bank.misfit.sums)
     assert np.all(bank.misfit.since == 777.0)
 
@@ -70,8 +70,8 @@ def test_a_sample_takes_all_lanes_further() -> None:
     before, after = alarmed(200), alarmed(201)
     packed = last_sample(after)
     bank = advance_bank(SPEC, ENGINE, before.bank, packed, trusted(SPEC, packed), 200)
-    steps, one = advance_steps(SPEC, ENGINE, before.steps, packed)
-    slots, two = advance_slots(SPEC, ENGINE, before.slots, packed)
+    steps, one = advance_steps(SPEC, ENGINE, before.bank.steps, packed)
+    slots, two = advance_slots(SPEC, ENGINE, before.bank.slots, packed)
     pairs = one.shape[1] + plan_slots(SPEC).switched
     misfit = add_misfit(
         SPEC, before.bank.misfit, trusted(SPEC, packed), np.concatenate([one, two], axis=1), 200, switched=pairs
@@ -93,7 +93,7 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     """Renewed lanes have empty sums from that sample on; of the lanes with a slot only drifts and input biases are."""
     state = alarmed(200)
     bank = state.bank
-    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.alarm - 5), bank, 888, state.rejected, state.peak)
+    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.clock.alarm - 5), bank, 888, state.inputs.peak)
     changed = differing_lanes(renewed, bank)
     assert 0 < changed.sum() < bank.steps.shape[1]
     renewable = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]

@@ -1,6 +1,5 @@
 """What keeps filters as sure as they may be: usual squares, new beginnings, starts that know of parameters."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +15,7 @@ from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import ASTRAY, IN_REACH, renew_all_steps
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
-from made import plant, recorded, run, samples_of
+from made import changed, plant, recorded, run, samples_of
 
 LAST = monitor.RENEWALS[-1]
 
@@ -25,24 +24,24 @@ LAST = monitor.RENEWALS[-1]
 def test_usual_squares_are_found(size: float) -> None:
     """After many samples they are the mean square of the normalised innovations; missing ones leave them alone."""
     spec = plant("dc_motor_current")[1]
-    state, generator = replace(init(spec), begun=0), np.random.default_rng(1)
+    state, generator = changed(init(spec), begun=0), np.random.default_rng(1)
     for index in range(3 * NIS_MEMORY):
         score = np.array([size * generator.standard_normal(), np.nan])
-        state = replace(state, index=index, nis=usual_squares(state, score))
-    assert state.nis[0] == pytest.approx(size**2, rel=0.05)
-    assert state.nis[1] == 1.0
+        state = changed(state, index=index, nis=usual_squares(state, score))
+    assert state.sensors.nis[0] == pytest.approx(size**2, rel=0.05)
+    assert state.sensors.nis[1] == 1.0
 
 
 def test_usual_squares_begin_as_declared_and_end_somewhere() -> None:
     """A hundred samples hardly count against the declaration, and no number of them leads out of the range."""
     spec = plant("dc_motor_current")[1]
     for score, end in ((0.0, NIS_RANGE[0]), (3.0, NIS_RANGE[1])):
-        state = replace(init(spec), begun=0)
+        state = changed(init(spec), begun=0)
         for index in range(20 * NIS_TRUST):
-            state = replace(state, index=index, nis=usual_squares(state, np.full(2, score)))
+            state = changed(state, index=index, nis=usual_squares(state, np.full(2, score)))
             if index == 100:
-                assert np.all(np.abs(state.nis - 1.0) < 1.0)
-        assert np.all(state.nis == pytest.approx(end, rel=1e-3))
+                assert np.all(np.abs(state.sensors.nis - 1.0) < 1.0)
+        assert np.all(state.sensors.nis == pytest.approx(end, rel=1e-3))
 
 
 def test_usual_squares_are_those_of_before_the_alarm() -> None:
@@ -52,10 +51,10 @@ def test_usual_squares_are_those_of_before_the_alarm() -> None:
     state, alarmed = init(spec), None
     for sample in samples:
         state, report = monitor.step(spec, engine, state, sample)
-        alarmed = state.nis if report.detection is not None else alarmed
+        alarmed = state.sensors.nis if report.detection is not None else alarmed
     assert alarmed is not None
-    assert np.array_equal(state.nis, alarmed)
-    assert np.any(state.nis != 1.0)
+    assert np.array_equal(state.sensors.nis, alarmed)
+    assert np.any(state.sensors.nis != 1.0)
 
 
 @cache
@@ -65,12 +64,12 @@ def diagnosing() -> tuple[EngineSpec, Trail, FloatArray]:
     samples = recorded("dc_motor_current", 600, Fault(parameter="R", factor=1.6, start=4.0))
     state = init(spec)
     for sample in samples:
-        if state.alarm >= 0 and state.index == state.alarm + LAST:
+        if state.clock.alarm >= 0 and state.clock.index == state.clock.alarm + LAST:
             break
         state, _ = monitor.step(spec, engine, state, sample)
-    assert state.index == state.alarm + LAST
-    trail, _ = monitor._cut_trail(spec, engine, replace(state, index=state.index - 1), state.alarm)
-    return spec, trail, state.steps
+    assert state.clock.index == state.clock.alarm + LAST
+    trail, _ = monitor._cut_trail(changed(state, index=state.clock.index - 1), state.clock.alarm)
+    return spec, trail, state.bank.steps
 
 
 def test_all_that_may_lead_begins_again() -> None:
@@ -175,4 +174,4 @@ def test_runs_from_a_start_with_parameters_off_are_quiet() -> None:
         inputs = Inputs(time=time, values=np.full((len(time), 1), 8.0))
         made = simulate(graph, inputs, faults, seed=seed, start={"L.p": 2.5 * 3.0, "J.p": 1.5 * 1.0})
         state, _ = run(spec, engine, list[Sample](samples_of(time, made.inputs, made.outputs)))
-        assert state.alarm < 0
+        assert state.clock.alarm < 0

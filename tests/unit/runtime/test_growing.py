@@ -14,7 +14,7 @@ from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, grow, n_g
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.ranking import scores
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.state import Sample, State
+from faultbond.runtime.state import Sample, State, init, restore
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from made import differing, plant, run, samples_of
@@ -138,10 +138,10 @@ def test_the_true_set_is_found_in_the_reserve() -> None:
 
 def test_before_they_are_chosen_sets_of_the_reserve_do_not_count() -> None:
     """Until the bank is renewed, sets of the reserve have no score, and it is told how many they are."""
-    state, _ = run(SPEC, ENGINE, recording()[: ended(SPEC).alarm + 25])
+    state, _ = run(SPEC, ENGINE, recording()[: ended(SPEC).clock.alarm + 25])
     diagnosis = finish(SPEC, state)
     assert diagnosis is not None
-    assert np.all(state.grown == -1.0)
+    assert np.all(state.bank.grown == -1.0)
     assert np.all(scores(SPEC, state.bank)[SPEC.n_begun :] == -np.inf)
     assert {item.hypothesis for item in diagnosis.candidates} == set(range(SPEC.n_begun))
     assert diagnosis.untested is not None
@@ -155,31 +155,31 @@ def test_once_all_are_tested_nothing_is_hidden() -> None:
     assert diagnosis is not None
     assert diagnosis.untested is not None
     assert (diagnosis.untested.sets, diagnosis.untested.probability) == (0, 0.0)
-    assert sorted(state.grown) == list(range(len(SPEC.reserve)))
-    assert state.steps.shape[1] == run_width(SPEC)
+    assert sorted(state.bank.grown) == list(range(len(SPEC.reserve)))
+    assert state.bank.steps.shape[1] == run_width(SPEC)
 
 
 def run_width(spec: EngineSpec) -> int:
     """Lanes of steps of the singles, and of all that can grow."""
     alone = replace(spec, reserve=())
-    return int(ended(alone).steps.shape[1]) + PER_SET * n_grown(spec)
+    return int(ended(alone).bank.steps.shape[1]) + PER_SET * n_grown(spec)
 
 
 def test_a_reserve_is_saved_too() -> None:
     """Saved and restored before sets are chosen, the run goes on to the same end, to the last bit."""
     whole = ended(SPEC)
-    middle, _ = run(SPEC, ENGINE, recording()[: whole.alarm + 25])
-    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
-    again, _ = run(SPEC, ENGINE, recording()[whole.alarm + 25 :], restored)
+    middle, _ = run(SPEC, ENGINE, recording()[: whole.clock.alarm + 25])
+    restored = restore(init(SPEC), {key: value.copy() for key, value in middle.save().items()})
+    again, _ = run(SPEC, ENGINE, recording()[whole.clock.alarm + 25 :], restored)
     assert not differing(again, whole)
 
 
 def test_the_likeliest_sets_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sets are chosen by likelihood less the cost of their suspects."""
     monkeypatch.setattr(growing, "GROWN", 3)
-    state, _ = run(SPEC, ENGINE, recording()[: ended(SPEC).alarm + 1])
-    rows = np.arange(state.alarm - 20, state.index) % len(state.trail_times)
-    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    state, _ = run(SPEC, ENGINE, recording()[: ended(SPEC).clock.alarm + 1])
+    rows = slice(state.past.place(state.clock.alarm - 20), None)
+    trail = Trail(samples=state.past.samples[rows], lanes=state.past.lanes[rows])
     likelihood = np.full(len(SPEC.reserve), -99.0)
     likelihood[[2, 7, 4, 10]] = [-50.0, -40.0, -45.0, -46.5]  # the last is the set of three
     values = np.tile(trail.lanes[0, SPEC.parameter_slice], (len(SPEC.reserve), 1))
@@ -196,12 +196,12 @@ def test_the_likeliest_sets_grow(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_grown_set_is_as_good_as_one_begun_at_the_alarm() -> None:
     """From the first renewal on, and after each further one, the pair is first, with the estimates it has if begun."""
     whole = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS))
-    alarm = ended(SPEC).alarm
+    alarm = ended(SPEC).clock.alarm
     states = [run(spec, ENGINE, recording()[: alarm + 35])[0] for spec in (whole, SPEC)]
     for last in (alarm + 98, alarm + 110, alarm + 210):
         found = []
         for k, spec in enumerate((whole, SPEC)):
-            states[k], _ = run(spec, ENGINE, recording()[states[k].index : last], states[k])
+            states[k], _ = run(spec, ENGINE, recording()[states[k].clock.index : last], states[k])
             diagnosis = finish(spec, states[k])
             assert diagnosis is not None
             found.append(diagnosis.candidates[0])

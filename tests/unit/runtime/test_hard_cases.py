@@ -17,7 +17,7 @@ from faultbond.runtime.monitor import RENEWALS, _cut_trail, _oldest, finish
 from faultbond.runtime.state import SNAPSHOT_EVERY, Sample, State, Status, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
-from made import EXAMPLES, plant, recorded, run, samples_of
+from made import EXAMPLES, changed, plant, recorded, run, samples_of
 
 WILD_BEFORE = 100
 FAULT = Fault(parameter="C", factor=1.6, start=20.0)
@@ -52,7 +52,7 @@ def test_one_wild_reading_long_before_the_fault(samples: list[Sample], value: fl
 def test_one_wild_reading_after_the_alarm(samples: list[Sample], value: float) -> None:
     """No lane is thrown off by it, and no sensor is noisy because of it."""
     state, _ = diagnosed(samples)
-    place = state.alarm + 60
+    place = state.clock.alarm + 60
     wild = [*samples]
     wild[place] = replace(wild[place], y=np.array([*wild[place].y[:-1], value]))
     _, found = diagnosed(wild)
@@ -65,26 +65,26 @@ def test_a_bank_goes_on_while_the_healthy_filter_begins_again(samples: list[Samp
     """A healthy lane that is lost takes nothing from the lanes of the bank, nor are these renewed from nowhere."""
     _, spec, engine = plant("rlc")
     whole, _ = diagnosed(samples)
-    after = whole.alarm + RENEWALS[0] + 5
+    after = whole.clock.alarm + RENEWALS[0] + 5
     state, _ = run(spec, engine, samples[:after])
-    lost, reports = run(spec, engine, samples[after:], replace(state, lane=np.full_like(state.lane, np.nan)))
+    lost, reports = run(spec, engine, samples[after:], changed(state, lane=np.full_like(state.healthy.lane, np.nan)))
     assert {Status.LOST, Status.STARTING} <= {report.status for report in reports}
     found, expected = finish(spec, lost), finish(spec, whole)
     assert found is not None
     assert expected is not None
     assert found.candidates[0].parameters == expected.candidates[0].parameters == ("C",)
-    steps = slice(0, lost.steps.shape[1])
-    assert np.max(lost.steps[-1, steps]) == pytest.approx(np.max(whole.steps[-1, steps]), abs=60.0)
+    steps = slice(0, lost.bank.steps.shape[1])
+    assert np.max(lost.bank.steps[-1, steps]) == pytest.approx(np.max(whole.bank.steps[-1, steps]), abs=60.0)
 
 
 def test_no_lane_of_after_the_alarm_is_an_old_one() -> None:
     """A short run has no healthy lane from long before the alarm, at the alarm or later."""
     _, spec, _ = plant("rlc")
-    fresh = replace(init(spec), begun=0, index=SNAPSHOT_EVERY + 1, running=1)
-    kept = np.ones_like(fresh.snapshots)
-    assert _oldest(replace(fresh, snapshots=kept)) is not None
-    assert _oldest(replace(fresh, snapshots=kept, alarm=SNAPSHOT_EVERY - 1)) is None
-    assert _oldest(replace(fresh, snapshots=kept, alarm=SNAPSHOT_EVERY)) is not None
+    fresh = changed(init(spec), begun=0, index=SNAPSHOT_EVERY + 1, running=1)
+    kept = np.ones_like(fresh.healthy.snapshots)
+    assert _oldest(changed(fresh, snapshots=kept)) is not None
+    assert _oldest(changed(fresh, snapshots=kept, alarm=SNAPSHOT_EVERY - 1)) is None
+    assert _oldest(changed(fresh, snapshots=kept, alarm=SNAPSHOT_EVERY)) is not None
 
 
 def test_a_held_input_is_corrected_too() -> None:
@@ -101,7 +101,7 @@ def test_a_held_input_is_corrected_too() -> None:
     state, reports = run(spec, engine, given[:640])
     assert any(report.detection for report in reports)
     corrected, _ = accept(spec, state, find_hypothesis(spec, ["V"]))
-    assert corrected.held[0] - state.held[0] == pytest.approx(2.0, abs=0.3)
+    assert corrected.inputs.held[0] - state.inputs.held[0] == pytest.approx(2.0, abs=0.3)
     _, reports = run(spec, engine, given[640:], corrected)
     assert not any(report.detection for report in reports)
 
@@ -134,16 +134,16 @@ def test_an_accepted_noise_is_no_blanking() -> None:
     """However large: a sensor that counts as blanked would never raise an alarm again."""
     _, spec, engine = plant("rc")
     state, _ = run(spec, engine, recorded("rc", 400))
-    noise = state.reading_noise.copy()
+    noise = state.normal.noise.copy()
     quiet = list(recorded("rc", 1200))[400:]
     generator = np.random.default_rng(2)
     for _ in range(4):
         wild = [replace(item, y=item.y + generator.normal(0.0, 300.0 * np.sqrt(noise), 1)) for item in quiet[:300]]
         state, _ = run(spec, engine, wild, state)
-        if state.alarm < 0:
+        if state.clock.alarm < 0:
             break
         state, _ = accept(spec, state, find_hypothesis(spec, ["V_C"]))
-        noise = state.reading_noise.copy()
+        noise = state.normal.noise.copy()
         assert noise[0] < spec.thresholds.blank_factor
 
 
@@ -156,14 +156,14 @@ def test_lanes_that_begin_again_drift_too() -> None:
     samples = recorded("dc_motor", 900)
     state, _ = run(spec, engine, samples[:600])
     rates = np.where(moves, 0.001 / samples[1].dt, 0.0)
-    state, _ = run(spec, engine, samples[600:800], replace(state, accepted=state.index - 1, rates=rates))
-    trail, _ = _cut_trail(spec, engine, replace(state, index=state.index - 1), state.index - 60)
+    state, _ = run(spec, engine, samples[600:800], changed(state, accepted=state.clock.index - 1, rates=rates))
+    trail, _ = _cut_trail(changed(state, index=state.clock.index - 1), state.clock.index - 60)
     kept = trail.lanes[0][:, None]
-    for advancing, ends in ((drifting(spec, engine, rates, state.wander), True), (engine, False)):
+    for advancing, ends in ((drifting(spec, engine, rates, state.normal.wander), True), (engine, False)):
         lanes, innovations = advancing.advance(kept, trail.samples[1:])
         assert innovations.shape == (len(trail.samples) - 1, 2 * len(spec.outputs), 1)
-        assert bool(np.isclose(lanes[place, 0], state.lane[place, 0], rtol=1e-9)) is ends
-    assert drifting(spec, engine, np.zeros(len(moves)), state.wander) is engine
+        assert bool(np.isclose(lanes[place, 0], state.healthy.lane[place, 0], rtol=1e-9)) is ends
+    assert drifting(spec, engine, np.zeros(len(moves)), state.normal.wander) is engine
 
 
 def test_the_bank_begins_with_the_drifts_that_were_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +171,7 @@ def test_the_bank_begins_with_the_drifts_that_were_accepted(monkeypatch: pytest.
     _, spec, engine = plant("rc")
     rows = recorded("rc", 700, Fault(parameter="C", factor=1.5, start=6.0))
     state, _ = run(spec, engine, rows[:250])
-    assert state.alarm < 0
+    assert state.clock.alarm < 0
     used: list[tuple[str, Engine]] = []
     for name in ("begin_bank", "renew_bank"):
         inner = getattr(monitor, name)
@@ -184,7 +184,7 @@ def test_the_bank_begins_with_the_drifts_that_were_accepted(monkeypatch: pytest.
 
         monkeypatch.setattr(monitor, name, kept)
     rates = np.full(len(spec.parameters), 1e-6)
-    run(spec, engine, rows[250:], replace(state, rates=rates, accepted=state.index - 1))
+    run(spec, engine, rows[250:], changed(state, rates=rates, accepted=state.clock.index - 1))
     assert [name for name, _ in used] == ["begin_bank", *["renew_bank"] * len(RENEWALS)]
     assert all(isinstance(given, Drifting) and np.array_equal(given.rates, rates) for _, given in used)
 
@@ -197,7 +197,7 @@ def test_slow_errors_are_watched_by_the_clock(pause: float, alarms: bool) -> Non
     assert spec.slow_errors[0].memory == 600.0
     lane = np.zeros((spec.n_numbers, 1))
     lane[spec.slow_slice] = 3.0 * spec.thresholds.slow_error_limit * spec.slow_sizes[:, None]
-    state = replace(init(spec), begun=0, index=60, lane=lane, pause=pause)
+    state = changed(init(spec), begun=0, index=60, lane=lane, pause=pause)
     detection, _ = detect(spec, state, np.zeros(len(spec.outputs)))
     assert (detection is not None) is alarms
 
@@ -242,5 +242,5 @@ def test_a_filter_of_one_number_is_built(text: str) -> None:
     state = init(spec)
     made = [Sample(time=0.1 * k, dt=0.1 * (k > 0), u=np.array([1.0]), y=np.array([0.1])) for k in range(40)]
     state, reports = run(spec, engine, made, state)
-    assert np.isfinite(state.lane).all()
+    assert np.isfinite(state.healthy.lane).all()
     assert np.isfinite(reports[-1].expected).all()

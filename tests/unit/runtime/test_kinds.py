@@ -11,7 +11,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.state import Sample, State, init, restore
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
 from made import differing, plant, run, samples_of
@@ -161,8 +161,8 @@ def ended(name: str) -> tuple[State, State]:
     state = middle = init(spec)
     for sample in recording(name):
         state, _ = step(spec, engine, state, sample)
-        middle = state if state.index == state.alarm + 25 else middle
-    assert ONSET <= state.alarm == middle.alarm < ROWS - 60
+        middle = state if state.clock.index == state.clock.alarm + 25 else middle
+    assert ONSET <= state.clock.alarm == middle.clock.alarm < ROWS - 60
     return middle, state
 
 
@@ -206,9 +206,9 @@ def test_a_run_saved_with_any_kind_of_alarm_goes_on(name: str) -> None:
     """Saved and restored in the middle of a diagnosis, a run ends in the same numbers, to the last bit."""
     _, spec, engine = plant(NAME)
     middle, whole = ended(name)
-    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
+    restored = restore(init(spec), {key: value.copy() for key, value in middle.save().items()})
     assert not differing(middle, restored)
-    again, _ = run(spec, engine, recording(name)[middle.index :], restored)
+    again, _ = run(spec, engine, recording(name)[middle.clock.index :], restored)
     assert not differing(again, whole)
 
 
@@ -217,24 +217,24 @@ def test_what_erred_at_times_and_is_right_now_is_used_on(name: str) -> None:
     """Accepted while its fault is gone, a sensor is read and an input is believed as before."""
     state, found = ended(name)[1], best(name)
     after, _ = accept(plant(NAME)[1], state, found.hypothesis)
-    assert after.alarm < 0
-    assert after.reading_noise.tolist() == [1.0, 1.0]
-    assert after.input_offset.tolist() == [0.0]
-    assert np.all(np.isfinite(after.lane))
+    assert after.clock.alarm < 0
+    assert after.normal.noise.tolist() == [1.0, 1.0]
+    assert after.normal.input_offset.tolist() == [0.0]
+    assert np.all(np.isfinite(after.healthy.lane))
 
 
 def test_what_errs_at_times_and_does_so_now() -> None:
     """Accepted while its fault is there, a sensor is not used any more; an input acts as it does now."""
     spec = plant(NAME)[1]
     after, _ = accept(spec, ended("bias now")[1], best("bias now").hypothesis)
-    assert after.reading_noise.tolist() == [np.inf, 1.0]
+    assert after.normal.noise.tolist() == [np.inf, 1.0]
     after, _ = accept(spec, ended("input now")[1], best("input now").hypothesis)
-    assert after.input_offset == pytest.approx(best("input now").suspects[0].estimate)
+    assert after.normal.input_offset == pytest.approx(best("input now").suspects[0].estimate)
 
 
 def test_noise_is_accepted_as_it_was_told() -> None:
     """Not as the noise of the lane, which is one of a few that are tried."""
     after, _ = accept(plant(NAME)[1], ended("noise")[1], best("noise").hypothesis)
     told = best("noise").suspects[0].estimate
-    assert after.reading_noise[0] == pytest.approx((told / NOISE["omega"]) ** 2, rel=1e-12)
-    assert after.reading_noise[1] == 1.0
+    assert after.normal.noise[0] == pytest.approx((told / NOISE["omega"]) ** 2, rel=1e-12)
+    assert after.normal.noise[1] == 1.0

@@ -47,7 +47,7 @@ def asked(rows: int) -> tuple[EngineSpec, State, Recorder]:
     _, spec, engine = plant("dc_motor")
     recorder = Recorder(engine)
     state, _ = run(spec, recorder, recorded("dc_motor", rows, FAULT))
-    assert state.alarm >= 0
+    assert state.clock.alarm >= 0
     return spec, state, recorder
 
 
@@ -67,10 +67,10 @@ def test_bank_linearises_twice_with_a_wide_bound() -> None:
 def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
     """The monitor's own lane never updates twice; its innovations are bounded once the warm-up is over."""
     spec, state, _ = asked(300)
-    place, depth = spec.sample_fields, len(state.trail_times)
-    warm = state.begun + spec.thresholds.warm_up_samples
-    for index in range(state.begun, state.index):
-        packed = state.trail_samples[index % depth]
+    place = spec.sample_fields
+    warm = state.clock.begun + spec.thresholds.warm_up_samples
+    for index in range(state.clock.begun, state.clock.index):
+        packed = state.past.samples[state.past.place(index)]
         assert packed[place["again"]] == 0.0
         assert packed[place["bound"]] == (spec.thresholds.learning_bound if index >= warm else 0.0)
 
@@ -85,12 +85,11 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
         trail: Trail,
         bank: Bank,
         index: int,
-        rejected: FloatArray,
         peak: FloatArray,
         *,
         last: bool,
     ) -> Bank:
-        del spec, engine, trail, rejected, peak
+        del spec, engine, trail, peak
         renewed.append(index)
         final.append(last)
         return bank
@@ -98,5 +97,7 @@ def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(monitor, "renew_bank", renew)
     _, spec, engine = plant("dc_motor")
     state, _ = run(spec, engine, recorded("dc_motor", 400, FAULT))
-    assert renewed == [state.alarm + wait for wait in monitor.RENEWALS if state.alarm + wait < state.index]
+    assert renewed == [
+        state.clock.alarm + wait for wait in monitor.RENEWALS if state.clock.alarm + wait < state.clock.index
+    ]
     assert final == [False, False, True]

@@ -20,10 +20,10 @@ def test_threads_give_the_same_numbers(n_lanes: int, processors: int, monkeypatc
     state = init(SPEC)
     for sample in recorded("dc_motor", 60):
         state, _ = step(SPEC, ENGINE, state, sample)
-    lanes = np.repeat(state.lane, n_lanes, axis=1)
+    lanes = np.repeat(state.healthy.lane, n_lanes, axis=1)
     lanes[SPEC.parameter_slice] *= np.linspace(0.5, 2.0, n_lanes)
     lanes[0, n_lanes // 2] = np.nan
-    rows = state.trail_samples[20:40]
+    rows = state.past.samples[state.past.place(20) :][:20]
     following, innovations = ENGINE.advance(lanes, rows)
     parts: list[int] = []
     alone = CompiledEngine._advance

@@ -12,7 +12,7 @@ from faultbond.runtime.misfit import Misfit, add_misfit, begin_again, no_misfit
 from faultbond.runtime.packing import trusted
 from faultbond.runtime.state import init
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from made import changed, plant, recorded, run
 
 SPEC = plant("dc_motor_current")[1]
 N_Y = len(SPEC.outputs)
@@ -27,7 +27,7 @@ def packed(spec: EngineSpec, use: list[float], scale: list[float]) -> FloatArray
 
 def test_sums_of_the_healthy_lane_are_those_of_the_detector() -> None:
     """Given the same innovations, missing and blanked values among them, both sums and their begins are the same."""
-    generator, state = np.random.default_rng(5), replace(init(SPEC), begun=0)
+    generator, state = np.random.default_rng(5), changed(init(SPEC), begun=0)
     start = SPEC.thresholds.warm_up_samples
     misfit = no_misfit(SPEC, 3, start - 1)
     for index in range(start, start + 400):
@@ -36,12 +36,12 @@ def test_sums_of_the_healthy_lane_are_those_of_the_detector() -> None:
         blank = SPEC.thresholds.blank_factor
         use, scale = generator.random(N_Y) > 0.2, np.where(generator.random(N_Y) > 0.8, blank, 1.0)
         sample = packed(SPEC, [*use], [*scale])
-        state = replace(state, index=index)
-        state = replace(state, **accumulated(SPEC, state, sample, found))
+        state = changed(state, index=index)
+        state = replace(state, sensors=accumulated(SPEC, state, sample, found))
         other = generator.normal(size=2 * N_Y) ** 2
         misfit = add_misfit(SPEC, misfit, trusted(SPEC, sample), np.stack([other, found, 2.0 * other], axis=1), index)
-        assert misfit.sums[:, :, 1] == pytest.approx(state.cusum, rel=1e-12, abs=1e-12)
-        assert np.array_equal(misfit.since[:, :, 1], state.cusum_start)
+        assert misfit.sums[:, :, 1] == pytest.approx(state.sensors.cusum, rel=1e-12, abs=1e-12)
+        assert np.array_equal(misfit.since[:, :, 1], state.sensors.cusum_start)
     assert misfit.sums[0, :, 1].max() > SPEC.thresholds.cusum_limit
     assert np.any(misfit.since[:, :, 1] < start + 399)
     assert not np.array_equal(misfit.sums[:, :, 0], misfit.sums[:, :, 1])
@@ -87,8 +87,8 @@ def test_the_true_fault_leaves_nothing_unexplained() -> None:
     diagnosis = [report.diagnosis for report in reports if report.diagnosis][-1]
     assert diagnosis.candidates[0].parameters == ("R",)
     assert diagnosis.unexplained is None
-    assert state.misfit.shape == (2, N_Y, state.steps.shape[1] + state.slots.shape[1])
-    assert np.sum(state.misfit.max(axis=(0, 1)) > spec.thresholds.cusum_limit) > 10
+    assert state.bank.misfit.sums.shape == (2, N_Y, state.bank.steps.shape[1] + state.bank.slots.shape[1])
+    assert np.sum(state.bank.misfit.sums.max(axis=(0, 1)) > spec.thresholds.cusum_limit) > 10
 
 
 def test_what_comes_and_goes_stays_contradicted() -> None:

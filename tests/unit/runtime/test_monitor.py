@@ -1,7 +1,7 @@
 """The monitor sample by sample: pure, saveable, repeatable, blind to what is missing, and alarmed as it should be."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from io import BytesIO
 
 import numpy as np
@@ -10,9 +10,9 @@ import pytest
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.monitor import START_SAMPLES, finish, step
-from faultbond.runtime.state import Report, State, Status, init
+from faultbond.runtime.state import Report, State, Status, init, restore
 from faultbond.simulate import Fault
-from made import differing, plant, recorded, run
+from made import changed, differing, plant, recorded, run
 
 TANK_FAULT = Fault(parameter="K1", factor=3.0, start=230.0)
 MOTOR_FAULT = Fault(parameter="K", factor=0.6, start=2.4)
@@ -44,7 +44,7 @@ def test_same_data_same_result(name: str, rows: int, fault: Fault) -> None:
     _, spec, engine = plant(name)
     samples = recorded(name, rows, fault)
     (one, first), (two, second) = run(spec, engine, samples), run(spec, engine, samples)
-    assert one.alarm >= 0
+    assert one.clock.alarm >= 0
     assert not differing(one, two)
     assert same_reports(first, second)
 
@@ -55,7 +55,17 @@ def test_saved_state_goes_on_bit_for_bit(name: str, rows: int, fault: Fault) -> 
     _, spec, engine = plant(name)
     samples = recorded(name, rows, fault)
     final, reports = run(spec, engine, samples)
-    places = {0, 1, 7, START_SAMPLES - 1, START_SAMPLES, rows // 2, final.alarm, final.alarm + 1, final.alarm + 15}
+    places = {
+        0,
+        1,
+        7,
+        START_SAMPLES - 1,
+        START_SAMPLES,
+        rows // 2,
+        final.clock.alarm,
+        final.clock.alarm + 1,
+        final.clock.alarm + 15,
+    }
     state = init(spec)
     for k, sample in enumerate(samples):
         if k in places:
@@ -63,9 +73,10 @@ def test_saved_state_goes_on_bit_for_bit(name: str, rows: int, fault: Fault) -> 
             np.savez(file, **state.save())  # type: ignore[arg-type]  # the stub takes the names for options
             file.seek(0)
             with np.load(file) as saved:
-                restored = State.restore(dict(saved))
+                restored = restore(init(spec), dict(saved))
             assert not differing(state, restored)
-            assert all(type(getattr(restored, n)) is type(getattr(state, n)) for n in state.save())
+            for one, two in ((restored.clock, state.clock), (restored.inputs, state.inputs)):
+                assert [type(item) for item in astuple(one)] == [type(item) for item in astuple(two)]
             state = restored
         state, report = step(spec, engine, state, sample)
         assert same_reports([report], [reports[k]])
@@ -99,7 +110,7 @@ def test_arguments_are_not_changed(name: str, rows: int, fault: Fault) -> None:
 
 def packed_of(state: State) -> FloatArray:
     """What the engine was given for the last sample, shape (1, n_sample)."""
-    return np.asarray(state.trail_samples[(state.index - 1) % len(state.trail_times)][None, :])
+    return np.asarray(state.past.samples[-1:])
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -114,9 +125,9 @@ def test_missing_output_is_not_used(bad: float) -> None:
     blind = packed_of(step(spec, engine, before, samples[80])[0]).copy()
     blind[:, spec.sample_fields["use"]] = [0.0, 1.0]
     blind[:, spec.sample_fields["y"]][:, 0] = 77.0
-    expected, _ = engine.advance(before.lane, blind)
-    assert np.array_equal(after.lane, expected)
-    assert np.array_equal(after.cusum[:, 0], before.cusum[:, 0])
+    expected, _ = engine.advance(before.healthy.lane, blind)
+    assert np.array_equal(after.healthy.lane, expected)
+    assert np.array_equal(after.sensors.cusum[:, 0], before.sensors.cusum[:, 0])
     assert np.all(np.isfinite(report.expected))
     assert report.expected[0] == pytest.approx(samples[80].y[0], abs=6.0 * np.sqrt(report.variance[0]))
 
@@ -169,12 +180,12 @@ def test_nothing_raises_on_data() -> None:
                 y[k] = generator.choice([np.nan, np.inf, -np.inf])
         samples.append(replace(sample, u=u, y=y))
     state, reports = run(spec, engine, samples)
-    assert np.all(np.isfinite(state.lane))
+    assert np.all(np.isfinite(state.healthy.lane))
     assert reports[-1].status is Status.WATCHING
-    assert state.alarm < 0
+    assert state.clock.alarm < 0
     wild = [replace(item, y=np.full(2, 1e100)) for item in samples[100:103]]
     state, _ = run(spec, engine, [*samples, *wild, *recorded("dc_motor_current", 300)[:100]])
-    assert np.all(np.isfinite(state.lane))
+    assert np.all(np.isfinite(state.healthy.lane))
 
 
 def test_waits_for_every_input() -> None:
@@ -188,12 +199,12 @@ def test_waits_for_every_input() -> None:
     assert [r.status for r in reports[:10]] == [Status.WAITING] * 10
     assert [r.status for r in reports[10:29]] == [Status.STARTING] * 19
     assert {r.status for r in reports[29:]} == {Status.WARMING}
-    assert state.begun == 10
-    assert state.index == 60
+    assert state.clock.begun == 10
+    assert state.clock.index == 60
     for report in reports[:29]:
         assert np.all(np.isnan(report.expected))
     late, _ = run(spec, engine, recorded("tank", 60)[10:])
-    assert np.array_equal(state.lane, late.lane)
+    assert np.array_equal(state.healthy.lane, late.healthy.lane)
 
 
 @pytest.mark.parametrize(("pressures", "solved", "begun"), [(260, 250, 231), (101, 250, 100), (0, 299, 280)])
@@ -205,7 +216,7 @@ def test_of_a_long_wait_for_a_sensor_the_newest_samples_count(pressures: int, so
         samples[k] = replace(sample, y=np.where([k >= 250, k < pressures], sample.y, np.nan))
     state, reports = run(spec, engine, samples)
     assert [report.status for report in reports].index(Status.WARMING) == solved
-    assert state.begun == begun
+    assert state.clock.begun == begun
 
 
 def test_no_alarm_while_warming_up() -> None:
@@ -226,7 +237,7 @@ def test_no_false_alarm_on_healthy_data() -> None:
     for name in ("tank", "dc_motor_current", "rlc", "rc"):
         _, spec, engine = plant(name)
         state, reports = run(spec, engine, recorded(name, 500))
-        assert state.alarm < 0
+        assert state.clock.alarm < 0
         assert finish(spec, state) is None
         assert all(r.detection is None and r.diagnosis is None for r in reports)
 
@@ -253,17 +264,17 @@ def test_cusum_is_that_of_page(name: str, rows: int, fault: Fault) -> None:
     state, cusum, held = init(spec), np.zeros((2, len(spec.outputs))), 0
     for sample in recorded(name, rows, fault):
         y = np.where(generator.random(sample.y.size) < 0.1, np.nan, sample.y)
-        before = state.lane
+        before = state.healthy.lane
         state, report = step(spec, engine, state, replace(sample, y=y))
         if report.status in (Status.WATCHING, Status.DIAGNOSING):
             packed = packed_of(state)
             _, innovations = engine.advance(before, packed)
             held += int(np.sum(packed[0, spec.sample_fields["scale"]] > 1.0))
             cusum = page(spec, cusum, innovations[0, :, 0], packed[0])
-            assert state.cusum == pytest.approx(cusum, rel=1e-12, abs=1e-12)
+            assert state.sensors.cusum == pytest.approx(cusum, rel=1e-12, abs=1e-12)
             assert report.cusum == pytest.approx(cusum.max(axis=0), rel=1e-12, abs=1e-12)
-            assert (state.cusum.max() > spec.thresholds.cusum_limit) <= (state.alarm >= 0)
-    assert state.alarm >= 0
+            assert (state.sensors.cusum.max() > spec.thresholds.cusum_limit) <= (state.clock.alarm >= 0)
+    assert state.clock.alarm >= 0
     assert held > 0 or name != "tank"
 
 
@@ -274,15 +285,15 @@ def test_onset_is_the_last_zero_of_the_sum() -> None:
     for k, sample in enumerate(recorded("dc_motor_current", 180, MOTOR_FAULT)):
         state, report = step(spec, engine, state, sample)
         if report.status in (Status.WATCHING, Status.DIAGNOSING):
-            zeros[state.cusum == 0.0] = k
-            grown = state.cusum > 0.0
-            assert np.array_equal(state.cusum_start[grown & (zeros > 0)], zeros[grown & (zeros > 0)])
+            zeros[state.sensors.cusum == 0.0] = k
+            grown = state.sensors.cusum > 0.0
+            assert np.array_equal(state.sensors.cusum_start[grown & (zeros > 0)], zeros[grown & (zeros > 0)])
         if report.detection is not None:
-            side, sensor = np.unravel_index(np.argmax(state.cusum), state.cusum.shape)
+            side, sensor = np.unravel_index(np.argmax(state.sensors.cusum), state.sensors.cusum.shape)
             assert report.detection.change_time == pytest.approx(0.02 * zeros[side, sensor])
             assert report.detection.change_time == pytest.approx(2.4, abs=0.3)
             assert spec.outputs[sensor].name in report.detection.signals
-            assert report.detection.sample == k == state.alarm
+            assert report.detection.sample == k == state.clock.alarm
             assert report.detection.time == sample.time
 
 
@@ -312,13 +323,13 @@ def test_sum_that_grows_from_its_first_sample_begins_there() -> None:
     """A sum that never returns to zero after the warm-up dates the change at the end of the warm-up, not before."""
     _, spec, engine = plant("dc_motor_current")
     state, _ = run(spec, engine, recorded("dc_motor_current", 50))
-    state = replace(state, begun=20, cusum=np.zeros((2, 2)), cusum_start=np.zeros((2, 2)), index=40)
+    state = changed(state, begun=20, cusum=np.zeros((2, 2)), cusum_start=np.zeros((2, 2)), index=40)
     engine = Disturbed(np.array([1.0, 0.0, 1.0, 1.0]))
     sample = recorded("dc_motor_current", 50)[49]
     for k in range(3):
         state, _ = step(spec, engine, state, sample)
-        assert state.cusum[0, 0] == pytest.approx(0.7 * (k + 1))
-    assert state.cusum_start[0, 0] == 39.0
+        assert state.sensors.cusum[0, 0] == pytest.approx(0.7 * (k + 1))
+    assert state.sensors.cusum_start[0, 0] == 39.0
 
 
 def test_slow_error_beyond_its_size_alarms() -> None:
@@ -329,20 +340,20 @@ def test_slow_error_beyond_its_size_alarms() -> None:
         for memory in (150.0, 201.0)
     )
     healthy, _ = run(long, engine, recorded("tank", 200))
-    assert healthy.alarm < 0
+    assert healthy.clock.alarm < 0
     sample = recorded("tank", 201)[200]
     still = Disturbed(np.array([0.0, 0.0, 1.0, 1.0]))
     assert [error.alarms for error in spec.slow_errors] == [True, True]
     quiet = replace(spec, slow_errors=tuple(replace(error, alarms=False) for error in spec.slow_errors))
     for ratio, expected in ((1.59, False), (1.61, True), (-1.61, True), (-1.59, False)):
-        lane = healthy.lane.copy()
+        lane = healthy.healthy.lane.copy()
         lane[spec.slow_slice, 0] = [0.0, ratio * spec.slow_errors[1].sd]
-        _, report = step(spec, still, replace(healthy, lane=lane), sample)
+        _, report = step(spec, still, changed(healthy, lane=lane), sample)
         assert (report.detection is not None) == expected
         assert report.slow == pytest.approx([0.0, ratio])
-        assert step(quiet, still, replace(healthy, lane=lane), sample)[1].detection is None
-        assert step(young, still, replace(healthy, lane=lane), sample)[1].detection is None
-        early = replace(healthy, lane=lane, begun=healthy.index - 1)
+        assert step(quiet, still, changed(healthy, lane=lane), sample)[1].detection is None
+        assert step(young, still, changed(healthy, lane=lane), sample)[1].detection is None
+        early = changed(healthy, lane=lane, begun=healthy.clock.index - 1)
         assert step(spec, still, early, sample)[1].detection is None
 
 
@@ -352,13 +363,13 @@ def test_one_alarm_and_regular_diagnoses(name: str, rows: int, fault: Fault) -> 
     _, spec, engine = plant(name)
     state, reports = run(spec, engine, recorded(name, rows + 100, fault))
     detections = [k for k, report in enumerate(reports) if report.detection is not None]
-    assert detections == [state.alarm]
+    assert detections == [state.clock.alarm]
     diagnoses = [k for k, report in enumerate(reports) if report.diagnosis is not None]
-    assert diagnoses[0] == state.alarm
+    assert diagnoses[0] == state.clock.alarm
     assert np.max(np.diff([*diagnoses, len(reports)])) <= 60
     last = finish(spec, state)
     assert last is not None
-    assert last.time == state.time
+    assert last.time == state.clock.time
     assert sum(item.probability for item in last.candidates) == pytest.approx(1.0)
 
 
@@ -441,10 +452,10 @@ def test_lost_filter_starts_anew() -> None:
     state, reports = run(spec, Lossy(engine, spec), samples)
     assert reports[120].status is Status.LOST
     assert [report.status for report in reports[121 : 121 + START_SAMPLES - 1]] == [Status.STARTING] * 19
-    assert np.all(np.isfinite(state.lane))
+    assert np.all(np.isfinite(state.healthy.lane))
     assert reports[-1].status is Status.WATCHING
-    assert state.alarm < 0
-    assert state.begun == 121
+    assert state.clock.alarm < 0
+    assert state.clock.begun == 121
 
 
 def test_expected_is_what_the_model_says() -> None:
@@ -456,7 +467,7 @@ def test_expected_is_what_the_model_says() -> None:
     missing = replace(samples[100], y=np.full(2, np.nan))
     _, gone = step(spec, engine, state, missing)
     packed = packed_of(present)
-    _, innovations = engine.advance(state.lane, packed)
+    _, innovations = engine.advance(state.healthy.lane, packed)
     assert there.expected == pytest.approx(samples[100].y - innovations[0, :2, 0], rel=1e-12)
     assert gone.expected == pytest.approx(there.expected, rel=1e-9)
     assert gone.variance == pytest.approx(there.variance, rel=1e-9)
@@ -471,14 +482,14 @@ def test_fast_sum_alarms_where_it_has_a_limit() -> None:
     """With a limit of 8 five samples of 3 sd raise the alarm, four do not; without one it takes ten."""
     _, spec, engine = plant("dc_motor_current")
     healthy, _ = run(spec, engine, recorded("dc_motor_current", 50))
-    calm = replace(healthy, cusum=np.zeros((2, 2)), fast=np.zeros((2, 2)))
+    calm = changed(healthy, cusum=np.zeros((2, 2)), fast=np.zeros((2, 2)))
     wild = Disturbed(np.array([3.0, 0.0, 1.0, 1.0]))
     promised = replace(spec, thresholds=replace(spec.thresholds, fast_limit=8.0))
     sample = recorded("dc_motor_current", 50)[49]
     for chosen, needed in ((promised, 5), (spec, 10)):
         state, count = calm, 0
-        while state.alarm < 0:
+        while state.clock.alarm < 0:
             state, report = step(chosen, wild, state, sample)
             count += 1
-            assert (report.cusum[0] > spec.thresholds.cusum_limit) == (state.alarm >= 0)
+            assert (report.cusum[0] > spec.thresholds.cusum_limit) == (state.clock.alarm >= 0)
         assert count == needed

@@ -12,11 +12,11 @@ from faultbond.contract.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, unlearned
-from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
+from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init, restore
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.types import FaultKind
-from made import TANK_START, plant, run, samples_of
+from made import TANK_START, changed, plant, run, samples_of
 
 
 @cache
@@ -31,21 +31,21 @@ def drifting(waited: int = 99) -> tuple[EngineSpec, Engine, State]:
     state, used = init(spec), 0
     for used, sample in enumerate(samples):
         state, _ = monitor.step(spec, engine, state, sample)
-        if state.alarm >= 0 and used == state.alarm + waited:
+        if state.clock.alarm >= 0 and used == state.clock.alarm + waited:
             break
-    assert state.alarm >= 0
+    assert state.clock.alarm >= 0
     return spec, engine, state
 
 
 def trail_of(spec: EngineSpec, engine: Engine, state: State) -> Trail:
     """The trail that the monitor used at the last sample."""
-    return monitor._cut_trail(spec, engine, replace(state, index=state.index - 1), state.alarm)[0]
+    return monitor._cut_trail(changed(state, index=state.clock.index - 1), state.clock.alarm)[0]
 
 
 def test_unlearned_parameters_are_as_they_were() -> None:
     """States and slow errors stay, parameters are those of long ago, and nothing ties them to the states."""
     spec, _, state = drifting()
-    healthy, old = state.lane[:, 0], state.snapshots[0]
+    healthy, old = state.healthy.lane[:, 0], state.healthy.snapshots[0]
     lane, place = unlearned(spec, healthy, old), spec.parameter_slice
     before, past, now = (unpack(spec, item[spec.covariance_slice]) for item in (healthy, old, lane))
     assert np.array_equal(lane[: place.start], healthy[: place.start])
@@ -61,7 +61,9 @@ def test_only_drifts_under_way_forget_what_was_learned() -> None:
     """Lanes of drifts that may have begun long ago take the old parameters, all others those of the onset."""
     spec, engine, state = drifting()
     plan, trail = plan_slots(spec), trail_of(spec, engine, state)
-    lanes = slot_lanes(spec, plan, range(plan.switched), trail.lanes[0], trail.samples[:1], state.peak, trail.old)
+    lanes = slot_lanes(
+        spec, plan, range(plan.switched), trail.lanes[0], trail.samples[:1], state.inputs.peak, trail.old
+    )
     assert trail.old is not None
     for k in range(plan.switched):
         item = plan.lanes[k]
@@ -76,19 +78,19 @@ def test_the_oldest_healthy_lane_is_from_before_the_drift() -> None:
     spec, _, state = drifting()
     old = monitor._oldest(state)
     assert old is not None
-    assert np.array_equal(old, state.snapshots[0])
-    drifted = state.lane[spec.parameter_slice, 0]
+    assert np.array_equal(old, state.healthy.snapshots[0])
+    drifted = state.healthy.lane[spec.parameter_slice, 0]
     assert np.abs(old[spec.parameter_slice] - 1.0).max() < 0.01 < np.abs(drifted - 1.0).max()
-    assert monitor._oldest(replace(state, index=SNAPSHOT_EVERY - 1, begun=0, accepted=-1)) is None
+    assert monitor._oldest(changed(state, index=SNAPSHOT_EVERY - 1, begun=0, accepted=-1)) is None
 
 
 def test_the_ring_of_old_lanes_turns() -> None:
     """When more lanes have been kept than there is room for, the oldest is the one after the newest."""
     _, _, state = drifting()
-    numbered = np.repeat(np.arange(SNAPSHOTS, dtype=np.float64)[:, None], state.snapshots.shape[1], axis=1)
+    numbered = np.repeat(np.arange(SNAPSHOTS, dtype=np.float64)[:, None], state.healthy.snapshots.shape[1], axis=1)
     for kept in (1, SNAPSHOTS, SNAPSHOTS + 1, 2 * SNAPSHOTS + 3):
-        index = max(state.begun, state.accepted) + SNAPSHOT_EVERY * kept
-        found = monitor._oldest(replace(state, index=index, alarm=-1, snapshots=numbered))
+        index = max(state.clock.begun, state.clock.accepted) + SNAPSHOT_EVERY * kept
+        found = monitor._oldest(changed(state, index=index, alarm=-1, snapshots=numbered))
         assert found is not None
         assert found[0] == (0 if kept <= SNAPSHOTS else kept % SNAPSHOTS)
 
@@ -98,7 +100,7 @@ def test_drifts_begin_again_from_what_was_found() -> None:
     spec, engine, state = drifting(260)
     plan, bank = plan_slots(spec), state.bank
     assert isinstance(bank, Bank)
-    renewed = renew_slots(spec, engine, trail_of(spec, engine, state), bank.slots, state.peak)
+    renewed = renew_slots(spec, engine, trail_of(spec, engine, state), bank.slots, state.inputs.peak)
     changed = np.flatnonzero(np.any(renewed != bank.slots, axis=0))
     worst = {int(group[np.argmin(bank.slots[-1, group])]) for group in renewed_groups(plan)}
     assert len(changed) > 0
@@ -109,7 +111,7 @@ def test_drifts_begin_again_from_what_was_found() -> None:
     best = renewed[:, pipe[np.argmax(renewed[-1, pipe])]]
     wide, place = spec.slotted, spec.slotted.slot_slice.start
     sds = [np.sqrt(best[covariance_place(wide, k, k)]) for k in (place, place + 1)]
-    now = 1.0 + 1.5 * (state.index - 1 - 350.0) / 1150.0
+    now = 1.0 + 1.5 * (state.clock.index - 1 - 350.0) / 1150.0
     assert best[spec.parameter_slice][names.index("K1")] + best[place] == pytest.approx(now, abs=3.0 * sds[0])
     assert best[place + 1] == pytest.approx(1.5 / 1150.0, abs=3.0 * sds[1])
     assert sds[0] < 0.3
@@ -119,25 +121,25 @@ def test_drifts_begin_again_from_what_was_found() -> None:
 def test_a_lane_that_is_no_number_is_the_first_to_begin_again() -> None:
     """It is neither the best, from which others begin, nor does it keep its place."""
     spec, engine, state = drifting()
-    trail, slots = trail_of(spec, engine, state), state.slots.copy()
+    trail, slots = trail_of(spec, engine, state), state.bank.slots.copy()
     lost = np.array([int(group[0]) for group in renewed_groups(plan_slots(spec))])
     slots[:, lost] = np.nan
-    renewed = renew_slots(spec, engine, trail, slots, state.peak)
+    renewed = renew_slots(spec, engine, trail, slots, state.inputs.peak)
     assert np.all(np.isfinite(renewed[:, lost]))
 
 
 def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
     """Old lanes are saved and restored with the state."""
     spec, engine, state = drifting()
-    restored = State.restore(state.save())
-    assert np.array_equal(restored.snapshots, state.snapshots)
+    restored = restore(init(spec), state.save())
+    assert np.array_equal(restored.healthy.snapshots, state.healthy.snapshots)
     assert run(spec, engine, (), restored)[0] is restored
 
 
 def test_a_drift_is_told_on_top_of_one_that_was_accepted() -> None:
     """A diagnosis gives the rate of the parameter, with what it had been moving at before."""
     spec, _, state = drifting()
-    accepted = replace(state, rates=np.linspace(1e-4, 2e-4, len(spec.parameters)))
+    accepted = changed(state, rates=np.linspace(1e-4, 2e-4, len(spec.parameters)))
     found, whole = monitor.conclude(spec, state), monitor.conclude(spec, accepted)
     names = [item.name for item in spec.parameters]
     told = 0
@@ -147,7 +149,9 @@ def test_a_drift_is_told_on_top_of_one_that_was_accepted() -> None:
             index = names.index(before.parameter)
             assert before.rate is not None
             assert after.rate is not None
-            assert after.rate - before.rate == pytest.approx(spec.parameters[index].scale * accepted.rates[index])
+            assert after.rate - before.rate == pytest.approx(
+                spec.parameters[index].scale * accepted.normal.rates[index]
+            )
             told += 1
     assert told
 
@@ -155,14 +159,14 @@ def test_a_drift_is_told_on_top_of_one_that_was_accepted() -> None:
 def test_a_drift_that_may_change_explains_nothing_by_its_fit() -> None:
     """What fits only a drift whose rate may change counts as unexplained; what a steady lane fits as well does not."""
     spec, _, state = drifting()
-    n = state.steps.shape[1]
+    n = state.bank.steps.shape[1]
     wanders = np.array([False] * n + [lane.span > 0.0 for lane in plan_slots(spec).lanes])
-    slots = state.slots.copy()
+    slots = state.bank.slots.copy()
     most, limit = state.bank.likelihoods.max(), spec.thresholds.cusum_limit
     for ahead, contradicted, expected in ((5.0, ~wanders, True), (5.0, wanders, False), (50.0, wanders, True)):
         slots[-1, wanders[n:]] = most + ahead
-        misfit = np.where(contradicted, 2.0 * limit, 0.0) * np.ones_like(state.misfit)
-        found = monitor.conclude(spec, replace(state, slots=slots, misfit=misfit))
+        misfit = np.where(contradicted, 2.0 * limit, 0.0) * np.ones_like(state.bank.misfit.sums)
+        found = monitor.conclude(spec, changed(state, slots=slots, misfit=replace(state.bank.misfit, sums=misfit)))
         assert found.candidates[0].kind is FaultKind.DRIFT
         assert (found.unexplained is not None) == expected
 
@@ -197,15 +201,15 @@ def test_a_renewed_lane_leads_to_what_was_found() -> None:
     """
     spec, engine, state = drifting()
     recorder, trail = Recorder(engine), trail_of(spec, engine, state)
-    renew_slots(spec, recorder, trail, state.slots, state.peak)
+    renew_slots(spec, recorder, trail, state.bank.slots, state.inputs.peak)
     size = spec.slotted.slot_slice.start
     plan = plan_slots(spec)
-    best = [group[np.argmax(state.slots[-1, group])] for group in renewed_groups(plan)]
+    best = [group[np.argmax(state.bank.slots[-1, group])] for group in renewed_groups(plan)]
     inputs = [k for k, lane in enumerate(best) if plan.lanes[lane].input >= 0]
     assert len(recorder.calls) > 10
     assert [plan.lanes[best[k]].input for k in inputs] == list(range(len(spec.inputs)))
     for lanes, seconds in recorder.calls:
-        assert lanes[size + 1] == pytest.approx(state.slots[size + 1, best])
-        assert lanes[size] + lanes[size + 1] * seconds == pytest.approx(state.slots[size, best])
-        widths = np.sqrt(lanes[covariance_place(spec.slotted, size, size), inputs]) / state.peak
+        assert lanes[size + 1] == pytest.approx(state.bank.slots[size + 1, best])
+        assert lanes[size] + lanes[size + 1] * seconds == pytest.approx(state.bank.slots[size, best])
+        widths = np.sqrt(lanes[covariance_place(spec.slotted, size, size), inputs]) / state.inputs.peak
         assert widths == pytest.approx(max(INPUT_BIASES))

@@ -14,7 +14,7 @@ from faultbond.runtime.state import Sample
 from faultbond.runtime.trail import MOST_BURSTS, Trail, bursts
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
-from made import plant, recorded, run, samples_of
+from made import changed, plant, recorded, run, samples_of
 
 _, SPEC, ENGINE = plant("dc_motor")
 PUMP = """
@@ -89,25 +89,24 @@ def test_bursts_are_tried(large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_bursts_begin_where_innovations_become_wild() -> None:
     """Of a run of wild samples the first counts, missing values do not, and of many the wildest are kept."""
     state, _ = run(SPEC, ENGINE, samples_of(*_still(200, {60: 40.0, 61: 45.0, 120: 30.0, 150: np.nan})))
-    trail = monitor._cut_trail(SPEC, ENGINE, state, state.index - 1)[0]
-    first = state.begun
+    trail = monitor._cut_trail(state, state.clock.index - 1)[0]
+    first = state.clock.begun
     assert trail.bursts == (60 - first, 120 - first)
     wild = {60 + 10 * k: 20.0 + k for k in range(12)}
     state, _ = run(SPEC, ENGINE, samples_of(*_still(200, wild)))
-    rows = slice(state.begun, state.index)
-    found = bursts(SPEC, ENGINE, state.trail_samples[rows], state.trail_lanes[rows])
+    found = bursts(state.past.wildness[state.past.place(state.clock.begun) :])
     assert len(found) == MOST_BURSTS
-    assert found == tuple(place - state.begun for place in sorted(wild)[-MOST_BURSTS:])
+    assert found == tuple(place - state.clock.begun for place in sorted(wild)[-MOST_BURSTS:])
 
 
 def test_a_trail_knows_where_the_alarm_was() -> None:
     """Cut when the bank begins again, it has samples of after the alarm, but looks for bursts before it only."""
     state, _ = run(SPEC, ENGINE, recorded("dc_motor", 260, Fault(parameter="K", factor=0.6, start=2.4)))
-    oldest = max(state.begun, state.index - len(state.trail_times))
-    assert state.index - state.alarm > 50
-    trail = monitor._cut_trail(SPEC, ENGINE, replace(state, index=state.index - 1), state.alarm)[0]
-    assert trail.alarmed == state.alarm - oldest < len(trail.samples) - 50
-    later = bursts(SPEC, ENGINE, trail.samples, trail.lanes)
+    oldest = max(state.clock.begun, state.clock.index - len(state.past.times))
+    assert state.clock.index - state.clock.alarm > 50
+    trail = monitor._cut_trail(changed(state, index=state.clock.index - 1), state.clock.alarm)[0]
+    assert trail.alarmed == state.clock.alarm - oldest < len(trail.samples) - 50
+    later = bursts(state.past.wildness[state.past.place(oldest) :])
     assert max(later) > trail.alarmed
     assert all(place <= trail.alarmed for place in trail.bursts)
 
@@ -132,7 +131,7 @@ def test_a_jump_that_is_soon_forgotten(tmp_path: Path) -> None:
     made = simulate(graph, Inputs(time=time, values=volts), [fault], seed=4, start={"tank.q": 0.1})
     samples: tuple[Sample, ...] = samples_of(time, made.inputs, made.outputs)
     state, reports = run(spec, engine, samples)
-    assert state.alarm - 83.3 / 0.2 > DENSE
+    assert state.clock.alarm - 83.3 / 0.2 > DENSE
     found = [report.diagnosis.candidates[0] for report in reports if report.diagnosis is not None]
     assert {best.parameters for best in found} == {("J",)}
     assert found[-1].suspects[0].estimate == pytest.approx(0.065, rel=0.03)

@@ -14,7 +14,7 @@ from faultbond.runtime.accepting import find_hypothesis, reject, without
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.state import State
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from made import changed, plant, recorded, run
 
 _, MOTOR, ENGINE = plant("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))
@@ -29,8 +29,8 @@ ROWS = recorded("dc_motor_current", 480, Fault(parameter="R", factor=2.0, start=
 def alarmed(spec: EngineSpec, later: int = 25) -> State:
     """The state some samples after the alarm."""
     state, _ = run(spec, ENGINE, ROWS[:240])
-    assert state.alarm > 0
-    return run(spec, ENGINE, ROWS[: state.alarm + later])[0]
+    assert state.clock.alarm > 0
+    return run(spec, ENGINE, ROWS[: state.clock.alarm + later])[0]
 
 
 def concluded(spec: EngineSpec, state: State) -> Diagnosis:
@@ -60,7 +60,9 @@ def test_parts_of_a_rejected_set_stay() -> None:
     """That not both of a pair are at fault leaves either alone, and triples with one of them."""
     state, candidate = reject(WHOLE, alarmed(WHOLE), find_hypothesis(WHOLE, ["R", "K"]))
     assert set(candidate.parameters) == {"R", "K"}
-    gone = {frozenset(WHOLE.parameters[k].name for k in WHOLE.members(int(i))) for i in np.flatnonzero(state.rejected)}
+    gone = {
+        frozenset(WHOLE.parameters[k].name for k in WHOLE.members(int(i))) for i in np.flatnonzero(state.bank.rejected)
+    }
     assert gone == {frozenset({"R", "K"} | more) for more in (set(), {"L"}, {"J"}, {"C"})}
 
 
@@ -68,9 +70,9 @@ def test_a_healthy_instrument_rules_out_itself_only() -> None:
     """A sensor is tested alone, so nothing else goes with it; and no set of parameters rules a sensor out."""
     sensor = find_hypothesis(WHOLE, ["omega"])
     state, _ = reject(WHOLE, alarmed(WHOLE), sensor)
-    assert np.flatnonzero(state.rejected).tolist() == [sensor]
+    assert np.flatnonzero(state.bank.rejected).tolist() == [sensor]
     state, _ = reject(WHOLE, alarmed(WHOLE), 0)
-    assert not np.any(state.rejected[len(WHOLE.hypotheses) :])
+    assert not np.any(state.bank.rejected[len(WHOLE.hypotheses) :])
 
 
 def test_what_was_rejected_before_stays_so() -> None:
@@ -81,7 +83,7 @@ def test_what_was_rejected_before_stays_so() -> None:
         state = alarmed(WHOLE)
         for hypothesis in order:
             state, _ = reject(WHOLE, state, hypothesis)
-        found.append(state.rejected)
+        found.append(state.bank.rejected)
     assert np.array_equal(found[0], found[1])
 
 
@@ -91,9 +93,9 @@ def test_sets_of_the_reserve_that_contain_it_are_not_grown(monkeypatch: pytest.M
     small = replace(WAITING, model="with few places")  # so that no plan of another size is remembered
     for later in (25, 60):
         state, _ = reject(small, alarmed(small, later), find_hypothesis(small, ["R"]))
-        state, _ = run(small, ENGINE, ROWS[state.index : state.alarm + 120], state)
-        assert np.all(state.grown >= 0.0)
-        assert not np.any(state.rejected[small.n_begun + state.grown.astype(int)])
+        state, _ = run(small, ENGINE, ROWS[state.clock.index : state.clock.alarm + 120], state)
+        assert np.all(state.bank.grown >= 0.0)
+        assert not np.any(state.bank.rejected[small.n_begun + state.bank.grown.astype(int)])
         assert all("R" not in chosen for chosen in likely(concluded(small, state)))
 
 
@@ -105,4 +107,4 @@ def test_the_last_one_cannot_be_rejected() -> None:
     with pytest.raises(FaultbondError, match="last hypothesis"):
         without(WAITING, rejected, 2, tested)
     with pytest.raises(FaultbondError, match="last hypothesis"):
-        reject(WAITING, replace(alarmed(WAITING), rejected=rejected), 2)
+        reject(WAITING, changed(alarmed(WAITING), rejected=rejected), 2)

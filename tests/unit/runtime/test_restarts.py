@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultbond.app.rows import resumed
 from faultbond.contract.spec import covariance_place
 from faultbond.runtime.accepting import accept, find_hypothesis
+from faultbond.runtime.packing import resumed
 from faultbond.runtime.state import State, Status
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from made import changed, plant, recorded, run
 
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 _, SPEC, ENGINE = plant("rc")
@@ -27,7 +27,7 @@ def accepted() -> State:
 
 def lost(state: State) -> State:
     """Give the state after a sample after which the filter holds no numbers."""
-    state, reports = run(SPEC, ENGINE, SAMPLES[500:503], replace(state, lane=np.full_like(state.lane, np.nan)))
+    state, reports = run(SPEC, ENGINE, SAMPLES[500:503], changed(state, lane=np.full_like(state.healthy.lane, np.nan)))
     assert any(report.status is Status.LOST for report in reports)
     return state
 
@@ -41,8 +41,8 @@ def test_what_was_accepted_stays_when_the_filter_begins_anew(
     assert reports[0].status is first
     assert reports[-1].status is Status.WATCHING
     place = SPEC.parameter_slice.start + [item.name for item in SPEC.parameters].index("C")
-    assert state.lane[place, 0] == pytest.approx(1.6, rel=0.05)
-    assert 1e-3**2 < state.lane[covariance_place(SPEC, place, place), 0] < 0.1**2
+    assert state.healthy.lane[place, 0] == pytest.approx(1.6, rel=0.05)
+    assert 1e-3**2 < state.healthy.lane[covariance_place(SPEC, place, place), 0] < 0.1**2
 
 
 def test_without_an_accepted_fault_the_nominal_plant_begins_anew() -> None:
@@ -50,7 +50,7 @@ def test_without_an_accepted_fault_the_nominal_plant_begins_anew() -> None:
     state, _ = run(SPEC, ENGINE, SAMPLES[:190])
     state, reports = run(SPEC, ENGINE, SAMPLES[300:600], resumed(state))
     assert any(report.detection is not None for report in reports)
-    assert state.alarm >= 0
+    assert state.clock.alarm >= 0
 
 
 def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
@@ -60,7 +60,7 @@ def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
     state, first = run(spec, ENGINE, healthy[:300])
     assert abs(first[19].expected[0] - healthy[19].y[0]) < 6.0 * np.sqrt(first[19].variance[0])
     later = next(k for k in range(300, 500) if abs(healthy[k].y[0]) > 5.0)
-    state, reports = run(spec, ENGINE, healthy[later:], replace(state, begun=-1, running=0))
+    state, reports = run(spec, ENGINE, healthy[later:], changed(state, begun=-1, running=0))
     assert [report.status for report in reports[:20]].count(Status.STARTING) == 19
     assert all(report.detection is None for report in reports)
     assert abs(reports[20].expected[0] - healthy[later + 20].y[0]) < 6.0 * np.sqrt(reports[20].variance[0])
@@ -68,11 +68,11 @@ def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
 
 def test_where_a_filter_strayed_is_no_place_where_the_plant_has_been(accepted: State) -> None:
     """Lost, it forgets how far the states moved; while it seeks them after a gap, it learns nothing of that."""
-    assert np.all(np.isfinite(accepted.travel))
-    assert np.all(np.isinf(lost(accepted).travel))
-    here = np.repeat(accepted.lane[:1].T, 2, axis=0)
-    new = replace(accepted, travel=here)
-    seeking, _ = run(SPEC, ENGINE, SAMPLES[500:501], replace(new, astray=np.full_like(new.astray, 1e3)))
-    assert np.array_equal(seeking.travel, here)
+    assert np.all(np.isfinite(accepted.healthy.travel))
+    assert np.all(np.isinf(lost(accepted).healthy.travel))
+    here = np.repeat(accepted.healthy.lane[:1].T, 2, axis=0)
+    new = changed(accepted, travel=here)
+    seeking, _ = run(SPEC, ENGINE, SAMPLES[500:501], changed(new, astray=np.full_like(new.healthy.astray, 1e3)))
+    assert np.array_equal(seeking.healthy.travel, here)
     found, _ = run(SPEC, ENGINE, SAMPLES[500:501], new)
-    assert np.ptp(found.travel) > 0.0
+    assert np.ptp(found.healthy.travel) > 0.0

@@ -12,9 +12,9 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
 from faultbond.runtime.cusum import LAGS, added, no_sums
-from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.state import Sample, State, init, restore
 from faultbond.types import FaultKind
-from made import differing, plant, recorded, run
+from made import changed, differing, plant, recorded, run
 
 NAME = "dc_motor_current"
 SPEC = plant(NAME)[1]
@@ -24,21 +24,21 @@ ONSET, ROWS = 200, 420
 
 def fed(scores: FloatArray, state: State | None = None) -> State:
     """The state after innovations, in their sd, of the first sensor; nan: missing, inf: blanked, -inf: after a gap."""
-    state, place = state or replace(init(SPEC), begun=0, index=100), SPEC.sample_fields
+    state, place = state or changed(init(SPEC), begun=0, index=100), SPEC.sample_fields
     for score in scores:
         packed = np.zeros(SPEC.n_sample)
         packed[place["use"]] = [not np.isnan(score), 1.0]
         packed[place["scale"]] = [SPEC.thresholds.blank_factor if score == np.inf else 1.0, 1.0]
-        state = replace(state, astray=np.full_like(state.astray, float(score == -np.inf)))
+        state = changed(state, astray=np.full_like(state.healthy.astray, float(score == -np.inf)))
         value = float(score) if np.isfinite(score) else 0.0
-        state = replace(state, **accumulated(SPEC, state, packed, np.array([value, 0.0, 1.0, 1.0])))
-        state = replace(state, index=state.index + 1)
+        state = replace(state, sensors=accumulated(SPEC, state, packed, np.array([value, 0.0, 1.0, 1.0])))
+        state = changed(state, index=state.clock.index + 1)
     return state
 
 
 def height(state: State) -> float:
     """The least of the sums of the first sensor, which is what counts."""
-    return float(state.scatter[0, :, 0].min())
+    return float(state.sensors.scatter[:, 0].min())
 
 
 def largest(scores: FloatArray) -> float:
@@ -65,9 +65,9 @@ def test_sums_are_those_by_hand() -> None:
     """Each sum adds the log-likelihood ratio of one difference, of variance 1 as declared, clipped."""
     scores = 2.0 * np.random.default_rng(1).standard_normal(80)
     state = fed(scores)
-    assert state.scatter[0, :, 0] == pytest.approx(by_hand(list(scores)), rel=1e-12)
+    assert state.sensors.scatter[:, 0] == pytest.approx(by_hand(list(scores)), rel=1e-12)
     assert height(state) > 1.0
-    assert np.all(state.scatter[0, :, 1] == 0.0)
+    assert np.all(state.sensors.scatter[:, 1] == 0.0)
 
 
 @pytest.mark.parametrize(("factor", "within"), [(2.0, 250), (3.0, 110), (5.0, 70)])
@@ -122,8 +122,8 @@ def test_missing_values_are_passed_over() -> None:
     """Values that are missing change nothing, so that a sensor that reads rarely is watched all the same."""
     scores = 2.0 * np.random.default_rng(8).standard_normal(60)
     rare = np.column_stack([scores, np.full((60, 2), np.nan)]).ravel()
-    assert np.array_equal(fed(rare).scatter[0], fed(scores).scatter[0])
-    assert np.array_equal(fed(rare).scatter[2], fed(scores).scatter[2])
+    assert np.array_equal(fed(rare).sensors.scatter, fed(scores).sensors.scatter)
+    assert np.array_equal(fed(rare).sensors.before, fed(scores).sensors.before)
 
 
 @pytest.mark.parametrize("what", [np.inf, -np.inf])
@@ -132,17 +132,17 @@ def test_nothing_is_compared_across_a_step_or_a_gap(what: float) -> None:
     before = fed(2.0 * np.random.default_rng(9).standard_normal(60))
     after = fed(np.array([what]), before)
     assert height(before) > 5.0
-    assert np.array_equal(after.scatter[0, :, 0], before.scatter[0, :, 0])
-    assert np.all(np.isnan(after.scatter[2, :, 0]))
-    assert np.array_equal(fed(np.array([9.0]), after).scatter[0, :, 0], before.scatter[0, :, 0])
+    assert np.array_equal(after.sensors.scatter[:, 0], before.sensors.scatter[:, 0])
+    assert np.all(np.isnan(after.sensors.before[:, 0]))
+    assert np.array_equal(fed(np.array([9.0]), after).sensors.scatter[:, 0], before.sensors.scatter[:, 0])
 
 
 def test_the_onset_is_where_the_sum_began() -> None:
     """An alarm of the scatter names the sensor and begins where the first of its sums left 0."""
     quiet = fed(0.1 * np.random.default_rng(10).standard_normal(50))
     loud = fed(4.0 * np.random.default_rng(11).standard_normal(90), quiet)
-    loud = replace(loud, cusum=np.zeros_like(loud.cusum))
-    peak = statistic(SPEC, loud)
+    loud = changed(loud, cusum=np.zeros_like(loud.sensors.cusum))
+    peak = statistic(SPEC, loud.sensors)
     assert peak[0] == pytest.approx(SPEC.thresholds.cusum_limit * height(loud) / LIMIT)
     detection, change = detect(SPEC, loud, peak)
     assert detection is not None
@@ -172,13 +172,13 @@ def test_a_sensor_that_scatters_is_found_and_named() -> None:
     assert (best.components, best.kind) == (("i",), FaultKind.NOISE)
     index = len(spec.hypotheses) + [item.name for item in spec.instruments].index("i")
     state, _ = accept(spec, state, index)
-    assert np.all(state.scatter[0] == 0.0)
-    assert np.all(np.isnan(state.scatter[2]))
-    assert np.all(state.scatter[1] == state.accepted)
+    assert np.all(state.sensors.scatter == 0.0)
+    assert np.all(np.isnan(state.sensors.before))
+    assert np.all(state.sensors.scatter_start == state.clock.accepted)
     state, reports = run(spec, engine, samples[ROWS:], state)
-    assert state.alarm < 0
+    assert state.clock.alarm < 0
     assert not any(item.detection for item in reports)
-    restored = State.restore(state.save())
+    restored = restore(init(spec), state.save())
     assert not differing(state, restored)
 
 

@@ -244,9 +244,9 @@ def test_without_lanes_nothing_is_done() -> None:
     inputs = tuple(replace(item, suspect=False) for item in SPEC.inputs)
     spec = replace(SPEC, hypotheses=((0, 1),), outputs=outputs, inputs=inputs)
     state, _ = run(spec, plant("dc_motor_current")[2], recorded("dc_motor_current", 200, FAULT))
-    assert state.alarm >= 0
-    assert state.slots.shape == (spec.slotted.n_numbers, 0)
-    lanes, innovations = advance_slots(spec, ToyEngine(spec), state.slots, np.zeros(spec.n_sample))
+    assert state.clock.alarm >= 0
+    assert state.bank.slots.shape == (spec.slotted.n_numbers, 0)
+    lanes, innovations = advance_slots(spec, ToyEngine(spec), state.bank.slots, np.zeros(spec.n_sample))
     assert lanes.shape == (spec.slotted.n_numbers, 0)
     assert innovations.shape == (2 * len(spec.outputs), 0)
 
@@ -255,11 +255,10 @@ def test_the_bank_goes_on_as_it_began() -> None:
     """Pairs taken one sample further are those begun on a trail that is one sample longer."""
     _, spec, engine = plant("dc_motor")
     state, _ = run(spec, engine, recorded("dc_motor", 200, FAULT))
-    depth = len(state.trail_times)
-    rows = np.arange(state.begun, state.index) % depth
-    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    rows = slice(state.past.place(state.clock.begun), None)
+    trail = Trail(samples=state.past.samples[rows], lanes=state.past.lanes[rows])
     shorter = Trail(samples=trail.samples[:-1], lanes=trail.lanes[:-1])
-    long, short = (begin_slots(spec, engine, item, 118, state.peak) for item in (trail, shorter))
+    long, short = (begin_slots(spec, engine, item, 118, state.inputs.peak) for item in (trail, shorter))
     further, innovations = advance_slots(spec, engine, short, trail.samples[-1])
     pairs = slice(plan_slots(spec).switched, None)
     assert np.array_equal(further[:, pairs], long[:, pairs])
@@ -284,7 +283,7 @@ def test_only_instruments_have_a_slot(sets: tuple[tuple[int, ...], ...], *, comp
     diagnosis = finish(spec, state)
     assert diagnosis is not None
     assert len(diagnosis.candidates) == len(sets) + 3
-    assert state.steps.shape[1] == plan_lanes(spec).n_lanes
+    assert state.bank.steps.shape[1] == plan_lanes(spec).n_lanes
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
 
 
@@ -292,9 +291,9 @@ def test_both_lanes_of_a_pair_have_the_innovations_of_their_mixture() -> None:
     """While a fault is gone, the lane in which it is there does not count as one that misfits: the mixture does."""
     _, spec, engine = plant("dc_motor_current")
     state, _ = run(spec, engine, recorded("dc_motor_current", 200, FAULT))
-    packed, first = state.trail_samples[150 % len(state.trail_times)], plan_slots(spec).switched
-    _, found = advance_slots(spec, engine, state.slots, packed)
-    ready = interacted(spec, state.slots[:, first:])
+    packed, first = state.past.samples[state.past.place(150)], plan_slots(spec).switched
+    _, found = advance_slots(spec, engine, state.bank.slots, packed)
+    ready = interacted(spec, state.bank.slots[:, first:])
     _, apart = engine.slot.advance(ready, relinearised(spec, packed[None, :]))
     n_y = len(spec.outputs)
     for k in range(0, ready.shape[1], 2):

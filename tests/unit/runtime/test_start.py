@@ -130,8 +130,8 @@ def test_no_output_in_the_first_samples() -> None:
     nothing = np.full(2, np.nan)
     samples[:40] = [replace(item, y=nothing) for item in samples[:40]]
     state, reports = run(spec, engine, samples)
-    assert state.alarm < 0
-    sd = np.sqrt(np.diag(unpack(spec, state.lane[spec.covariance_slice, 0])))
+    assert state.clock.alarm < 0
+    sd = np.sqrt(np.diag(unpack(spec, state.healthy.lane[spec.covariance_slice, 0])))
     assert np.all(np.isfinite(sd))
     assert np.all(sd[:2] < [1.0, 1.0])
     assert np.all(np.abs(reports[-1].expected - samples[-1].y) < 6.0 * np.sqrt(reports[-1].variance))
@@ -146,7 +146,7 @@ def test_plant_at_rest_without_outputs(name: str) -> None:
     outputs = np.where(np.arange(46)[:, None] < 40, np.nan, made.outputs)
     state, reports = run(spec, engine, samples_of(time, np.zeros((46, 1)), outputs))
     assert all(report.status is not Status.LOST for report in reports)
-    full = unpack(spec, state.lane[spec.covariance_slice, 0])
+    full = unpack(spec, state.healthy.lane[spec.covariance_slice, 0])
     sd = np.sqrt(np.diag(full))
     assert np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 1e-9
 

@@ -27,6 +27,6 @@ def test_a_settled_zero_says_nothing_of_the_size(first: int) -> None:
     samples, true = moving(1300)
     _, spec, engine = plant("rlc")
     state, _ = run(spec, engine, samples[first : first + 25])
-    assert np.all(np.abs(state.lane[:2, 0] - true[first + 24]) < [2.0, 0.4])  # of 20 V and 2 A
+    assert np.all(np.abs(state.healthy.lane[:2, 0] - true[first + 24]) < [2.0, 0.4])  # of 20 V and 2 A
     _, reports = run(spec, engine, samples[first + 25 : first + 200], state)
     assert all(report.detection is None for report in reports)

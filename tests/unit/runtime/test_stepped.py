@@ -35,19 +35,19 @@ def test_hypotheses_do_not_see_each_other(name: str, fault: Fault, kept: tuple[i
     less = replace(spec, hypotheses=tuple(spec.hypotheses[k] for k in kept))
     full, reports = run(spec, engine, samples)
     part, part_reports = run(less, engine, samples)
-    assert 0 <= full.alarm < 290
-    assert part.alarm == full.alarm
-    assert np.array_equal(part.lane, full.lane)
+    assert 0 <= full.clock.alarm < 290
+    assert part.clock.alarm == full.clock.alarm
+    assert np.array_equal(part.healthy.lane, full.healthy.lane)
     for new, old in enumerate(kept):
-        here = part.steps[:, plan_lanes(less).hypothesis == new]
-        there = full.steps[:, plan_lanes(spec).hypothesis == old]
+        here = part.bank.steps[:, plan_lanes(less).hypothesis == new]
+        there = full.bank.steps[:, plan_lanes(spec).hypothesis == old]
         assert np.all(np.isfinite(there[-1]))
         assert np.array_equal(here, there)
     shift = len(less.hypotheses) - len(spec.hypotheses)
     pairs = [*enumerate(kept), *((k + shift, k) for k in range(len(spec.hypotheses), spec.n_hypotheses))]
     for new, old in pairs:
-        here = part.slots[:, plan_slots(less).hypothesis == new]
-        there = full.slots[:, plan_slots(spec).hypothesis == old]
+        here = part.bank.slots[:, plan_slots(less).hypothesis == new]
+        there = full.bank.slots[:, plan_slots(spec).hypothesis == old]
         assert np.array_equal(here, there)
     assert [r.detection for r in part_reports] == [r.detection for r in reports]
 
@@ -204,9 +204,14 @@ def test_lanes_that_jump_begin_twice(likelihood: float) -> None:
     """The second time only they begin; they stay so, unless that made them far less likely."""
     _, spec, engine = plant("tank")
     state, _ = run(spec, engine, recorded("tank", 330, TANK_FAULT))
-    plan, trail = plan_lanes(spec), Trail(samples=state.trail_samples[:40], lanes=state.trail_lanes[:40], alarm=20)
+    plan, first = plan_lanes(spec), state.past.place(0)
+    trail = Trail(samples=state.past.samples[first:][:40], lanes=state.past.lanes[first:][:40], alarm=20)
     starts = found_lanes(
-        spec, plan, state.steps, extremes(plan, state.steps[-1])[0], state.lane[spec.parameter_slice, 0]
+        spec,
+        plan,
+        state.bank.steps,
+        extremes(plan, state.bank.steps[-1])[0],
+        state.healthy.lane[spec.parameter_slice, 0],
     )
     starts = replace(starts, jumps=starts.jumps | starts.suspected[[j for x in spec.states for j, _ in x.jumps]].T)
     jumping = np.any(starts.jumps, axis=1)
@@ -224,7 +229,11 @@ def test_renewed_filters_are_tied() -> None:
     state, _ = run(spec, engine, recorded("tank", 330, TANK_FAULT))
     plan = plan_lanes(spec)
     found = found_lanes(
-        spec, plan, state.steps, extremes(plan, state.steps[-1])[0], state.lane[spec.parameter_slice, 0]
+        spec,
+        plan,
+        state.bank.steps,
+        extremes(plan, state.bank.steps[-1])[0],
+        state.healthy.lane[spec.parameter_slice, 0],
     )
     assert (plan.tied, found.tied) == (False, True)
 
@@ -290,9 +299,8 @@ def test_bank_has_seen_every_sample() -> None:
     _, spec, engine = plant("dc_motor")
     samples = recorded("dc_motor", 200, MOTOR_FAULT)
     state, _ = run(spec, engine, samples)
-    depth = len(state.trail_times)
-    rows = np.arange(state.begun, state.index) % depth
-    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    rows = slice(state.past.place(state.clock.begun), None)
+    trail = Trail(samples=state.past.samples[rows], lanes=state.past.lanes[rows])
     kept = trail.samples.copy(), trail.lanes.copy()
     bank = begin_steps(spec, engine, trail, 118)
     assert np.array_equal(trail.samples, kept[0])
@@ -311,11 +319,10 @@ def test_renewal_replaces_the_least_likely_lane_only() -> None:
     _, spec, engine = plant("dc_motor")
     samples = recorded("dc_motor", 200, MOTOR_FAULT)
     state, _ = run(spec, engine, samples)
-    depth = len(state.trail_times)
-    rows = np.arange(state.begun, state.index) % depth
-    trail = Trail(samples=state.trail_samples[rows], lanes=state.trail_lanes[rows])
+    rows = slice(state.past.place(state.clock.begun), None)
+    trail = Trail(samples=state.past.samples[rows], lanes=state.past.lanes[rows])
     bank = begin_steps(spec, engine, trail, 118)
-    renewed = renew_steps(spec, engine, replace(trail, alarm=state.alarm - state.begun), bank)
+    renewed = renew_steps(spec, engine, replace(trail, alarm=state.clock.alarm - state.clock.begun), bank)
     plan = plan_lanes(spec)
     changed = np.flatnonzero(np.any(renewed != bank, axis=0))
     assert len(changed) > 0

@@ -12,7 +12,7 @@ from faultbond.runtime.state import Sample, State
 from faultbond.runtime.unseen import allowed
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
-from made import run, samples_of
+from made import changed, run, samples_of
 
 # An accumulator behind a long pipe: its pressure is far from linear in what it holds.
 GRAPH = parse_model(
@@ -67,7 +67,7 @@ def alarmed(samples: Iterable[Sample]) -> State:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_gap_is_no_fault(length: int, seed: int) -> None:
     """Wherever the plant has gone meanwhile, a healthy one raises no alarm after a gap."""
-    assert alarmed(blind(made(seed), range(1000, 1000 + length), sensors=False)).alarm < 0
+    assert alarmed(blind(made(seed), range(1000, 1000 + length), sensors=False)).clock.alarm < 0
 
 
 @pytest.mark.parametrize("sensors", [True, False])
@@ -75,7 +75,7 @@ def test_empty_cells_and_lost_rows_are_no_fault(sensors: bool) -> None:
     """A tenth of the inputs missing, alone or with their whole rows, at steps of inputs too."""
     for seed in (1, 2, 3):
         lost = np.flatnonzero(np.random.default_rng(seed).random(ROWS) < 0.1)
-        assert alarmed(blind(made(seed), lost[lost > 0], sensors=sensors)).alarm < 0
+        assert alarmed(blind(made(seed), lost[lost > 0], sensors=sensors)).clock.alarm < 0
 
 
 @pytest.mark.parametrize("lost", [range(1200, 1700), range(1, ROWS, 2)])
@@ -83,7 +83,7 @@ def test_a_fault_is_found_behind_what_was_not_seen(lost: range) -> None:
     """After a gap, and with every second row only, a valve that changed is found, as the step that it is."""
     fault = Fault(parameter="Kv", factor=0.75, start=ONSET)
     state = alarmed(blind(made(4, fault), lost, sensors=False))
-    assert ONSET < 0.05 * state.alarm < ONSET + 5.0
+    assert ONSET < 0.05 * state.clock.alarm < ONSET + 5.0
     diagnosis = finish(SPEC, state)
     assert diagnosis is not None
     best = diagnosis.candidates[0]
@@ -95,9 +95,9 @@ def moved_by(change: float, count: float, travel: float) -> np.ndarray:
     """What states are uncertain by after a doubt of the valve, the second input; with how far they have ever moved."""
     state = run(SPEC, ENGINE, made(5)[:200])[0]
     reach = np.stack([np.zeros(2), np.full(2, travel)])
-    packed = state.trail_samples[199 % len(state.trail_times)].copy()
+    packed = state.past.samples[state.past.place(199)].copy()
     doubted = (np.array([0.0, change]), np.array([0.0, count]))
-    found = allowed(SPEC, ENGINE, replace(state, travel=reach), packed, doubted)
+    found = allowed(SPEC, ENGINE, changed(state, travel=reach), packed, doubted)
     rest = np.delete(np.arange(SPEC.n_sample), SPEC.sample_fields["gap"])
     assert np.array_equal(found[rest], packed[rest])
     return np.asarray(found[SPEC.sample_fields["gap"]])
@@ -108,7 +108,7 @@ def test_what_an_unseen_move_does_to_the_states(change: float) -> None:
     """As far as one step takes the accumulator under the move, times the samples, at most as far as it ever moved."""
     one = moved_by(change, 1.0, 1e3)
     state = run(SPEC, ENGINE, made(5)[:200])[0]
-    gas = state.lane[1, 0]
+    gas = state.healthy.lane[1, 0]
     pressure = 4e5 * ((0.02 / (0.02 - gas)) ** 1.2 - 1.0)
     assert one[1] == pytest.approx(5e-8 * abs(change) * np.sqrt(pressure) * 0.05, rel=0.1)
     assert moved_by(change, 7.0, 1e3) == pytest.approx(7.0 * one)
@@ -124,7 +124,7 @@ def test_scatter_is_found_where_rows_come_slowly() -> None:
         samples[k] = replace(samples[k], y=samples[k].y + np.array([0.0, 9e3]) * generator.standard_normal())
     lost = [k for k in range(ROWS) if k % 5]
     state = alarmed(blind(samples, lost, sensors=False))
-    assert 800 < state.alarm < 1600
+    assert 800 < state.clock.alarm < 1600
 
 
 def test_an_input_that_is_missing_for_long_raises_no_alarm() -> None:
@@ -134,10 +134,10 @@ def test_an_input_that_is_missing_for_long_raises_no_alarm() -> None:
     assert np.ptp([samples[k].u[0] for k in lost]) > 5.0
     for k in lost:
         samples[k] = replace(samples[k], u=np.array([np.nan, samples[k].u[1]]))
-    assert alarmed(samples).alarm < 0
+    assert alarmed(samples).clock.alarm < 0
     state = run(SPEC, ENGINE, tuple(samples[:1002]))[0]
     later = run(SPEC, ENGINE, tuple(samples[1002:1110]), state)[0]
-    assert np.array_equal(later.cusum, state.cusum)
+    assert np.array_equal(later.sensors.cusum, state.sensors.cusum)
     fault = Fault(parameter="Kv", factor=0.75, start=52.0)
     broken = [replace(item, u=was.u) for item, was in zip(made(2, fault), samples, strict=True)]
-    assert 1120 <= alarmed(broken).alarm < 1300
+    assert 1120 <= alarmed(broken).clock.alarm < 1300

@@ -113,7 +113,7 @@ def test_a_lane_that_is_no_number_bounds_nothing() -> None:
         steps[:, first[5 + k]] = np.nan
     broken = most_likelihood(WAITING, replace(bank, steps=steps), 100)
     assert np.flatnonzero(np.isinf(broken)).tolist() == [0]
-    assert untested(WAITING, replace(bank, steps=steps), 100, np.zeros(WAITING.n_hypotheses), bounded=True) == Untested(
+    assert untested(WAITING, replace(bank, steps=steps), 100, bounded=True) == Untested(
         sets=len(TRIPLES), probability=1.0
     )
 
@@ -166,7 +166,7 @@ def ended(spec: EngineSpec, last: int = 420) -> State:
 
 def test_after_each_renewal_there_is_no_bound_for_a_while() -> None:
     """Lanes that began just now have no sums that could tell how far off they are."""
-    alarm = ended(WAITING).alarm
+    alarm = ended(WAITING).clock.alarm
     for later, bounded in ((25, False), (55, False), (70, True), (125, False), (140, True)):
         diagnosis = finish(WAITING, ended(WAITING, alarm + later))
         assert diagnosis is not None
@@ -178,13 +178,12 @@ def test_where_no_step_is_in_the_group_there_is_no_bound() -> None:
     """A sensor that leads by more than a group's width says nothing of large sets."""
     state = ended(WAITING)
     bank = state.bank
-    none = np.zeros(WAITING.n_hypotheses)
-    known_part = untested(WAITING, bank, state.index, none, bounded=True)
+    known_part = untested(WAITING, bank, state.clock.index, bounded=True)
     slots = bank.slots.copy()
     slots[-1] = scores(WAITING, bank).max() + 30.0
     assert known_part is not None
     assert known_part.probability < hidden.OPEN
-    assert untested(WAITING, replace(bank, slots=slots), state.index, none, bounded=True) == Untested(
+    assert untested(WAITING, replace(bank, slots=slots), state.clock.index, bounded=True) == Untested(
         sets=len(TRIPLES), probability=1.0
     )
 
@@ -198,5 +197,7 @@ def test_rejected_sets_hide_nothing() -> None:
     assert diagnosis.untested.sets == len([item for item in TRIPLES if 4 not in item]) == 4
     gone = np.zeros(WAITING.n_hypotheses)
     gone[WAITING.n_begun :] = 1.0
-    assert untested(WAITING, state.bank, state.index, gone, bounded=True) == Untested(sets=0, probability=0.0)
-    assert untested(WHOLE, ended(WHOLE).bank, state.index, gone, bounded=True) is None
+    assert untested(WAITING, replace(state.bank, rejected=gone), state.clock.index, bounded=True) == Untested(
+        sets=0, probability=0.0
+    )
+    assert untested(WHOLE, ended(WHOLE).bank, state.clock.index, bounded=True) is None
