@@ -31,7 +31,7 @@ from faultbond.io.grid import Counts, Grid, GridClock, Row
 from faultbond.io.out import Out
 from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
-from faultbond.runtime.rule import Sure, watch
+from faultbond.runtime.rule import Sure, sure_after
 from faultbond.runtime.trace import Trace
 from faultbond.types import EngineChoice, FaultKind, Method
 
@@ -563,26 +563,26 @@ def said(
 
 def test_the_rule() -> None:
     """A candidate is accepted once it has been sure without a break for 200 samples; any doubt begins anew."""
-    sure = watch(Sure(), said(3), 100, 0.95)
+    sure = sure_after(Sure(), said(3), 100, 0.95)
     assert sure == Sure(hypothesis=3, since=100, clear_since=100)
     assert not sure.ripe(299)
     assert sure.ripe(300)
-    assert watch(sure, said(3), 200, 0.95) == sure
-    assert watch(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200, clear_since=200)
+    assert sure_after(sure, said(3), 200, 0.95) == sure
+    assert sure_after(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200, clear_since=200)
     for doubtful in (said(3, probability=0.9), said(3, doubt=True), said(3, alone=False)):
-        assert watch(sure, doubtful, 200, 0.95) == Sure()
+        assert sure_after(sure, doubtful, 200, 0.95) == Sure()
     assert not Sure().ripe(1000)
-    assert watch(sure, Diagnosis(time=0.0, candidates=()), 200, 0.95) == Sure()
+    assert sure_after(sure, Diagnosis(time=0.0, candidates=()), 200, 0.95) == Sure()
 
 
 def test_the_rule_where_the_kind_stays_open() -> None:
     """A set that is sure while its kind is not is accepted after 600 samples; a kind that becomes clear counts anew."""
-    sure = watch(Sure(), said(3, share=0.9), 100, 0.95)
+    sure = sure_after(Sure(), said(3, share=0.9), 100, 0.95)
     assert sure == Sure(hypothesis=3, since=100)
     assert not sure.ripe(699)
     assert sure.ripe(700)
-    clear = watch(sure, said(3), 300, 0.95)
+    clear = sure_after(sure, said(3), 300, 0.95)
     assert clear == Sure(hypothesis=3, since=100, clear_since=300)
     assert not clear.ripe(499)
     assert clear.ripe(500)
-    assert watch(clear, said(3, share=0.9), 320, 0.95) == sure
+    assert sure_after(clear, said(3, share=0.9), 320, 0.95) == sure

@@ -14,7 +14,7 @@ from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, GridPoint
 from faultbond.io.out import Out
 from faultbond.io.saved import FoundSoFar, Saved
-from faultbond.runtime.rule import watch
+from faultbond.runtime.rule import sure_after
 from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
@@ -191,7 +191,7 @@ class Course:
         self._told = sample
         if self._level is None:
             return
-        sure = watch(self.found.sure, diagnosis, sample, self._level)
+        sure = sure_after(self.found.sure, diagnosis, sample, self._level)
         self.found = replace(self.found, sure=sure)
         if sure.ripe(sample):
             self._accept(sure.hypothesis, diagnosis.time, Decider.RULE)

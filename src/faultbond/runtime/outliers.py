@@ -15,6 +15,7 @@ from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample
 from faultbond.runtime.start import RUN_AWAY, misfits, solve_start
 from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.wild import SPIKE, TELLING, said_for_second
 
 FAR = 10.0  # sd of its noise, or usual misfits, that a reading may lie from the start that the others give
 APART = 3.0  # usual distances from the middle that an input may lie from it
@@ -22,9 +23,7 @@ MOST = 0.45  # part of the values of a column that may be wild; where more are, 
 SHORT = 0.25  # part of an input's values that is held for wild also where the readings do not tell
 HUBER = 1.5  # usual misfits from which on a reading counts less,
 PASSES = 5  # and how often such weights are found anew
-SPIKE, SPIKES = 4.0, 3  # misfit, sd, that may be due to an input that was off for a sample, and how many are tried
-CAP = 20.0  # sd of a misfit beyond which it counts no more where two pasts are compared
-TELLING = 9.0  # difference of the sums of squares, in sd, that decides between two pasts
+SPIKES = 3  # values of an input that are tried as off for one sample, where a misfit may be due to that
 USUAL = 1.5  # median misfits that are one sd
 
 
@@ -71,7 +70,7 @@ def begin(
         Packed.
     known, again : see `faultbond.runtime.start.solve_start`
     """
-    refused = np.zeros((len(samples), len(spec.inputs)), dtype=bool)
+    refused, scale = np.zeros((len(samples), len(spec.inputs)), dtype=bool), spec.sample_fields["scale"]
     fit = _fitted(spec, engine, samples, known, again=again)
     off = np.any(fit.misfit > SPIKE) and not _runs_away(spec, fit)
     strays, spikes = list(_strays(spec, samples)), _spikes(spec, samples) if off else ()
@@ -80,7 +79,8 @@ def begin(
         without[first : last + 1, column] = True
         other_state, other = _packed_again(spec, state, samples, without)
         trial = _fitted(spec, engine, other, known, again=again)
-        gain = _compared(spec, fit, trial)
+        same = fit.samples[:, scale] == trial.samples[:, scale]  # no more blanked in one past than in the other
+        gain = said_for_second(fit.misfit, trial.misfit, same)
         ends = last == len(samples) - 1
         short = last - first < SHORT * len(samples)
         unseen = (column, first, last) in strays and short and (not ends or first == last)
@@ -191,17 +191,6 @@ def _spikes(spec: EngineSpec, samples: FloatArray) -> Iterator[tuple[int, int, i
         for k in np.argsort(-apart)[:SPIKES]:
             if apart[k] > 0.0 and 0 < k < len(u) - 1:
                 yield column, int(k), int(k)
-
-
-def _compared(spec: EngineSpec, one: _Fit, two: _Fit) -> float:
-    """Give by how much the readings speak for the second of two pasts, by the sums of squares, in sd.
-
-    Compared are readings that are no more blanked in one past than in the other.
-    """
-    place = spec.sample_fields
-    same = one.samples[:, place["scale"]] == two.samples[:, place["scale"]]
-    costs = [float(np.sum(np.minimum(fit.misfit, CAP) ** 2, where=same)) for fit in (one, two)]
-    return costs[0] - costs[1]
 
 
 def _packed_again(spec: EngineSpec, state: State, samples: FloatArray, refused: BoolArray) -> tuple[State, FloatArray]:

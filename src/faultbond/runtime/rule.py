@@ -27,7 +27,7 @@ class Sure:
         return clear or (self.since >= 0 and sample - self.since >= LONG_SAMPLES)
 
 
-def watch(sure: Sure, diagnosis: Diagnosis, sample: int, level: float) -> Sure:
+def sure_after(sure: Sure, diagnosis: Diagnosis, sample: int, level: float) -> Sure:
     """Give what is sure after one more diagnosis.
 
     Parameters

@@ -123,19 +123,29 @@ def _believing(spec: EngineSpec, state: State) -> State:
 
 
 def _compared(spec: EngineSpec, engine: Engine, one: Past, two: Past) -> tuple[FloatArray, float]:
-    """Take a sample after two pasts: give the lane of the second, and how much the readings speak for it, in sd^2.
-
-    That is the difference of the sums of squares of what both trust.
-    """
+    """Take a sample after two pasts: give the lane of the second, and what the readings that both trust say for it."""
     n_y = len(spec.outputs)
     both = trusted(spec, one[1]) & trusted(spec, two[1])
-    costs = []
+    scores = []
     for lane, packed in (one, two):
         after, innovations = engine.advance(lane, packed[None, :])
         with np.errstate(all="ignore"):
-            score = np.abs(innovations[0, :n_y, 0]) / np.sqrt(innovations[0, n_y:, 0])
-        costs.append(np.minimum(np.nan_to_num(score, nan=CAP, posinf=CAP), CAP) ** 2)
-    return after, float(np.sum(costs[0] - costs[1], where=both))
+            scores.append(innovations[0, :n_y, 0] / np.sqrt(innovations[0, n_y:, 0]))
+    return after, said_for_second(scores[0], scores[1], both)
+
+
+def said_for_second(one: FloatArray, two: FloatArray, counted: BoolArray) -> float:
+    """Give how much readings speak for the second of two pasts: the difference of their sums of squares, sd^2.
+
+    Parameters
+    ----------
+    one, two : float arrays of one shape
+        What each past leaves of the readings, in sd; what is no number counts as far off.
+    counted : bool array of this shape
+        Which readings are compared.
+    """
+    first, second = (np.minimum(np.nan_to_num(np.abs(item), nan=CAP, posinf=CAP), CAP) ** 2 for item in (one, two))
+    return float(np.sum(first - second, where=counted))
 
 
 def surprising(spec: EngineSpec, packed: FloatArray, innovations: FloatArray) -> bool:
