@@ -75,10 +75,11 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
         smooth = without_spike(spec, moving, before, packed)
         if smooth is not packed:
             lane, innovations = moving.advance(before.healthy.lane, smooth[None, :])
-        packed, sensors, readings = judged(spec, state, smooth, innovations[0, :, 0])
-        if readings:
+            wild += 1
+        packed, sensors, n_wild = judged(spec, state, smooth, innovations[0, :, 0])
+        if n_wild:
             lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
-        wild += readings + (smooth is not packed)
+            wild += n_wild
     else:
         sensors = seen(state.sensors, *_readings(spec, packed))
     state = replace(state, sensors=sensors)
