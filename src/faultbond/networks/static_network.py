@@ -174,14 +174,10 @@ def conflicts(network: StaticNetwork, seen: Observation) -> list[frozenset[str]]
     known = seen.healthy
     told = [item for item in network.readings if item.sensor in seen.sensors and known.values.keys() >= {*item.names}]
     wrong = [item for item in told if not holds(item, known.values, known.sizes)]
-    before = _suspects_before(network) if wrong else {}
-    return [frozenset().union(*(before.get(name, ()) for name in item.names)) for item in wrong]
-
-
-def _suspects_before(network: StaticNetwork) -> dict[str, frozenset[str]]:
-    """Give the suspects that each parameter and signal of an explicit network follows from."""
+    if not wrong:
+        return []
     before = {} if network.of_blocks else {name: frozenset({name}) for name in network.suspects}
     for law in network.laws:
         own = {law.block} & set(network.suspects) if network.of_blocks else frozenset[str]()
         before[law.signal or ""] = frozenset(own).union(*(before.get(name, ()) for name in law.uses))
-    return before
+    return [frozenset().union(*(before.get(name, ()) for name in item.names)) for item in wrong]

@@ -7,7 +7,7 @@ from itertools import combinations
 import sympy as sp
 
 from faultbond.networks.hypothesis import Hypothesis, advance, equations_of_parameters
-from faultbond.networks.polynomial_roots import Point
+from faultbond.networks.polynomial_roots import ExactPoint
 from faultbond.networks.static_network import Observation, StaticNetwork, with_healthy
 
 Suspects = tuple[str, ...]
@@ -17,7 +17,7 @@ Suspects = tuple[str, ...]
 class Solved:
     """Values of suspended parameters that explain observations, exact where they can be; `free`: infinitely many."""
 
-    points: tuple[Point, ...]
+    points: tuple[ExactPoint, ...]
     free: bool
 
     @property
