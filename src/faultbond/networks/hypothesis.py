@@ -63,18 +63,20 @@ def advance(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation
         return _searched(network, held, rows)
     systems = list(held.systems)
     if systems:
+        joined = None
         try:
-            cases = equations_of_parameters(network, held.suspects, rows[-1])
-            if len(cases) * len(systems) > MAX_SYSTEMS:
-                raise NotPolynomialError
-            joined = [_joined(system, case, held.suspects) for system, case in product(held.systems, cases)]
+            pairs = list(product(systems, equations_of_parameters(network, held.suspects, rows[-1])))
+            if len(pairs) <= MAX_SYSTEMS:
+                joined = [_joined(system, case, held.suspects) for system, case in pairs]
         except NotPolynomialError:
+            pass
+        if joined is None:
             return _searched(network, held, rows)
         systems = list(dict.fromkeys(system for system, _ in joined if system is not None))
         points += [
             point for _, found in joined for point in found if all(_explains(network, point, row) for row in rows)
         ]
-        if not (points or systems) and cases and len(held.suspects) > 1:
+        if joined and not (points or systems) and len(held.suspects) > 1:
             # Rounding of the data may have hidden a solution near the nominal values from exact arithmetic. Where that
             # is free, the newest observation says what others said, but for rounding.
             near = next(_fits(network, held.suspects, rows, starts(len(held.suspects))[:1]), None)

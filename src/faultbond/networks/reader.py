@@ -18,7 +18,7 @@ from faultbond.networks.relations import BlockLaw
 class Reader:
     """Readings as a function: of the free values at the places `chosen`, others at their `nominal`, and of inputs.
 
-    needs: which inputs each reading depends on, (m, n_inputs). nominal: (n_free,), SI. Noises: (m,) and (n_inputs,), sd.
+    needs: which inputs each reading depends on, (m, n_inputs). nominal: (n_free,), SI. Noises, sd: (m,), (n_inputs,).
     """
 
     function: ca.Function  # (free, u) -> y, dy/dfree, dy/du
