@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond import sets
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
@@ -32,8 +31,7 @@ class Reasoning:
     error : error index of each tested set, averaged over the outputs, (n_tested,)
     explains : whether it explains, (n_tested,)
     contains : whether a tested set contains a hypothesis, (n_hypotheses, n_tested)
-    left : whether a hypothesis is left, (n_hypotheses,)
-    cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,)
+    cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,); 1: it is left
     hitting : hitting index of each hypothesis, (n_hypotheses,)
     quarter : error index of a hypothesis: the lower quartile of those of the tested sets that contain it, so that one
         of them whose least squares went astray does not count, (n_hypotheses,)
@@ -43,7 +41,6 @@ class Reasoning:
     error: FloatArray
     explains: BoolArray
     contains: BoolArray
-    left: BoolArray
     cleared: FloatArray
     hitting: FloatArray
     quarter: FloatArray
@@ -68,6 +65,7 @@ def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
     """Give the hitting index of each hypothesis, (n_hypotheses,).
 
     A hypothesis misses the conflict set of every tested set that contains it, and hits all others.
+    contains: (n_hypotheses, n_tested); error: (n_tested,), parts of the signal.
 
     Source
     ------
@@ -77,14 +75,16 @@ def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
     return np.asarray(np.where(contains, clipped, CLIP - clipped).sum(axis=1))
 
 
-def left_over(contains: BoolArray, explains: BoolArray) -> BoolArray:
-    """Tell which hypotheses are left: those of which every tested set that contains them explains, if there is one.
+def cleared_parts(contains: BoolArray, explains: BoolArray) -> FloatArray:
+    """Give what part of the tested sets that contain a hypothesis explain, (n_hypotheses,); 0 where none contains it.
+
+    With 1 the hypothesis is left. contains: (n_hypotheses, n_tested); explains: (n_tested,).
 
     Source
     ------
     Thesis 6.4.2; `sets.hypotheses_left` gives the same as sets.
     """
-    return np.asarray((contains <= explains).all(axis=1) & contains.any(axis=1))
+    return np.asarray((contains & explains).sum(axis=1) / np.maximum(contains.sum(axis=1), 1))
 
 
 def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasoning:
@@ -102,33 +102,15 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
         error=error,
         explains=explains,
         contains=contains,
-        left=left_over(contains, explains),
-        cleared=(contains & explains).sum(axis=1) / counts,
+        cleared=cleared_parts(contains, explains),
         hitting=hitting_indices(contains, error),
         quarter=quarter,
         noise=float(noise_of(spec, plan, state).mean()),
     )
 
 
-def conflicts(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> sets.Diagnoses[str]:
-    """Give the conflict sets that the tests show, by parameter names, and the diagnoses that hit them all.
-
-    Source
-    ------
-    Thesis 6.4.2: hitting sets of the conflicts found, without their parts that have been cleared.
-    """
-    suspects = frozenset(item.name for item in spec.parameters if item.suspect)
-    found = reason(spec, plan, state)
-    names = [frozenset(spec.parameters[k].name for k in item) for item in plan.tested]
-    verdicts = dict(zip(names, map(bool, found.explains), strict=True))
-    conflicting = sets.conflict_sets(suspects, verdicts)
-    cleared = [suspects - tested for tested, explains in verdicts.items() if explains]
-    hitting = sets.minimal_hitting_sets(conflicting, max_size=max(map(len, names), default=0))
-    return sets.Diagnoses(sets=sets.without_cleared(hitting, cleared), conflicts=conflicting, tests=len(names))
-
-
 def penalties(plan: ClassicPlan, hypotheses: tuple[tuple[int, ...], ...], found: Reasoning) -> FloatArray:
-    """Give how bad each hypothesis is, in noise/signal ratios: its error index, and what it takes to believe it."""
+    """Give how bad each hypothesis is, (n_hypotheses,), in noise/signal ratios: error index, and cost of belief."""
     if Erratum.RANKING in plan.settings.printed:
         return found.hitting / max(found.noise, 1e-12)
     sizes = np.array([len(item) for item in hypotheses], dtype=float)
