@@ -16,13 +16,12 @@ import numpy as np
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.networks.hypothesis import Hypothesis, advance, is_consistent, nearest
+from faultbond.networks.hypothesis import Hypothesis, advance, is_consistent, some_solutions
 from faultbond.networks.least_squares import DETECTED, Data, data_of, limit, readable, whitened
 from faultbond.networks.logic.diagnoses import logic_network
 from faultbond.networks.logic.hypotheses import logic_observations, watch_logic
 from faultbond.networks.noisy import FittedHypothesis, left, trials
 from faultbond.networks.polynomial_roots import value_of
-from faultbond.networks.relations import holds
 from faultbond.networks.static_network import (
     Observation,
     StaticNetwork,
@@ -31,6 +30,7 @@ from faultbond.networks.static_network import (
     observation,
     static_network,
     with_healthy,
+    wrong_readings,
 )
 
 _SURELY = 1e-10  # relative: closer than the tolerance by what floating point may add
@@ -94,11 +94,8 @@ class ExactProver:
         network = self.network
         if self._agrees_quickly(seen) or is_consistent(network, (), seen):
             return ()
-        known = healthy_of(network, seen)
-        read = [item for item in network.readings if item.sensor in seen.sensors]
-        told = [item for item in read if known.values.keys() >= {*item.names}]
-        wrong = tuple(item.sensor for item in told if not holds(item, known.values, known.sizes))
-        return wrong or seen.sensors
+        wrong = wrong_readings(network, seen, healthy_of(network, seen))
+        return tuple(item.sensor for item in wrong) or seen.sensors
 
     def _agrees_quickly(self, seen: Observation) -> bool:
         """Whether floating point is enough to see that an observation agrees."""
@@ -152,7 +149,7 @@ def _explanation(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observ
     if network.of_blocks:
         return Explanation(suspects=held.suspects, solutions=({},))
     solutions = [{name: (float(value_of(point[name])), 0.0) for name in held.suspects} for point in held.points]
-    near = nearest(network, held.suspects, rows) if held.systems else None
+    near = next(some_solutions(network, held.suspects, rows), None) if held.systems else None
     if near is not None:
         solutions.append({name: (near.values[name], inf) for name in held.suspects})
     return Explanation(suspects=held.suspects, solutions=tuple(solutions))

@@ -11,7 +11,7 @@ from faultbond.equations.numeric import Value, evaluate, exact
 from faultbond.model.expression import Binary, Expression, Name, Negative, names
 from faultbond.networks.polynomial_roots import MAX_POWER, MAX_TERMS, NotPolynomialError
 from faultbond.networks.relations import holds, magnitude
-from faultbond.networks.static_network import READING, Observation, StaticNetwork, followed
+from faultbond.networks.static_network import READING, Observation, StaticNetwork, followed, wrong_readings
 
 PolynomialQuotient = tuple[PolyElement, PolyElement]  # numerator, denominator
 
@@ -27,9 +27,7 @@ def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Value
     """Whether parameters of these values give the readings of an explicit observation."""
     if seen.healthy is None:
         return False
-    known = followed(network, seen.healthy, values)
-    read = (item for item in network.readings if item.sensor in seen.sensors)
-    return all(holds(item, known.values, known.sizes) for item in read)
+    return next(wrong_readings(network, seen, followed(network, seen.healthy, values)), None) is None
 
 
 def reading_equations(network: StaticNetwork, suspects: Sequence[str], seen: Observation) -> tuple[sp.Expr, ...] | None:

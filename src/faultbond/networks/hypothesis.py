@@ -126,13 +126,6 @@ def _distinct(points: Iterable[ExactPoint]) -> list[ExactPoint]:
     return kept
 
 
-def nearest(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Found | None:
-    """Give a solution that explains all rows, near the nominal values if it can be; `free` where others are as near."""
-    if network.reader is None:
-        return next(iter(_search(network, suspects, rows)), None)
-    return next(_fits(network, suspects, rows, starts(len(suspects))), None)
-
-
 def _fits(
     network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation], factors: Iterable[tuple[float, ...]]
 ) -> Iterator[Found]:
@@ -152,29 +145,32 @@ def _fits(
 
 
 def _searched(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
-    found = _search(network, held.suspects, rows)
+    found = list(some_solutions(network, held.suspects, rows))
     points = tuple(_point(item) for item in found if not item.free)
     systems = ((),) if any(item.free for item in found) else ()
     return replace(held, points=points, systems=systems, searched=True)
 
 
-def _search(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> list[Found]:
-    """Give some solutions that explain all rows."""
+def some_solutions(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Iterator[Found]:
+    """Give some solutions that explain all rows, the first near the nominal values if it can be.
+
+    The last one may be `free`: there are others as near.
+    """
     if network.reader is not None:
         distinct: list[Found] = []
         for item in _fits(network, suspects, rows, starts(len(suspects))):
             if not any(same(item, other) for other in distinct):
                 distinct.append(item)
+                yield item
             if item.free:
-                break
-        return distinct
+                return
+        return
     some = rows[:MAX_SEARCHED]
     systems = [suspend(network, row, suspects, {}) for row in some]
-    if any(system.conflict is not None for system in systems):
-        return []
-    nominal = {name: float(network.values[name]) for name in suspects}
-    found = search_solutions(systems, nominal, [without_readings(network, row) for row in some])
-    return [item for item in found if all(_explains(network, _point(item), row) for row in rows)]
+    if all(system.conflict is None for system in systems):
+        nominal = {name: float(network.values[name]) for name in suspects}
+        found = search_solutions(systems, nominal, [without_readings(network, row) for row in some])
+        yield from (item for item in found if all(_explains(network, _point(item), row) for row in rows))
 
 
 def _point(found: Found) -> ExactPoint:

@@ -78,10 +78,6 @@ class _Program:
                     result = self.exclusive(result, literal)
         return -result if node.inverted else result
 
-    def require(self, literal: int) -> None:
-        """Let a literal hold in every answer."""
-        self.backend.add_rule([], [-literal])
-
 
 def smallest_sets(
     circuit: Circuit, cases: Sequence[Case], suspects: Collection[str], *, strict: bool, deadline: float
@@ -121,7 +117,7 @@ def smallest_sets(
                     literal = program.exclusive(literal, atom if strict else program.choice(atom))
                 literals.append(literal)
             for signal, value in case.seen:
-                program.require(literals[signal] if value else -literals[signal])
+                backend.add_rule([], [-literals[signal] if value else literals[signal]])
         backend.add_minimize(0, [(atom, 1) for atom in abnormal.values()])
     found: list[tuple[str, ...]] = []
 

@@ -27,7 +27,7 @@ class CurvePoint:
     hitting : hitting index of each hypothesis, (n_hypotheses,) (7.22, 7.29, 7.35, 7.36, 7.40)
     averages : estimate of each parameter as mean over the tested sets that contain it, (n_parameters,) (7.37)
 
-    The last five are nan until the alarm.
+    The last five are nan until the alarm. Source of the averages: thesis 7.4.
     """
 
     time: float
@@ -50,7 +50,11 @@ def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> CurveP
     """Give what is plotted of the sample that a state was left by."""
     found = reason(spec, plan, state) if state.alarm >= 0 and plan.tested else None
     scales = np.array([item.scale for item in spec.parameters] + [np.nan])
-    estimates = scales[plan.slots[:, 1:].astype(int)] * state.factors[:, 1:]
+    chosen = plan.slots[:, 1:].astype(int)
+    estimates = scales[chosen] * state.factors[:, 1:]
+    averages = np.full(len(spec.parameters), np.nan)
+    for index in np.unique(chosen[chosen >= 0]):
+        averages[index] = estimates[chosen == index].mean()
 
     def tested(values: FloatArray) -> FloatArray:
         return values if state.alarm >= 0 else np.full_like(values, np.nan)
@@ -69,26 +73,8 @@ def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> CurveP
         predicted=tested(state.expected[:, 1:]),
         errors=found.error if found else np.full(len(plan.tested), np.nan),
         hitting=found.hitting if found else np.full(len(spec.hypotheses), np.nan),
-        averages=tested(averages_of(len(spec.parameters), plan, estimates)),
+        averages=tested(averages),
     )
-
-
-def averages_of(n_parameters: int, plan: ClassicPlan, estimates: FloatArray) -> FloatArray:
-    """Give the mean estimate of each parameter over the tested sets that contain it, (n_parameters,), SI; nan: in none.
-
-    estimates: parameters of each tested set, (n_slots, n_tested), SI.
-
-    Source
-    ------
-    Thesis 7.4, figure 7.37.
-    """
-    chosen = plan.slots[:, 1:].astype(int)
-    found = np.full(n_parameters, np.nan)
-    for index in range(n_parameters):
-        own = estimates[chosen == index]
-        if own.size:
-            found[index] = own.mean()
-    return found
 
 
 def stacked(points: list[CurvePoint]) -> dict[str, FloatArray]:

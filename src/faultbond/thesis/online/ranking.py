@@ -12,13 +12,13 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.ranking import MAX_CANDIDATES
 from faultbond.thesis.online.indices import indices_of, limits_of
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum
 from faultbond.thesis.online.state import ClassicState
 
 CLIP = 0.5  # largest error index that counts
-MAX_CANDIDATES = 100
 ALIKE = 1.0  # noise/signal ratios; hypotheses that differ by less are one group
 REFUTED = 4.0  # noise/signal ratios that a hypothesis costs if no tested set that contains it explains
 SIZE = 1.5  # noise/signal ratios that each further suspect costs
@@ -109,21 +109,19 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     )
 
 
-def penalties(plan: ClassicPlan, hypotheses: tuple[tuple[int, ...], ...], found: Reasoning) -> FloatArray:
-    """Give how bad each hypothesis is, (n_hypotheses,), in noise/signal ratios: error index, and cost of belief."""
-    if Erratum.RANKING in plan.settings.printed:
-        return found.hitting / max(found.noise, 1e-12)
-    sizes = np.array([len(item) for item in hypotheses], dtype=float)
-    return np.asarray(found.quarter / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared))
-
-
 def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
     """Give the hypotheses, best first.
 
-    The thesis gives no probabilities. The weights here fall by e for each noise/signal ratio of error index.
+    How bad a hypothesis is, in noise/signal ratios, is its error index and what it takes to believe it. The thesis
+    gives no probabilities. The weights here fall by e for each noise/signal ratio.
     """
     found = reason(spec, plan, state)
-    penalty = np.where(state.rejected > 0, np.inf, penalties(plan, spec.hypotheses, found))
+    if Erratum.RANKING in plan.settings.printed:
+        penalty = found.hitting / max(found.noise, 1e-12)
+    else:
+        sizes = np.array([len(item) for item in spec.hypotheses], dtype=float)
+        penalty = found.quarter / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared)
+    penalty = np.where(state.rejected > 0, np.inf, penalty)
     order = np.argsort(penalty, kind="stable")[: min(MAX_CANDIDATES, int(np.isfinite(penalty).sum()))]
     weight = np.exp(np.min(penalty, initial=np.inf) - penalty) if len(order) else penalty
     total = float(weight.sum()) or 1.0
