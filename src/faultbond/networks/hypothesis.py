@@ -15,7 +15,7 @@ import numpy as np
 from faultbond.equations.numeric import exact
 from faultbond.model.expression import Call, walk
 from faultbond.networks.explicit import agrees, is_explicit, reading_equations
-from faultbond.networks.least_squares import data_of, fit_parameters
+from faultbond.networks.least_squares import data_of, fit_parameters, ranges_of
 from faultbond.networks.numeric_search import Found, same, search_solutions, starts
 from faultbond.networks.polynomial_roots import (
     ExactPoint,
@@ -132,9 +132,7 @@ def _fits(
     """Give solutions that explain all rows, by fits from multiples of the nominal values."""
     if network.reader is None:
         return
-    items = [network.graph.parameter(name) for name in suspects]
-    scale = np.array([item.scale for item in items])
-    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
+    scale, bounds = ranges_of(network, suspects)
     data, read = data_of(network, rows), network.reader.of(suspects)
     for factor in factors:
         best = fit_parameters(read, np.array(factor) * scale, scale, bounds, data)

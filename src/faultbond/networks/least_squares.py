@@ -54,6 +54,13 @@ def data_of(network: StaticNetwork, rows: Sequence[Observation]) -> Data:
     return Data(u=np.array(inputs).reshape(-1, len(rows)), y=np.array(readings).reshape(-1, len(rows)))
 
 
+def ranges_of(network: StaticNetwork, suspects: Sequence[str]) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """Give the sizes of parameters, and their lowest and highest values, (p,) each, SI."""
+    items = [network.graph.parameter(name) for name in suspects]
+    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
+    return np.array([item.scale for item in items]), bounds
+
+
 def readable(read: Reader, data: Data) -> BoolArray:
     """Tell which readings say something, (m, n): those measured whose inputs are there."""
     lacking = (read.needs[:, :, None] & ~np.isfinite(data.u)[None, :, :]).any(axis=1)

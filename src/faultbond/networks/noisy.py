@@ -13,7 +13,16 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.networks.hypothesis import Hypothesis, advance
-from faultbond.networks.least_squares import REJECTED, BestValues, Data, data_of, fit_parameters, limit, readable
+from faultbond.networks.least_squares import (
+    REJECTED,
+    BestValues,
+    Data,
+    data_of,
+    fit_parameters,
+    limit,
+    ranges_of,
+    readable,
+)
 from faultbond.networks.numeric_search import starts
 from faultbond.networks.polynomial_roots import ExactPoint, value_of
 from faultbond.networks.reader import Reader, reader
@@ -86,9 +95,7 @@ def _of_parameters(
     readings = int(readable(held.read, data).sum())
     if held.least > limit(REJECTED, readings):
         return replace(held, allowed=0.0)
-    items = [network.graph.parameter(name) for name in held.suspects]
-    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
-    scale = np.array([item.scale for item in items])
+    scale, bounds = ranges_of(network, held.suspects)
     found: list[BestValues] = []
     for start in _starts(network, held, rows, data):
         solution = fit_parameters(held.read, start, scale, bounds, data)

@@ -58,7 +58,11 @@ def tear(network: ComponentNetwork, route: Route, plant: NumericPlant, prefer: S
     lines: list[Line] = []
     misfits: list[str] = []
     for block in problem.blocks:
-        found = _tear_block(block, prefer)
+        order = sorted(block.unknown, key=lambda name: name not in prefer)
+        sizes = range(min(MOST_GUESSED, len(order)) + 1)
+        choices = islice(chain.from_iterable(combinations(order, size) for size in sizes), _MOST_TRIED)
+        tried = ((chosen, _follow(block, chosen)) for chosen in choices)
+        found = next(((chosen, *followed) for chosen, followed in tried if followed is not None), None)
         if found is None:
             raise StructureError(
                 f"{network.file}: {route.question.title} takes {len(block.unknown)} equations at once that neither a "
@@ -72,17 +76,6 @@ def tear(network: ComponentNetwork, route: Route, plant: NumericPlant, prefer: S
             lines.append(Line(name=misfits[-1], value=residual))
     about = tuple(float(records[0].true[name]) for name in guessed)
     return Torn(guessed=tuple(guessed), about=about, lines=tuple(lines), misfits=tuple(misfits))
-
-
-def _tear_block(block: Block, prefer: Sequence[str]) -> tuple[tuple[str, ...], list[Line], list[Expression]] | None:
-    """Give what is guessed, how the other unknowns follow, and what is left over; None where that takes too many."""
-    order = sorted(block.unknown, key=lambda name: name not in prefer)
-    sizes = range(min(MOST_GUESSED, len(order)) + 1)
-    for chosen in islice(chain.from_iterable(combinations(order, size) for size in sizes), _MOST_TRIED):
-        found = _follow(block, chosen)
-        if found is not None:
-            return chosen, *found
-    return None
 
 
 def _follow(block: Block, chosen: Sequence[str]) -> tuple[list[Line], list[Expression]] | None:
