@@ -168,12 +168,10 @@ def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Classi
     samples = states_from_samples(plan, moment, before)
     samples = np.where(np.isfinite(samples), samples, past)
     before = np.where(np.isfinite(before), before, samples)
-    if not testing:  # the outputs go into their mean squares
-        present = state.present[len(spec.inputs) :] > 0
-        counts = state.counts + present
-        gap = state.frames[0, len(spec.inputs) :] ** 2 - state.squares
-        squares = state.squares + np.where(present, gap / np.maximum(counts, 1.0), 0.0)
-        state = replace(state, counts=counts, squares=squares)
+    if not testing:
+        y, present = state.frames[0, len(spec.inputs) :], state.present[len(spec.inputs) :] > 0
+        squares, counts = _mean_squares(state.squares, state.counts, y, present)
+        state = replace(state, squares=squares, counts=counts)
     running = state.running + 1
     noise = float(noise_of(spec, plan, state).mean())
     trust = trust_in_samples(plan.settings, noise, plan.accuracy, running)
@@ -207,6 +205,14 @@ def _spread(
     working = replace(plan.settings, printed=WORKING)
     sums = add_error(working, state.spread_sums[..., None], measured, size[:, None], weight)
     return replace(state, spread_states=states[:, 1:], spread_sums=sums[..., 0])
+
+
+def _mean_squares(
+    squares: FloatArray, counts: FloatArray, values: FloatArray, use: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Take the values that are used into their mean squares, and into the numbers of samples in these."""
+    counts = counts + use
+    return squares + np.where(use, (values**2 - squares) / np.maximum(counts, 1.0), 0.0), counts
 
 
 def _merged(whole: FloatArray, part: FloatArray) -> FloatArray:
@@ -254,10 +260,8 @@ def _estimated(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment:
         if state.running <= plan.settings.patience:
             return state
         misfits = healthy_misfits(plan, state, moment)
-        use = np.isfinite(misfits) & ~resting
-        counts = state.misfit_counts + use
-        change = np.where(use, (misfits**2 - state.misfits) / np.maximum(counts, 1.0), 0.0)
-        return replace(state, misfits=state.misfits + change, misfit_counts=counts)
+        squares, counts = _mean_squares(state.misfits, state.misfit_counts, misfits, np.isfinite(misfits) & ~resting)
+        return replace(state, misfits=squares, misfit_counts=counts)
     if state.index - state.alarm <= plan.settings.patience:
         return state
     factors, covariance = improve(spec, plan, state, moment, resting)
