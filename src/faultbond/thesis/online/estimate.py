@@ -91,7 +91,7 @@ def within_ranges(factors: FloatArray, covariance: FloatArray, lower: FloatArray
 
     Parameters
     ----------
-    factors : (n_slots, n_lanes)
+    factors : (n_slots, n_lanes), parameters over their scale
     covariance : (n_slots, n_slots, n_lanes)
     lower, upper : (n_slots, n_lanes)
     """
