@@ -30,21 +30,17 @@ class Reasoning:
 
     error : error index of each tested set, averaged over the outputs, (n_tested,)
     explains : whether it explains, (n_tested,)
-    contains : whether a tested set contains a hypothesis, (n_hypotheses, n_tested)
     cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,); 1: it is left
     hitting : hitting index of each hypothesis, (n_hypotheses,)
     quarter : error index of a hypothesis: the lower quartile of those of the tested sets that contain it, so that one
         of them whose least squares went astray does not count, (n_hypotheses,)
-    noise : noise/signal ratio
     """
 
     error: FloatArray
     explains: BoolArray
-    contains: BoolArray
     cleared: FloatArray
     hitting: FloatArray
     quarter: FloatArray
-    noise: float
 
 
 def noise_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatArray:
@@ -101,11 +97,9 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     return Reasoning(
         error=error,
         explains=explains,
-        contains=contains,
         cleared=cleared_parts(contains, explains),
         hitting=hitting_indices(contains, error),
         quarter=quarter,
-        noise=float(noise_of(spec, plan, state).mean()),
     )
 
 
@@ -116,11 +110,12 @@ def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
     gives no probabilities. The weights here fall by e for each noise/signal ratio.
     """
     found = reason(spec, plan, state)
+    noise = max(float(noise_of(spec, plan, state).mean()), 1e-12)
     if Erratum.RANKING in plan.settings.printed:
-        penalty = found.hitting / max(found.noise, 1e-12)
+        penalty = found.hitting / noise
     else:
         sizes = np.array([len(item) for item in spec.hypotheses], dtype=float)
-        penalty = found.quarter / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared)
+        penalty = found.quarter / noise + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared)
     penalty = np.where(state.rejected > 0, np.inf, penalty)
     order = np.argsort(penalty, kind="stable")[: min(MAX_CANDIDATES, int(np.isfinite(penalty).sum()))]
     weight = np.exp(np.min(penalty, initial=np.inf) - penalty) if len(order) else penalty
