@@ -112,7 +112,7 @@ def test_two_faults_are_told_from_one() -> None:
     names = [item.parameters for item in diagnosis.candidates]
     place = next(k for k, item in enumerate(names) if set(item) == {"K1", "K6"})
     assert place < min(k for k, item in enumerate(names) if len(item) == 1)
-    found = reason(spec, plan, state)
+    found = reason(spec, plan, state)  # conflicts and what hits them, by the algebra of sets: thesis 6.4.2
     suspects = frozenset(item.name for item in spec.parameters if item.suspect)
     tested = [frozenset(spec.parameters[k].name for k in item) for item in plan.tested]
     verdicts = dict(zip(tested, map(bool, found.explains), strict=True))
