@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork
-from faultbond.networks.logic.circuit import build_circuit, simulate
+from faultbond.networks.logic.circuit import build_circuit, simulate_gates
 
 TRIES = 40  # scenarios of which the one with the most wrong outputs is kept
 KINDS = ("and", "nand", "nand", "or", "nor")
@@ -158,7 +158,11 @@ def observe(network: LogicNetwork, abnormal: Diagnosis, inputs: dict[str, bool])
     circuit = build_circuit(network, network.outputs)
     flips = {node.output: 1 for node in circuit.nodes if node.component in abnormal}
     words = dict(
-        zip(circuit.names, simulate(circuit, [int(inputs[name]) for name in network.inputs], 1, flips), strict=True)
+        zip(
+            circuit.names,
+            simulate_gates(circuit, [int(inputs[name]) for name in network.inputs], 1, flips),
+            strict=True,
+        )
     )
     return inputs | {name: bool(words[name]) for name in network.outputs}
 

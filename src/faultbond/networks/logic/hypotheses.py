@@ -28,20 +28,30 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
     """
     rows: dict[tuple[tuple[str, bool], ...], Observation] = {}
     candidates: tuple[Candidate, ...] = ()
+    order = {name: k for k, name in enumerate(network.suspects)}
     for sample, seen in enumerate(observations):
         if not rows:
-            signals = contradicting(network, seen.values)
+            signals = _contradicting(network, seen.values)
             if not signals:
                 continue
             yield Detection(time=seen.time, sample=sample, change_time=seen.time, signals=signals)
         key = tuple(sorted(seen.values.items()))
         if key not in rows:  # a row seen before says nothing new
             rows[key] = seen.values
-            candidates = _candidates(network, tuple(rows.values()))
+            found = minimum_diagnoses(network, rows.values())
+            candidates = tuple(
+                Candidate(
+                    suspects=(),
+                    blocks=tuple(sorted(diagnosis, key=order.__getitem__)),
+                    probability=1.0 / len(found),
+                    group=True,
+                )
+                for diagnosis in found
+            )
         yield Diagnosis(time=seen.time, candidates=candidates)
 
 
-def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
+def _contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
     """Give the observed signals that are not as the healthy network makes them; none where it can make them.
 
     With unknown inputs an observation contradicts the network only if no inputs make it; all signals are given then.
@@ -51,13 +61,6 @@ def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
         expected = predict(network, seen)
         return tuple(name for name in observed if expected[name] != seen[name])
     return () if minimum_diagnoses(network, [seen]) == (frozenset(),) else observed
-
-
-def _candidates(network: LogicNetwork, rows: tuple[Observation, ...]) -> tuple[Candidate, ...]:
-    found = minimum_diagnoses(network, rows)
-    order = {name: k for k, name in enumerate(network.suspects)}
-    ordered = [tuple(sorted(diagnosis, key=order.__getitem__)) for diagnosis in found]
-    return tuple(Candidate(suspects=(), blocks=blocks, probability=1.0 / len(found), group=True) for blocks in ordered)
 
 
 def logic_observations(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[TimedObservation]:
