@@ -14,10 +14,10 @@ from faultbond.errors import ModelError
 from faultbond.model.expression import FUNCTIONS, NOT, RATE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.source import choice, shown
 
-MAX_LENGTH = 2000
+MAX_LAW_LENGTH = 2000
 MAX_NODES = 500
-MAX_DEPTH = 50
-MAX_EXPONENT = 16
+MAX_LAW_DEPTH = 50
+MAX_EXPONENT = 16  # of a law and of a unit
 
 _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\n]+)
@@ -62,8 +62,10 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
     >>> to_text(parse_expression("K1 * (f*abs(f))"))
     'K1*(f*abs(f))'
     """
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}the expression has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    if len(text) > MAX_LAW_LENGTH:
+        raise ModelError(
+            f"{where}the expression has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it"
+        )
     _check_tokens(text, where, blocks=blocks)
     try:
         tree = ast.parse(" ".join(text.split()), mode="eval")
@@ -76,17 +78,26 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
 def parse_relation(text: str, where: str = "", *, blocks: bool = False) -> tuple[Expression, Expression]:
     """Give the two sides of a law `left = right`.
 
+    Raises
+    ------
+    ModelError
+        if there is not one `=`, or a side is no expression.
+
     Example
     -------
     >>> parse_relation("e = K8")
     (Name(text='e'), Name(text='K8'))
     """
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}the law has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    _check_length(text, where, "law")
     sides = _EQUALS.split(text)
     if len(sides) != 2:
         raise ModelError(f"{where}`{shown(text)}` is not a law; write `left = right` with one `=`, such as `e = R*f`")
     return parse_expression(sides[0], where, blocks=blocks), parse_expression(sides[1], where, blocks=blocks)
+
+
+def _check_length(text: str, where: str, word: str) -> None:
+    if len(text) > MAX_LAW_LENGTH:
+        raise ModelError(f"{where}the {word} has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it")
 
 
 def _check_tokens(text: str, where: str, *, blocks: bool) -> None:
@@ -120,8 +131,8 @@ class _Reader:
         self.nodes += 1
         if self.nodes > MAX_NODES:
             raise self.error(f"more than {MAX_NODES} numbers, names and operators; split the expression")
-        if depth > MAX_DEPTH:
-            raise self.error(f"more than {MAX_DEPTH} levels of nesting; split the expression")
+        if depth > MAX_LAW_DEPTH:
+            raise self.error(f"more than {MAX_LAW_DEPTH} levels of nesting; split the expression")
         match node:
             case ast.Constant(value=int() | float() as value):
                 return Number(float(value))
@@ -202,9 +213,17 @@ def constant_value(expression: Expression) -> float | None:
 
 
 def arithmetic(operator: str, a: float, b: float) -> float:
-    """Give `a operator b` in floating point; nan where there is no finite real value."""
+    """Give `a operator b` in floating point, 1 or 0 of a comparison; nan where there is no finite real value."""
     try:
         match operator:
+            case "<":
+                return float(a < b)
+            case "<=":
+                return float(a <= b)
+            case ">":
+                return float(a > b)
+            case ">=":
+                return float(a >= b)
             case "+":
                 return a + b
             case "-":
