@@ -11,7 +11,7 @@ from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.errors import RecordingError
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import LogicNetwork, Observation, TimedObservation
+from faultbond.model.logic import LogicNetwork, SignalValues, TimedObservation
 from faultbond.networks.logic.diagnoses import minimum_diagnoses, predict
 
 
@@ -26,7 +26,7 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
     StructureError
         if the network is not sound, or the diagnoses are too many or cannot be found in time.
     """
-    rows: dict[tuple[tuple[str, bool], ...], Observation] = {}
+    rows: dict[tuple[tuple[str, bool], ...], SignalValues] = {}
     candidates: tuple[Candidate, ...] = ()
     for sample, seen in enumerate(observations):
         if not rows:
@@ -41,7 +41,7 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
         yield Diagnosis(time=seen.time, candidates=candidates)
 
 
-def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
+def contradicting(network: LogicNetwork, seen: SignalValues) -> tuple[str, ...]:
     """Give the observed signals that are not as the healthy network makes them; none where it can make them.
 
     With unknown inputs an observation contradicts the network only if no inputs make it; all signals are given then.
@@ -53,7 +53,7 @@ def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
     return () if minimum_diagnoses(network, [seen]) == (frozenset(),) else observed
 
 
-def _candidates(network: LogicNetwork, rows: tuple[Observation, ...]) -> tuple[Candidate, ...]:
+def _candidates(network: LogicNetwork, rows: tuple[SignalValues, ...]) -> tuple[Candidate, ...]:
     found = minimum_diagnoses(network, rows)
     order = {name: k for k, name in enumerate(network.suspects)}
     ordered = [tuple(sorted(diagnosis, key=order.__getitem__)) for diagnosis in found]
