@@ -6,9 +6,8 @@ import sys
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import unit
 from faultbond.model.quantities import duration, quantity, spread, spread_over
-from faultbond.model.units import DIMENSIONLESS, measure
+from faultbond.model.units import DIMENSIONLESS, measure, unit
 
 
 @pytest.mark.parametrize(
