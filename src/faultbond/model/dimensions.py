@@ -182,14 +182,26 @@ class Checker:
         return str(_known(self.solver.reduced(form)))
 
     def law(self, left: Expression, right: Expression, where: str) -> None:
-        """Demand that the two sides of a law agree."""
+        """Demand that the two sides of a law agree.
+
+        Raises
+        ------
+        ModelError
+            where they do not.
+        """
         sides = [(side, *self.infer(side, where)) for side in (left, right)]
         known = [(side, form) for side, form, free in sides if form is not None and not free]
         if len(known) == 2 and not self.solver.equate(known[0][1], known[1][1]):
             raise ModelError(f"{where}the two sides disagree: {self._versus(known[0], known[1])}")
 
     def expect(self, expression: Expression, dimension: Dimension, what: str, where: str) -> None:
-        """Demand a dimension of an expression: a sensor's unit, say."""
+        """Demand a dimension of an expression: a sensor's unit, say.
+
+        Raises
+        ------
+        ModelError
+            where it has another.
+        """
         form, free = self.infer(expression, where)
         if form is None or free or self.solver.equate(form, dimension):
             return

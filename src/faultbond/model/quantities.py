@@ -79,6 +79,11 @@ def quantity(text: str, where: str = "", default: Measure | None = None) -> Quan
     where : start of every error message
     default : the unit of a number without one
 
+    Raises
+    ------
+    ModelError
+        where it is none, is relative, or too large.
+
     Example
     -------
     >>> quantity("20 mA").value
@@ -95,6 +100,11 @@ def quantity(text: str, where: str = "", default: Measure | None = None) -> Quan
 
 def spread(text: str, where: str = "", default: Measure | None = None) -> Spread:
     """Give the standard deviation of a text: `180 Pa`, `3 %` or `2 % of 8.9 kPa`.
+
+    Raises
+    ------
+    ModelError
+        where it is none, or negative.
 
     Example
     -------
@@ -118,6 +128,11 @@ def spread(text: str, where: str = "", default: Measure | None = None) -> Spread
 def duration(text: str, where: str = "") -> float:
     """Give a time in seconds; its unit must be stated.
 
+    Raises
+    ------
+    ModelError
+        where it is none, has no unit of time, or is negative.
+
     Example
     -------
     >>> duration("10 min")
@@ -135,6 +150,11 @@ def duration(text: str, where: str = "") -> float:
 
 def spread_over(text: str, where: str = "", default: Measure | None = None) -> tuple[Spread, float]:
     """Give the standard deviation and the memory in seconds of a slow error, `2 % over 600 s`.
+
+    Raises
+    ------
+    ModelError
+        where it is none, or has no memory.
 
     Example
     -------

@@ -49,7 +49,13 @@ class Spot:
         return Spot(self.source, self.words, inner.entry)
 
     def text(self) -> str:
-        """Give its text; an error unless it is a text that is not empty."""
+        """Give its text; an error unless it is a text that is not empty.
+
+        Raises
+        ------
+        ModelError
+            where it is no text, or empty.
+        """
         node = self.entry.value
         if not isinstance(node, Text):
             raise self.inside(node).error(f" must be a text, not a {kind(node)}")
@@ -63,7 +69,13 @@ class Spot:
         return isinstance(self.entry.value, Text) and not self.entry.value.value.strip()
 
     def items(self) -> tuple["Spot", ...]:
-        """Give the places of a list; nothing counts as an empty one."""
+        """Give the places of a list; nothing counts as an empty one.
+
+        Raises
+        ------
+        ModelError
+            where it is no list.
+        """
         node = self.entry.value
         if self.is_empty:
             return ()
@@ -76,7 +88,13 @@ class Spot:
         return (self.inside(self.entry.value),) if isinstance(self.entry.value, Text) else self.items()
 
     def entries(self) -> tuple[Entry, ...]:
-        """Give the entries of a table; nothing counts as an empty one."""
+        """Give the entries of a table; nothing counts as an empty one.
+
+        Raises
+        ------
+        ModelError
+            where it is no table.
+        """
         node = self.entry.value
         if self.is_empty:
             return ()
@@ -131,6 +149,11 @@ class Spot:
         default : the unit of the thing
         sized : whether a percentage alone does not do
         free : whether a thing without unit takes one that is stated here
+
+        Raises
+        ------
+        ModelError
+            where it is no such thing, or in another unit.
         """
         found = spread(self.text(), self.where(), default)
         if found.quantity is not None and not (free and default is None):
@@ -147,14 +170,26 @@ class Spot:
         return found
 
     def is_yes(self) -> bool:
-        """Give the truth value of `yes` or `no`."""
+        """Give the truth value of `yes` or `no`.
+
+        Raises
+        ------
+        ModelError
+            where it is neither.
+        """
         word = self.text().lower()
         if word not in ("yes", "no", "true", "false"):
             raise self.error(f" is `yes` or `no`, not `{shown(word)}`")
         return word in ("yes", "true")
 
     def column(self) -> str:
-        """Give a column name: printable text of at most 200 characters."""
+        """Give a column name: printable text of at most 200 characters.
+
+        Raises
+        ------
+        ModelError
+            where it is not.
+        """
         text = self.text()
         if len(text) > 200 or not text.isprintable():
             raise self.error(" must be printable text of at most 200 characters")
@@ -166,7 +201,13 @@ class Spot:
         return Quantity(float(text), None) if text in ("inf", "-inf") else self.quantity(default)
 
     def ends(self) -> tuple["Spot", "Spot"]:
-        """Give the two ends of a range, infinite ones for `any`."""
+        """Give the two ends of a range, infinite ones for `any`.
+
+        Raises
+        ------
+        ModelError
+            where they are not two.
+        """
         node = self.entry.value
         if isinstance(node, Text) and node.value.strip() == "any":
             return self.inside(Text("-inf", self.line)), self.inside(Text("inf", self.line))
@@ -175,7 +216,13 @@ class Spot:
         return self.inside(node.items[0]), self.inside(node.items[1])
 
     def check_unit(self, found: Quantity, wanted: Measure | None) -> None:
-        """Refuse a quantity of another dimension than the thing it belongs to."""
+        """Refuse a quantity of another dimension than the thing it belongs to.
+
+        Raises
+        ------
+        ModelError
+            where it is one.
+        """
         if found.measure is None:
             return
         if wanted is None:
@@ -186,18 +233,36 @@ class Spot:
             raise self.error(f"{problem} `{wanted.unit.text or '1'}`")
 
     def check_size(self, size: float, what: str = "") -> None:
-        """Refuse a size whose square no computer holds."""
+        """Refuse a size whose square no computer holds.
+
+        Raises
+        ------
+        ModelError
+            where it is too small or too large.
+        """
         if size and not SMALLEST < abs(size) < LARGEST:
             raise self.error(f"{what} is {size:.3g} in SI, as nothing real is; check the number and its unit")
 
     def check_time(self, seconds: float, what: str = "") -> None:
-        """Refuse a time longer than anything lasts."""
+        """Refuse a time longer than anything lasts.
+
+        Raises
+        ------
+        ModelError
+            where it is.
+        """
         if seconds > LONGEST:
             raise self.error(f"{what} is longer than any plant runs; check the number and its unit")
 
 
 def check_name(source: Source, entry: Entry, section: str) -> str:
-    """Give a key as a name; an error unless it is a letter and then letters, digits and `_`, 64 at most."""
+    """Give a key as a name; an error unless it is a letter and then letters, digits and `_`, 64 at most.
+
+    Raises
+    ------
+    ModelError
+        where it is none.
+    """
     if not NAME.fullmatch(entry.key):
         rule = "a name is a letter, then letters, digits and `_`, 64 characters at most"
         raise source.error(entry, f"{section}: `{shown(entry.key)}` is not a name; {rule}")

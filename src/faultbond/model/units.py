@@ -165,7 +165,13 @@ def unit(text: str, where: str = "") -> Unit:
 
 
 def measure(text: str, where: str = "") -> Measure:
-    """Give the unit of a text with its dimension (dimensionless for the empty text)."""
+    """Give the unit of a text with its dimension (dimensionless for the empty text).
+
+    Raises
+    ------
+    ModelError
+        where the text is no unit.
+    """
     text = text.strip()
     if len(text) > MAX_UNIT_LENGTH:
         raise ModelError(f"{where}a unit of {len(text)} characters; at most {MAX_UNIT_LENGTH} are read")
