@@ -1,7 +1,6 @@
 """Block networks: names, laws between signals, and which law defines which signal. Source: thesis 3.4 to 3.9, 6.1."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import LOGIC, NOT, RATE, Binary, Call, Expression, Name, Negative, Number, names, walk
@@ -35,19 +34,6 @@ def block_wiring(source: Source, fields: Mapping[str, Spot]) -> Wiring:
     return Wiring({part.name: part for part in parts}, {}, ())
 
 
-@dataclass(frozen=True, slots=True)
-class _Draft:
-    """A block whose laws are parsed and whose names are not yet resolved."""
-
-    part: Part
-    laws: tuple[Relation, ...]
-    signals: tuple[str, ...]
-
-    @property
-    def stores(self) -> tuple[str, ...]:
-        return tuple(law.store for law in self.laws if law.store is not None)
-
-
 class BlockReader:
     """Reads laws and other expressions of one block network; signals keep their bare names."""
 
@@ -60,8 +46,20 @@ class BlockReader:
     def components(self) -> tuple[Component, ...]:
         """Give all blocks with their laws."""
         owned = self.values.owned
-        drafts = [self._draft(part) for part in self.plant.parts.values()]
-        return tuple(self._component(draft, owned.get(draft.part.name, ())) for draft in drafts)
+        drafts = [(part, *self._draft(part)) for part in self.plant.parts.values()]
+        return tuple(
+            Component(
+                name=part.name,
+                type=part.type,
+                laws=tuple(self._resolved(law, part) for law in laws),
+                parameters=owned.get(part.name, ()),
+                start=self._start(part, [law.store for law in laws if law.store is not None]),
+                signals=signals,
+                suspect=read_suspect(part.fields),
+                line=part.line,
+            )
+            for part, laws, signals in drafts
+        )
 
     def is_signal(self, name: str) -> bool:
         """Whether a name is that of a signal."""
@@ -84,7 +82,8 @@ class BlockReader:
             raise ModelError(where + self._unknown(name))
         return name
 
-    def _draft(self, part: Part) -> _Draft:
+    def _draft(self, part: Part) -> tuple[tuple[Relation, ...], tuple[str, ...]]:
+        """Give the laws of a block, their names not yet resolved, and the signals that it states beside theirs."""
         texts = stated_laws(part)
         if not texts:
             raise part.place.error(": `law` is missing; write one, such as `law: y = 2*x`")
@@ -100,9 +99,8 @@ class BlockReader:
             line = place.line or part.fields["signals"].line
             self._claim(name, part, f"{self.source.at(line)}{place.words}: ", line)
             signals.append(name)
-        draft = _Draft(part, laws, tuple(signals))
-        self.stores.update(draft.stores)
-        return draft
+        self.stores.update(law.store for law in laws if law.store is not None)
+        return laws, tuple(signals)
 
     def _relation(self, part: Part, text: str, line: int) -> Relation:
         where = f"{self.source.at(line)}law of {part.name}: "
@@ -135,22 +133,10 @@ class BlockReader:
             raise ModelError(f"{where}{problem}. Rename it, or write a further equation as `0 = ...`")
         self.owners[name] = (part.name, line)
 
-    def _component(self, draft: _Draft, parameters: tuple[str, ...]) -> Component:
-        part, laws = draft.part, []
-        for law in draft.laws:
-            where = f"{self.source.at(law.line)}law of {part.name}: "
-            left = law.left if law.store is not None else self._checked(law.left, where)
-            laws.append(Relation(left=left, right=self._checked(law.right, where), line=law.line))
-        return Component(
-            name=part.name,
-            type=part.type,
-            laws=tuple(laws),
-            parameters=parameters,
-            start=self._start(draft),
-            signals=draft.signals,
-            suspect=read_suspect(part.fields),
-            line=part.line,
-        )
+    def _resolved(self, law: Relation, part: Part) -> Relation:
+        where = f"{self.source.at(law.line)}law of {part.name}: "
+        left = law.left if law.store is not None else self._checked(law.left, where)
+        return Relation(left=left, right=self._checked(law.right, where), line=law.line)
 
     def _checked(self, expression: Expression, where: str) -> Expression:
         """Give the expression if every name is known, logic and numbers are apart, and constant parts are finite."""
@@ -196,9 +182,8 @@ class BlockReader:
                 case Name(text) if text in self.values.nominals:
                     raise ModelError(f"{whole}`{text}` is a number, but {advice}")
 
-    def _start(self, draft: _Draft) -> Start | None:
+    def _start(self, part: Part, stores: Sequence[str]) -> Start | None:
         """Give the known start of a block's store."""
-        part, stores = draft.part, draft.stores
         if "start" not in part.fields:
             if stores:
                 self.head.defaults.missing(BLOCK_KEYS, "start", part.name)

@@ -44,16 +44,16 @@ class LawReader:
     def components(self) -> tuple[Component, ...]:
         """Give all components with their laws."""
         owned = self.values.owned
-        return tuple(self._component(part, owned.get(part.name, ())) for part in self.plant.parts.values())
-
-    def _component(self, part: Part, parameters: tuple[str, ...]) -> Component:
-        return Component(
-            name=part.name,
-            type=part.type,
-            laws=self._laws(part, parameters),
-            parameters=parameters,
-            start=self._start(part),
-            line=part.line,
+        return tuple(
+            Component(
+                name=part.name,
+                type=part.type,
+                laws=self._laws(part, owned.get(part.name, ())),
+                parameters=owned.get(part.name, ()),
+                start=self._start(part),
+                line=part.line,
+            )
+            for part in self.plant.parts.values()
         )
 
     def _laws(self, part: Part, parameters: tuple[str, ...]) -> tuple[Relation, ...]:

@@ -20,32 +20,17 @@ from faultbond.types import CheckKind
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Sensors, slow errors and checks, with the measures in which they were stated."""
+    """Sensors, slow errors and checks.
+
+    stated : of sensors and checks with a unit anywhere the measure that comes first, and where it stands
+    sizes : of slow errors of signals the measure of their size, where it has one
+    """
 
     sensors: tuple[Sensor, ...]
     slow_errors: tuple[SlowError, ...]
     checks: tuple[Check, ...]
-    sensor_measures: Mapping[str, Measure | None]
-    noise_measures: Mapping[str, Measure | None]
-    range_measures: Mapping[str, Measure]
-    size_measures: Mapping[str, Measure]
-
-    def stated(self, name: str) -> tuple[Measure | None, str]:
-        """Give the measure that a sensor or check states first, and where."""
-        if self.sensor_measures[name] is not None:
-            return self.sensor_measures[name], "its unit"
-        if self.noise_measures[name] is not None:
-            return self.noise_measures[name], "its noise"
-        return self.range_measures.get(name), "its range"
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What is measured, in which unit, with which noise (SI standard deviation)."""
-
-    reads: Expression
-    unit: Unit
-    noise: float
+    stated: Mapping[str, tuple[Measure, str]]
+    sizes: Mapping[str, Measure]
 
 
 class MeasuredReader:
@@ -54,10 +39,9 @@ class MeasuredReader:
     def __init__(self, head: Head, laws: LawReader | BlockReader) -> None:
         self.head, self.source, self.laws = head, head.source, laws
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
-        self.sensor_measures: dict[str, Measure | None] = {}
-        self.noise_measures: dict[str, Measure | None] = {}
-        self.range_measures: dict[str, Measure] = {}
-        self.size_measures: dict[str, Measure] = {}
+        self.units: dict[str, Measure | None] = {}  # of sensors and checks
+        self.stated: dict[str, tuple[Measure, str]] = {}
+        self.sizes: dict[str, Measure] = {}
 
     def read(self, fields: Mapping[str, Spot]) -> Measured:
         """Read all of them, in the order of the file.
@@ -77,72 +61,68 @@ class MeasuredReader:
         taken = {item.name for item in sensors}
         places = fields["checks"].things("check") if "checks" in fields else ()
         checks = tuple(self._check(place, taken) for place in places)
-        known = (self.sensor_measures, self.noise_measures, self.range_measures, self.size_measures)
-        return Measured(sensors, errors, checks, *known)
+        return Measured(sensors, errors, checks, self.stated, self.sizes)
 
     def _sensor(self, place: Spot) -> Sensor:
         name = place.name
         if name in self.inputs:
             raise place.error(": an input has this name too; rename one and state its `column`")
         fields = place.fields(SENSOR_KEYS)
-        reading = self._reading(place, fields, "sensor")
+        reads, unit, noise = self._reading(place, fields, "sensor")
 
         def end(place: Spot) -> float:
-            found = place.end(self.sensor_measures[name])
-            known = self.sensor_measures[name] or self.noise_measures[name] or self.range_measures.get(name)
-            if known is not None:
-                place.check_unit(found, known)
+            found = place.end(self.units[name])
+            if name in self.stated:
+                place.check_unit(found, self.stated[name][0])
             elif found.measure is not None:
-                self.range_measures[name] = found.measure
+                self.stated[name] = found.measure, "its range"
             return found.value
 
         lower, upper = read_reach(self.head, fields, end)
         return Sensor(
             name=name,
             column=read_column(self.head, fields, SENSOR_KEYS, name),
-            unit=reading.unit,
-            reads=reading.reads,
-            noise=reading.noise,
+            unit=unit,
+            reads=reads,
+            noise=noise,
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),
             line=place.line,
         )
 
-    def _reading(self, place: Spot, fields: Mapping[str, Spot], word: str) -> Reading:
-        """Give what a sensor, or a check by hand, reads; `word` says which."""
+    def _reading(self, place: Spot, fields: Mapping[str, Spot], word: str) -> tuple[Expression, Unit, float]:
+        """Give what a sensor, or a check by hand, reads, its unit, and its SI noise; `word` says which it is."""
         name = place.name
         signal = "y" if self.head.blocks else "vessel.e"
         if "reads" not in fields:
             raise place.error(f": `reads` is missing; state a law of signals, such as `reads: {signal}`")
         if "noise" not in fields and not self.head.static:
             raise place.error(": `noise` is missing; state its standard deviation, such as `noise: 180 Pa`")
-        measure = read_unit(self.head, place, fields)
-        self.sensor_measures[name] = measure
+        measure = self.units[name] = read_unit(self.head, place, fields)
         if measure is None:
             self.head.defaults.missing(SENSOR_KEYS, "unit", name)
+        else:
+            self.stated[name] = measure, "its unit"
         reads, text = self.laws.expression(fields["reads"]), shown(fields["reads"].text())
         if not any(self.laws.is_signal(item) for item in names(reads)):
             raise place.at(fields["reads"]).error(f": `{text}` reads no signal, such as `{signal}`")
         if self.laws.is_signal(name) and reads != Name(name):
             advice = "rename one and state `column`" if word == "sensor" else "rename the check"
             raise place.error(f": a signal has this name too, and the {word} reads `{text}`; {advice}")
-        return Reading(reads, measure.unit if measure else NO_UNIT, self._noise(fields, name, measure))
-
-    def _noise(self, fields: Mapping[str, Spot], name: str, measure: Measure | None) -> float:
-        """Give the SI standard deviation of a sensor; only in a static network may it be 0, which is the default."""
-        self.noise_measures[name] = None
+        unit = measure.unit if measure else NO_UNIT
         if "noise" not in fields:
             if not self.head.logic:
                 self.head.defaults.missing(SENSOR_KEYS, "noise", name)
-            return 0.0
-        place = fields["noise"]
-        noise = place.spread(measure, sized=True, free=True)
-        self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
-        if noise.difference() <= 0 and not self.head.static:
-            raise place.error(" must be above 0; state its standard deviation")
-        place.check_size(noise.difference())
-        return noise.difference()
+            return reads, unit, 0.0
+        spread = fields["noise"].spread(measure, sized=True, free=True)
+        if measure is None and spread.quantity and spread.quantity.measure:
+            self.stated[name] = spread.quantity.measure, "its noise"
+        noise = spread.difference()
+        if noise <= 0 and not self.head.static:
+            raise fields["noise"].error(" must be above 0; state its standard deviation")
+        fields["noise"].check_size(noise)
+        return reads, unit, noise
 
     def _slow_error(self, place: Spot) -> SlowError:
         target, default = place.name, self._target_measure(place)
@@ -151,7 +131,7 @@ class MeasuredReader:
         sd, memory = spread_over(place.at(size).text(), place.at(size).where(": "), default)
         stated = sd.quantity.measure if sd.quantity else None
         if stated is not None and default is None:
-            self.size_measures[target] = stated
+            self.sizes[target] = stated
         elif sd.quantity is not None and stated is not None:
             size.check_unit(sd.quantity, default)
         value = sd.ratio if sd.is_relative else sd.difference()
@@ -169,7 +149,7 @@ class MeasuredReader:
             memory=memory,
             after=after,
             each=self._each(place, fields["each"], after, sd, default) if "each" in fields else 0.0,
-            is_sensor=target in self.sensor_measures,
+            is_sensor=target in self.units,
             unit=NO_UNIT if unit is None or sd.is_relative else unit.unit,
             line=place.line,
         )
@@ -182,18 +162,18 @@ class MeasuredReader:
         target = place.name
         if self.laws.is_signal(target):
             target = self.laws.signal(target, place.where(": "))
-            if target in self.sensor_measures:
+            if target in self.units:
                 raise place.error(": a sensor and a signal have this name; rename the sensor and state its `column`")
             if isinstance(self.laws, BlockReader) and target in self.laws.stores:
                 problem = f"`{target}` is a store; add a block with `law: y = {target}` and put the error on `y`"
                 raise place.error(f": {problem}, or on a sensor")
             return None
-        if target not in self.sensor_measures:
+        if target not in self.units:
             signal, known = ("y", self.laws.owners) if isinstance(self.laws, BlockReader) else ("line.f", {})
-            near = closest(target, [*self.sensor_measures, *known])
+            near = closest(target, [*self.units, *known])
             near = near or f"write a sensor's name or a signal such as `{signal}`"
             raise place.error(f": no sensor `{shown(target)}`; {near}")
-        return self.sensor_measures[target]
+        return self.units[target]
 
     def _after(self, place: Spot) -> tuple[str, ...]:
         """Give the inputs that `after` names."""
@@ -244,16 +224,9 @@ class MeasuredReader:
             if "move" in fields:
                 problem = ": a signal is measured, not moved; remove `move` or `reads`"
                 raise place.at(fields["move"]).error(problem)
-            reading = self._reading(place, fields, "check")
-            return Check(
-                name=name,
-                kind=CheckKind.SIGNAL,
-                reads=reading.reads,
-                unit=reading.unit,
-                noise=reading.noise,
-                cost=cost,
-                line=place.line,
-            )
+            reads, unit, noise = self._reading(place, fields, "check")
+            kind = CheckKind.SIGNAL
+            return Check(name=name, kind=kind, reads=reads, unit=unit, noise=noise, cost=cost, line=place.line)
         for key in ("unit", "noise"):
             if key in fields:
                 problem = f"`{key}` goes with `reads`, the law of what is measured; state that, or remove `{key}`"

@@ -7,7 +7,6 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Iterator
 from decimal import Decimal
 
 from faultbond.errors import ModelError
@@ -251,45 +250,27 @@ def to_text(expression: Expression) -> str:
     >>> to_text(parse_expression("(a - (b - c)) * ((d))**2"))
     '(a - (b - c))*d**2'
     """
-    return "".join(_pieces(expression, 0))
+    return _text(expression, 0)
 
 
-def _pieces(expression: Expression, needed: int) -> Iterator[str]:
-    """Give the text in pieces, in parentheses if it binds weaker than needed."""
-    open_, close = ("(", ")") if _strength(expression) < needed else ("", "")
-    yield open_
+def _text(expression: Expression, needed: int) -> str:
+    """Give the text, in parentheses if it binds weaker than needed."""
     match expression:
         case Number(value):
-            yield number_text(value)
+            return number_text(value)
         case Name(text):
-            yield text
+            return text
         case Negative(operand):
-            yield "-"
-            yield from _pieces(operand, _MINUS)
-        case Binary(operator, left, right):
-            own = _PRECEDENCE[operator]
-            yield from _pieces(left, _ATOM if operator == "**" else own)
-            yield operator if own > _SPACED else f" {operator} "
-            yield from _pieces(right, _MINUS if operator == "**" else own + 1)
+            own, text = _MINUS, f"-{_text(operand, _MINUS)}"
         case Call("not", (operand,)):
-            yield "~"
-            yield from _pieces(operand, _MINUS)
+            own, text = _MINUS, f"~{_text(operand, _MINUS)}"
         case Call(function, arguments):
-            yield f"{function}("
-            for position, argument in enumerate(arguments):
-                yield ", " if position else ""
-                yield from _pieces(argument, 0)
-            yield ")"
-    yield close
-
-
-def _strength(expression: Expression) -> int:
-    match expression:
-        case Binary(operator, _, _):
-            return _PRECEDENCE[operator]
-        case Negative() | Call("not"):
-            return _MINUS
-    return _ATOM
+            return f"{function}({', '.join([_text(argument, 0) for argument in arguments])})"
+        case Binary(operator, left, right):
+            own, power = _PRECEDENCE[operator], operator == "**"
+            sides = _text(left, _ATOM if power else own), _text(right, _MINUS if power else own + 1)
+            text = (operator if own > _SPACED else f" {operator} ").join(sides)
+    return text if own >= needed else f"({text})"
 
 
 def number_text(value: float) -> str:

@@ -1,14 +1,15 @@
 """From the plain tree to a checked bond graph: the one way for the text file and for the Python builder."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from faultbond.model.blocks import BlockReader, block_wiring
 from faultbond.model.defaults import Defaults
 from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
 from faultbond.model.expression import Expression, Name, names
-from faultbond.model.graph import BondGraph, Component, Relation, SlowError
+from faultbond.model.graph import BondGraph, Component, SlowError
 from faultbond.model.head import Head, read_head
 from faultbond.model.keys import MODEL_KEYS
 from faultbond.model.laws import LawReader, check_used
@@ -103,28 +104,28 @@ def _check_dimensions(
     measured: Measured,
 ) -> None:
     """Check laws, in the order of the file, then what refers to their signals."""
+    demands: list[Demand] = []
 
-    def law(side: Relation, owner: str) -> Demand:
-        where = f"{source.at(side.line)}law of {owner}: "
-        return lambda checker: checker.law(side.left, side.right, where)
+    def expect(reads: Expression, found: Measure, words: tuple[str, str], line: int) -> None:
+        where = f"{source.at(line)}{words[0]}: "
+        demands.append(lambda checker: checker.expect(reads, found.dimension, words[1], where))
 
-    def expect(reads: Expression, found: Measure | None, words: tuple[str, str], line: int) -> Iterator[Demand]:
-        if found is not None:
-            where = f"{source.at(line)}{words[0]}: "
-            yield lambda checker: checker.expect(reads, found.dimension, words[1], where)
-
-    demands = [law(side, component.name) for component in components for side in component.laws]
+    for component in components:
+        for law in component.laws:
+            where = f"{source.at(law.line)}law of {component.name}: "
+            demands.append(partial(Checker.law, left=law.left, right=law.right, where=where))
     for word, items in (("sensor", measured.sensors), ("check", measured.checks)):
         for item in items:
-            if item.reads is not None:
-                unit, said = measured.stated(item.name)
-                demands += expect(item.reads, unit, (f"{word} {item.name}", said), item.line)
+            if item.reads is not None and item.name in measured.stated:
+                unit, said = measured.stated[item.name]
+                expect(item.reads, unit, (f"{word} {item.name}", said), item.line)
     reads = {sensor.name: sensor.reads for sensor in measured.sensors}
     for error in measured.slow_errors:
-        words = f"slow_error {error.target}", "its size"
-        target = reads[error.target] if error.is_sensor else Name(error.target)
-        demands += expect(target, measured.size_measures.get(error.target), words, error.line)
+        if error.target in measured.sizes:
+            target = reads[error.target] if error.is_sensor else Name(error.target)
+            expect(target, measured.sizes[error.target], (f"slow_error {error.target}", "its size"), error.line)
     for start in laws.starts:
-        words = f"start of {start.signal.partition('.')[0]}", "the start"
-        demands += expect(Name(start.signal), start.measure, words, start.line)
+        if start.measure is not None:
+            words = f"start of {start.signal.partition('.')[0]}", "the start"
+            expect(Name(start.signal), start.measure, words, start.line)
     check_demands(demands, lambda: Checker(plant, values))

@@ -30,7 +30,7 @@ class Instruments:
     held: IntArray
 
     def show(self, values: FloatArray, draws: FloatArray) -> FloatArray:
-        """Give what is shown of all rows.
+        """Give what is shown of all rows, (n, n_items), SI.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class Instruments:
         return np.asarray(shown)
 
     def show_row(self, row: int, values: FloatArray, draws: FloatArray, before: FloatArray) -> FloatArray:
-        """Give what is shown in one row, shape (n_items,); `before`: what was shown up to it, (n, n_items)."""
+        """Give what is shown in one row, (n_items,), SI, of `values` and `draws` (n_items,); `before` (n, n_items): so far."""
         shown = self.gain[row] * values + self.bias[row] + self.noise[row] * draws
         for k in np.flatnonzero(self.held[row] != FREE):
             shown[k] = before[self.held[row, k], k]

@@ -46,7 +46,7 @@ class Fault:
         return self.parameter.partition(".")[2]
 
     def switches(self, last: float) -> FloatArray:
-        """Give the moments up to `last` at which it comes and goes in turn, s."""
+        """Give the moments up to `last` at which it comes and goes in turn, (n,), s, ascending."""
         if self.on is None:
             return np.array([self.start])
         if self.off is None:
@@ -239,7 +239,7 @@ def true_parameters(
 
 
 def value_over_time(healthy: float, faults: Sequence[Fault], times: FloatArray, *, after: bool) -> FloatArray:
-    """Give one value over time, shape (n,); see `true_parameters`."""
+    """Give one value at `times`, (n,), s, as the faults change it from its healthy one, (n,), SI."""
     values = np.full(times.size, healthy)
     ordered = sorted(faults, key=lambda fault: fault.start)
     for number, fault in enumerate(ordered):
