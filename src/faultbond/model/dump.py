@@ -32,18 +32,18 @@ _PLAIN = re.compile(r"-?[A-Za-z0-9_.](?:[A-Za-z0-9_ .+\-*/^()=<>%]*[A-Za-z0-9_.+
 
 
 def dump_model(graph: BondGraph) -> str:
-    """Give the canonical text of a bond graph; it reads back as the same graph but for lines and file.
+    """Give the canonical text of a bond graph; it reads back as the same graph but for lines and file."""
+    return "\n".join(_Writer(graph).lines()) + "\n"
+
+
+def text_of(target: float, convert: Callable[[float], float]) -> str | None:
+    """Give the shortest decimal number that `convert` (about linear) turns into exactly the target; None if none.
 
     Example
     -------
     >>> text_of(100.0, lambda number: number * 1e-3)
     '100000'
     """
-    return "\n".join(_Writer(graph).lines()) + "\n"
-
-
-def text_of(target: float, convert: Callable[[float], float]) -> str | None:
-    """Give the shortest decimal number that `convert` (about linear) turns into exactly the target; None if none."""
     slope = convert(1.0) - convert(0.0)
     guess = (target - convert(0.0)) / slope if slope else 0.0
     if not math.isfinite(guess):

@@ -55,9 +55,9 @@ class MeasuredReader:
             line = fields["sensors"].line if "sensors" in fields else 0
             problem = "no sensors, so nothing can be compared with the model; state at least one under `sensors`"
             raise self.source.error(line, problem)
-        sensors = tuple(self._sensor(place) for place in fields["sensors"].things("sensor"))
-        slow = fields["slow_error"].entries() if "slow_error" in fields else ()
-        errors = tuple(self._slow_error(Spot(self.source, f"slow_error {shown(entry.key)}", entry)) for entry in slow)
+        sensors = tuple(map(self._sensor, fields["sensors"].things("sensor")))
+        slow = fields["slow_error"].things("slow_error", checked=False) if "slow_error" in fields else ()
+        errors = tuple(map(self._slow_error, slow))
         taken = {item.name for item in sensors}
         places = fields["checks"].things("check") if "checks" in fields else ()
         checks = tuple(self._check(place, taken) for place in places)

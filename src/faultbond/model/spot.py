@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 from faultbond.errors import ModelError
 from faultbond.model.keys import Keys
@@ -12,6 +13,8 @@ from faultbond.model.units import Measure
 
 SMALLEST, LARGEST = 1e-100, 1e100  # of standard deviations, SI
 LONGEST = 1e12  # s
+
+_Form = TypeVar("_Form", Text, Items, Table)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +51,21 @@ class Spot:
         """Give the place of something in it under its own words, where a message needs no more."""
         return Spot(self.source, self.words, inner.entry)
 
+    def _form(self, form: type[_Form], wanted: str) -> _Form:
+        node = self.entry.value
+        if not isinstance(node, form):
+            raise self.inside(node).error(f" must be {wanted}, not a {kind(node)}")
+        return node
+
     def text(self) -> str:
         """Give its text; an error unless it is a text that is not empty.
 
         Raises
         ------
         ModelError
-            where it is no text, or empty.
+            where it is empty, or no text.
         """
-        node = self.entry.value
-        if not isinstance(node, Text):
-            raise self.inside(node).error(f" must be a text, not a {kind(node)}")
+        node = self._form(Text, "a text")
         if not node.value.strip():
             raise self.inside(node).error(" is empty; state it or leave the key out")
         return node.value.strip()
@@ -69,44 +76,22 @@ class Spot:
         return isinstance(self.entry.value, Text) and not self.entry.value.value.strip()
 
     def items(self) -> tuple["Spot", ...]:
-        """Give the places of a list; nothing counts as an empty one.
-
-        Raises
-        ------
-        ModelError
-            where it is no list.
-        """
-        node = self.entry.value
-        if self.is_empty:
-            return ()
-        if not isinstance(node, Items):
-            raise self.inside(node).error(f" must be a list `[...]`, not a {kind(node)}")
-        return tuple(self.inside(item) for item in node.items)
+        """Give the places of a list; nothing counts as an empty one."""
+        return () if self.is_empty else tuple(map(self.inside, self._form(Items, "a list `[...]`").items))
 
     def one_or_more(self) -> tuple["Spot", ...]:
         """Give the places of a list, or the one of a text that stands for a list of it."""
         return (self.inside(self.entry.value),) if isinstance(self.entry.value, Text) else self.items()
 
     def entries(self) -> tuple[Entry, ...]:
-        """Give the entries of a table; nothing counts as an empty one.
+        """Give the entries of a table; nothing counts as an empty one."""
+        return () if self.is_empty else self._form(Table, "a table `{key: value, ...}`").entries
 
-        Raises
-        ------
-        ModelError
-            where it is no table.
-        """
-        node = self.entry.value
-        if self.is_empty:
-            return ()
-        if not isinstance(node, Table):
-            raise self.inside(node).error(f" must be a table `{{key: value, ...}}`, not a {kind(node)}")
-        return node.entries
-
-    def things(self, word: str) -> Iterator["Spot"]:
-        """Give the named things of a section, `sensor flow`, each with its name checked."""
+    def things(self, word: str, *, checked: bool = True) -> Iterator["Spot"]:
+        """Give the named things of a section, `sensor flow`, with their names checked, or to be checked later."""
         for entry in self.entries():
-            check_name(self.source, entry, self.words)
-            yield Spot(self.source, f"{word} {entry.key}", entry)
+            name = check_name(self.source, entry, self.words) if checked else shown(entry.key)
+            yield Spot(self.source, f"{word} {name}", entry)
 
     def fields(self, keys: Keys, prefix: str | None = None) -> dict[str, "Spot"]:
         """Give the places of a table by key.
@@ -232,7 +217,7 @@ class Spot:
             problem = f" is in {found.measure.dimension}, but {wanted.dimension} is expected; use a unit such as"
             raise self.error(f"{problem} `{wanted.unit.text or '1'}`")
 
-    def check_size(self, size: float, what: str = "") -> None:
+    def check_size(self, size: float) -> None:
         """Refuse a size whose square no computer holds.
 
         Raises
@@ -241,7 +226,7 @@ class Spot:
             where it is too small or too large.
         """
         if size and not SMALLEST < abs(size) < LARGEST:
-            raise self.error(f"{what} is {size:.3g} in SI, as nothing real is; check the number and its unit")
+            raise self.error(f" is {size:.3g} in SI, as nothing real is; check the number and its unit")
 
     def check_time(self, seconds: float, what: str = "") -> None:
         """Refuse a time longer than anything lasts.

@@ -45,7 +45,7 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """Powers of the base units kg m s A K mol cd percent, sorted by name, none zero."""
+    """Powers of the base units kg m s A K mol cd percent, sorted by name, none zero; `dimensions` adds unknown ones."""
 
     powers: tuple[tuple[str, Fraction], ...] = ()
 

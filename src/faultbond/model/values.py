@@ -2,7 +2,7 @@
 
 import keyword
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from faultbond.model.defaults import default_range
@@ -11,7 +11,6 @@ from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter
 from faultbond.model.head import Head
 from faultbond.model.keys import ACCURACY, CHANGE, INPUT_KEYS, PARAMETER_KEYS, Keys
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity
-from faultbond.model.source import shown
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
@@ -55,20 +54,21 @@ class ValueReader:
 
     def read(self, fields: Mapping[str, Spot], plant: Wiring) -> Values:
         """Read all of them, in the order of the file."""
-
-        def places(section: str, word: str) -> Iterator[Spot]:
-            for entry in fields[section].entries() if section in fields else ():
-                yield Spot(self.source, f"{word} {shown(entry.key)}", entry)
-
-        constants = tuple(map(self._constant, places("constants", "constant")))
-        inputs = tuple(map(self._input, places("inputs", "input")))
-        parameters = tuple(
-            self._parameter(Spot(self.source, f"parameter {shown(entry.key)}", entry), part)
+        constants = fields["constants"].things("constant", checked=False) if "constants" in fields else ()
+        inputs = fields["inputs"].things("input", checked=False) if "inputs" in fields else ()
+        parameters = (
+            (place, part)
             for part in plant.parts.values()
             if "parameters" in part.fields
-            for entry in part.fields["parameters"].entries()
+            for place in part.fields["parameters"].things("parameter", checked=False)
         )
-        return Values(constants, inputs, parameters, self.measures, self.places)
+        return Values(
+            tuple(map(self._constant, constants)),
+            tuple(map(self._input, inputs)),
+            tuple(self._parameter(place, part) for place, part in parameters),
+            self.measures,
+            self.places,
+        )
 
     def _claim(self, place: Spot, what: str, found: Measure | None) -> str:
         """Take a name for a thing; an error if it is reserved or another thing has it."""

@@ -43,7 +43,7 @@ class Instruments:
         return np.asarray(shown)
 
     def show_row(self, row: int, values: FloatArray, draws: FloatArray, before: FloatArray) -> FloatArray:
-        """Give what is shown in one row, (n_items,), SI, of `values` and `draws` (n_items,); `before` (n, n_items): so far."""
+        """Give what is shown in one row, (n_items,), SI; `before`: what was shown up to it, (n, n_items)."""
         shown = self.gain[row] * values + self.bias[row] + self.noise[row] * draws
         for k in np.flatnonzero(self.held[row] != FREE):
             shown[k] = before[self.held[row, k], k]
