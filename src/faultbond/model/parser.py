@@ -144,27 +144,25 @@ class _Reader:
             case ast.UnaryOp(op=ast.Invert(), operand=operand):
                 return Call(NOT, (self.expression(operand, depth + 1),))
             case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-                return self.binary(_OPERATORS[type(operator)], left, right, depth)
+                sides = self.expression(left, depth + 1), self.expression(right, depth + 1)
+                exponent = constant_value(sides[1]) if isinstance(operator, ast.Pow) else None
+                if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
+                    raise self.error(f"an exponent above {MAX_EXPONENT}; rewrite the power")
+                return Binary(_OPERATORS[type(operator)], *sides)
             case ast.Call():
                 return self.call(node, depth)
             case ast.Compare():
                 raise self.error("a comparison may stand only in where(condition, a, b)")
         raise self.error("only + - * / **, a minus sign, functions, numbers and names are read")
 
-    def binary(self, operator: str, left: ast.expr, right: ast.expr, depth: int) -> Expression:
-        result = Binary(operator, self.expression(left, depth + 1), self.expression(right, depth + 1))
-        if operator == "**":
-            exponent = constant_value(result.right)
-            if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
-                raise self.error(f"an exponent above {MAX_EXPONENT}; rewrite the power")
-        return result
-
     def call(self, node: ast.Call, depth: int) -> Expression:
         if not isinstance(node.func, ast.Name) or node.keywords:
             raise self.error(f"only functions may be called: {', '.join(FUNCTIONS)}")
         name, n_arguments = node.func.id, len(node.args)
         if name == RATE and self.blocks:
-            return self.rate(node, depth)
+            if n_arguments == 1 and isinstance(node.args[0], ast.Name):
+                return Call(RATE, (self.expression(node.args[0], depth + 1),))
+            raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
         if name not in FUNCTIONS:
             raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
         wanted = FUNCTIONS[name]
@@ -175,12 +173,6 @@ class _Reader:
             condition = self.condition(node.args[0], depth + 1)
             return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))
         return Call(name, tuple(self.expression(item, depth + 1) for item in node.args))
-
-    def rate(self, node: ast.Call, depth: int) -> Expression:
-        match node.args:
-            case [ast.Name() as signal]:
-                return Call(RATE, (self.expression(signal, depth + 1),))
-        raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
 
     def condition(self, node: ast.expr, depth: int) -> Expression:
         match node:
