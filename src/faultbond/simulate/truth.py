@@ -156,10 +156,15 @@ def check_faults(graph: BondGraph, faults: Sequence[Fault], last: float) -> None
 
 def _check_target(graph: BondGraph, fault: Fault, where: str) -> None:
     """See that a fault has one target that means something."""
-    if fault.kind == FaultKind.STUCK.value and fault.factor is None and fault.value is None:
-        find_instrument(graph, fault.instrument)
-        return
-    healthy = healthy_value(graph, fault.parameter)
+    if "." in fault.parameter:
+        usual = {"bias": 0.0, "gain": 1.0, "noise": find_instrument(graph, fault.instrument).noise, "stuck": nan}
+        if fault.kind not in usual:
+            raise ModelError(f"{where}: {name_hint(fault.kind, tuple(usual))}")
+        healthy = usual[fault.kind]
+        if fault.kind == FaultKind.STUCK.value and fault.factor is None and fault.value is None:
+            return  # at the last value
+    else:
+        healthy = _parameter(graph, fault.parameter).nominal
     target = fault.value if fault.factor is None else fault.factor
     if target is None or not isfinite(target) or (fault.value is None) == (fault.factor is None):
         raise ModelError(f"{where}: give it either a finite value or a finite factor")
@@ -169,23 +174,6 @@ def _check_target(graph: BondGraph, fault: Fault, where: str) -> None:
         raise ModelError(f"{where}: it is stuck at a value, not at a factor")
     if fault.kind == FaultKind.NOISE.value and target < 0.0:
         raise ModelError(f"{where}: a noise is 0 or more")
-
-
-def healthy_value(graph: BondGraph, name: str) -> float:
-    """Give the healthy SI value of a parameter, or of `flow.bias`, `flow.gain`, `flow.noise`; nan of `flow.stuck`.
-
-    Raises
-    ------
-    ModelError
-        Where there is no such parameter, sensor, input or fault of one.
-    """
-    signal, dot, kind = name.partition(".")
-    if not dot:
-        return _parameter(graph, name).nominal
-    healthy = {"bias": 0.0, "gain": 1.0, "noise": find_instrument(graph, signal).noise, "stuck": nan}
-    if kind not in healthy:
-        raise ModelError(f"{graph.file}: fault of {name}: {name_hint(kind, tuple(healthy))}")
-    return healthy[kind]
 
 
 def find_instrument(graph: BondGraph, name: str) -> Sensor | Input:
