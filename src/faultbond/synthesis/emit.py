@@ -84,7 +84,8 @@ def _statements(function: ca.Function) -> Iterator[Statement]:
             name = f"{'lane' if inputs[0] == 0 else 'sample'}[{inputs[1]}]"
             value[results[0]], vector[name] = name, inputs[0] == 0
         elif operation == "OP_CONST":
-            name = _literal(float(function.instruction_constant(k)))
+            number = float(function.instruction_constant(k))
+            name = f"({number!r})" if number < 0 else repr(number)
             value[results[0]], vector[name] = name, False
         elif operation == "OP_OUTPUT":
             name = value[inputs[0]]
@@ -167,8 +168,3 @@ def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: b
         return f"{call}({', '.join(arguments)})"
     wrapped = (name if vector[name] else f"broadcast({name})" for name in arguments)
     return f"v_{call}({', '.join(wrapped)})"
-
-
-def _literal(number: float) -> str:
-    text = repr(number)
-    return f"({text})" if number < 0 else text

@@ -12,7 +12,7 @@ from math import prod
 from faultbond.errors import StructureError
 from faultbond.model.expression import NOT, Binary, Call, Expression, Name, Number
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Observation
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, SignalValues
 from faultbond.networks.logic.answers import Case, smallest_sets
 from faultbond.networks.logic.circuit import Circuit, build_circuit, simulate_gates
 from faultbond.networks.logic.regions import exchanges, find_regions
@@ -25,7 +25,7 @@ _OPERATORS = {"&": GateFunction.AND, "|": GateFunction.OR, "^": GateFunction.XOR
 _CONSTANTS = {0.0: GateFunction.OR, 1.0: GateFunction.AND}  # of no inputs
 
 
-def predict(network: LogicNetwork, inputs: Observation) -> dict[str, bool]:
+def predict(network: LogicNetwork, inputs: SignalValues) -> dict[str, bool]:
     """Give the value of every signal of the healthy network.
 
     Parameters
@@ -47,8 +47,8 @@ def predict(network: LogicNetwork, inputs: Observation) -> dict[str, bool]:
 
 
 def minimum_diagnoses(
-    network: LogicNetwork, observations: Iterable[Observation], *, time_limit: float = TIME_LIMIT
-) -> tuple[Diagnosis, ...]:
+    network: LogicNetwork, observations: Iterable[SignalValues], *, time_limit: float = TIME_LIMIT
+) -> tuple[GateSet, ...]:
     """Give all diagnoses of minimum cardinality that agree with every observation.
 
     The empty diagnosis is the only one of a healthy network; there is none where no set of suspects explains what was
@@ -83,7 +83,7 @@ def minimum_diagnoses(
     return tuple(frozenset(names[index] for index in indices) for indices in ordered)
 
 
-def explains(network: LogicNetwork, abnormal: Diagnosis, observations: Iterable[Observation]) -> bool:
+def explains(network: LogicNetwork, abnormal: GateSet, observations: Iterable[SignalValues]) -> bool:
     """Whether every observation agrees with these components being abnormal: all that they could give is tried.
 
     Parameters
@@ -155,7 +155,7 @@ def logic_network(graph: BondGraph) -> LogicNetwork:
     )
 
 
-def _numbered(network: LogicNetwork, observations: Iterable[Observation]) -> tuple[Circuit, list[Case]]:
+def _numbered(network: LogicNetwork, observations: Iterable[SignalValues]) -> tuple[Circuit, list[Case]]:
     """Give what the observed signals depend on, and the observations by the numbers of their signals."""
     rows = tuple(observations)
     seen = dict.fromkeys(name for row in rows for name in row if name not in network.inputs)

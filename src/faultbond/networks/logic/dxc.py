@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from faultbond.errors import ModelError, RecordingError
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Scenario, TimedObservation
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, Scenario, TimedObservation
 
 CIRCUIT_SUFFIX = ".xml"
 MAX_BYTES = 64_000_000  # a circuit of 3500 gates has 4 MB
@@ -94,7 +94,7 @@ def read_scenario(path: str | Path) -> Scenario:
     text = _read(path, RecordingError)
     observations: list[TimedObservation] = []
     injected: set[str] = set()
-    truth: tuple[Diagnosis, ...] | None = None
+    truth: tuple[GateSet, ...] | None = None
     cardinality = normalization = None
     for line, keyword, moment, rest in _statements(text, path):
         where = f"{path}:{line}"
@@ -270,7 +270,7 @@ def _booleans(text: str, where: str) -> dict[str, bool]:
     return values
 
 
-def _group(text: str, where: str) -> tuple[Diagnosis, ...]:
+def _group(text: str, where: str) -> tuple[GateSet, ...]:
     """Read the true diagnoses of `size = 2, minCardinality = 1, diagnoses = { { gate1 }, { gate2 } }`."""
     match = re.search(r"diagnoses\s*=\s*\{((?:[^{}]*\{[^{}]*\})*[^{}]*)\}", text)
     if match is None:

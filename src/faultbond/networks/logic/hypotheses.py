@@ -11,7 +11,7 @@ from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.errors import RecordingError
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import LogicNetwork, Observation, TimedObservation
+from faultbond.model.logic import LogicNetwork, SignalValues, TimedObservation
 from faultbond.networks.logic.diagnoses import minimum_diagnoses, predict
 
 
@@ -26,7 +26,7 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
     StructureError
         if the network is not sound, or the diagnoses are too many or cannot be found in time.
     """
-    rows: dict[tuple[tuple[str, bool], ...], Observation] = {}
+    rows: dict[tuple[tuple[str, bool], ...], SignalValues] = {}
     candidates: tuple[Candidate, ...] = ()
     order = {name: k for k, name in enumerate(network.suspects)}
     for sample, seen in enumerate(observations):
@@ -51,7 +51,7 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
         yield Diagnosis(time=seen.time, candidates=candidates)
 
 
-def _contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
+def _contradicting(network: LogicNetwork, seen: SignalValues) -> tuple[str, ...]:
     """Give the observed signals that are not as the healthy network makes them; none where it can make them.
 
     With unknown inputs an observation contradicts the network only if no inputs make it; all signals are given then.
