@@ -88,7 +88,8 @@ def _step_range(model: StepModel, recursion: Recursion, reference: FloatArray) -
     n_x = len(model.states)
     nominal = np.array([item.nominal for item in graph.parameters])
     u, z = reference_inputs(model.plant), model.reference_implicit
-    slope = recursion.misfit(reference, z, reference, u, nominal, 1.0)[1].full()
+    point = (reference, z, reference, u, nominal, np.ones(1))
+    slope = recursion.misfit(*(item[None] for item in point))[1][0]
     slope = np.where(np.isfinite(slope), slope, 0.0)  # then the step is only less well chosen
     matrix = np.eye(n_x) - slope[:n_x, :n_x]
     if len(z):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultbond.analysis.sensitivity import Sensitivity
+from faultbond.analysis.sensitivity import Sensitivity, still
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 _SURELY_KEPT = 1e-7  # of the largest singular value
@@ -85,10 +85,10 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
         parameters=runs[0].parameters,
         steps=runs[0].steps,
         relative=runs[0].steps == runs[0].theta,
-        columns=_still(columns),
+        columns=still(columns),
         row_outputs=outputs,
-        lengths=_still(lengths),
-        matrix=_still(matrix),
+        lengths=still(lengths),
+        matrix=still(matrix),
         rank=rank,
     )
 
@@ -108,7 +108,7 @@ def above_noise(reduced: ReducedSensitivities, sizes: FloatArray, least: float =
     top = float(values[0]) if len(values) and values[0] > 0 else 1.0
     kept, dropped = (float(values[seen - 1]) if seen else 0.0), (float(values[seen]) if seen < len(values) else 0.0)
     rank = Rank(value=seen, least=seen, kept=kept / top, dropped=dropped / top, clear=True, low=least, high=least)
-    return replace(reduced, matrix=_still(reduced.matrix * scale), rank=rank)
+    return replace(reduced, matrix=still(reduced.matrix * scale), rank=rank)
 
 
 def _rows(array: FloatArray, units: FloatArray) -> FloatArray:
@@ -221,9 +221,3 @@ def _blocks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> I
     step = max(1, _BLOCK // max(1, height * size))
     for first in range(0, len(sets), step):
         yield reduced.matrix[:, np.array(sets[first : first + step])].transpose(1, 0, 2)
-
-
-def _still(array: FloatArray) -> FloatArray:
-    """Make an array read-only: a frozen class does not freeze what it holds."""
-    array.setflags(write=False)
-    return array

@@ -14,7 +14,7 @@ from math import ceil
 
 import numpy as np
 
-from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity
+from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity, still
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
@@ -88,7 +88,7 @@ def _run(recursion: Recursion, experiment: Experiment, readings: FloatArray | No
             break
         misfit = left
     here = np.isfinite(readings)[:, :, None]
-    return replace(run, by_theta=_still(run.by_theta * here), by_start=_still(run.by_start * here))
+    return replace(run, by_theta=still(run.by_theta * here), by_start=still(run.by_start * here))
 
 
 def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[FloatArray, float]:
@@ -145,8 +145,3 @@ def _busiest(inputs: FloatArray, length: int) -> int:
     moves = np.abs(np.diff(inputs, axis=0)) / np.where(span > 0, span, 1.0)
     total = np.concatenate([[0.0], np.cumsum(moves.sum(axis=1))])
     return int(np.argmax(total[length - 1 :] - total[: len(total) - length + 1]))
-
-
-def _still(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array
