@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from math import ceil, inf
+from math import ceil
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError, StructureError
-from faultbond.runtime.monitor import START_PATIENCE, step
+from faultbond.runtime.monitor import quiet, step
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import Sample, State, init
 
@@ -141,10 +141,7 @@ def _told(spec: EngineSpec, states: FloatArray) -> EngineSpec:
 
 
 def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace | None:
-    quiet = replace(
-        spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
-    )  # only as much history as the start may need
-    watched = replace(spec, thresholds=quiet)
+    watched = quiet(spec)
     state = _begun(watched, engine)
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     for sample in samples:

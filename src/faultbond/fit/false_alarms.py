@@ -45,7 +45,7 @@ class Rate:
     memory: float
 
 
-def rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
+def alarm_rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
     """Give the rate of each sensor, and of each slow error that can alarm: what has alarmed does so at least as often.
 
     Parameters

@@ -16,11 +16,11 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
+from faultbond.fit.ascent import START_PRIOR, Summit, ascend, spread_noise
 from faultbond.fit.certainty import Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
-from faultbond.fit.objective import FittedPlant, Point, Scored, course
-from faultbond.fit.samples import Record
-from faultbond.fit.scoring import START_PRIOR, Summit, climb, spread_noise
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
+from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 from faultbond.fit.whiteness import Whiteness, test_whiteness
 
@@ -55,7 +55,7 @@ class Fit:
     """
 
     plant: FittedPlant
-    records: tuple[Record, ...]
+    records: tuple[HealthyRecording, ...]
     summit: Summit
     certainty: Certainty
     prior: Prior
@@ -84,8 +84,8 @@ class Fit:
 
 def fit_plant(
     plant: FittedPlant,
-    records: Sequence[Record],
-    begin: Point,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
     *,
     prior: Prior = Prior.WIDENED,
     starts: int = 4,
@@ -115,7 +115,7 @@ def fit_plant(
     tell("weighing the declared accuracies")
     best, widths = _weigh(plant, records, begin, best, prior)
     unknowns = plant.unknowns
-    courses = tuple(course(plant, record, best.point, r) for r, record in enumerate(records))
+    courses = tuple(score_recording(plant, record, best.point, r) for r, record in enumerate(records))
     full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
     found = certainty_of(
         best.evaluation.information,
@@ -142,7 +142,7 @@ def fit_plant(
     )
 
 
-def _refuse(plant: FittedPlant, records: Sequence[Record]) -> None:
+def _refuse(plant: FittedPlant, records: Sequence[HealthyRecording]) -> None:
     """Refuse recordings with too little in them."""
     unknown = len(plant.unknowns.places) + plant.n_own * len(records)
     readings = sum(record.readings for record in records)
@@ -154,7 +154,12 @@ def _refuse(plant: FittedPlant, records: Sequence[Record]) -> None:
 
 
 def _search(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    starts: int,
+    seed: int,
+    tell: Callable[[str], None],
 ) -> tuple[Summit, int]:
     """Climb from several starts under a wide prior; give the best summit and how many reached it."""
     rng = np.random.default_rng(seed)
@@ -163,7 +168,7 @@ def _search(
     for k in range(starts):
         tell(f"start {k + 1} of {starts}")
         point = begin if k == 0 else _elsewhere(plant, begin, rng)
-        summits.append(climb(plant, records, spread_noise(plant, records, point), prior))
+        summits.append(ascend(plant, records, spread_noise(plant, records, point), prior))
     best = max(summits, key=lambda item: item.posterior)
     if not np.isfinite(best.posterior):
         names = ", ".join(record.name for record in records)
@@ -173,21 +178,23 @@ def _search(
     return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
 
 
-def _without_wild(plant: FittedPlant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
+def _without_wild(
+    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit
+) -> tuple[tuple[HealthyRecording, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
     for _ in range(WILD_ROUNDS):
-        far = [np.abs(course(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
+        far = [np.abs(score_recording(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
         count = sum(int(item.sum()) for item in far)
         if not count or count > FEW_WILD * sum(item.readings for item in kept):
             break
         kept = tuple(item.without(plant.layout, wild) for item, wild in zip(kept, far, strict=True))
         begin = spread_noise(plant, kept, best.point)
-        best = climb(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
+        best = ascend(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
     return kept, best
 
 
-def _elsewhere(plant: FittedPlant, begin: Point, rng: np.random.Generator) -> Point:
+def _elsewhere(plant: FittedPlant, begin: FitPoint, rng: np.random.Generator) -> FitPoint:
     """Give another start: parameters some factor off."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
     values = begin.values.copy()
@@ -196,7 +203,7 @@ def _elsewhere(plant: FittedPlant, begin: Point, rng: np.random.Generator) -> Po
 
 
 def _weigh(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
+    plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, best: Summit, prior: Prior
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -207,7 +214,7 @@ def _weigh(
     alone = groups.sum(axis=1) == 1
     widths = _contradiction(unknowns, best, groups, n) if prior is Prior.WIDENED else np.ones(n)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
-        best = climb(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
+        best = ascend(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)
@@ -233,17 +240,17 @@ def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) 
     return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
 
 
-def _likelihood(plant: FittedPlant, records: Sequence[Record], point: Point) -> float:
+def _likelihood(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
     """Give the logarithm of the likelihood at a point."""
-    return float(sum(course(plant, record, point, r).value for r, record in enumerate(records)))
+    return float(sum(score_recording(plant, record, point, r).value for r, record in enumerate(records)))
 
 
-def _simulated(plant: FittedPlant, record: Record, point: Point, number: int) -> FloatArray:
+def _simulated(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
     """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
     layout = plant.layout
     alone = record.without(layout, np.ones_like(record.use))
     alone = replace(alone, use=np.ones_like(record.use))
-    found = course(plant, alone, point, number)
+    found = score_recording(plant, alone, point, number)
     return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
 
 

@@ -9,7 +9,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.innovations import Watch
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 
 PARTS = 3  # of the range of an input or a reading
 SURE = 4.0  # standard errors of a mean that is not chance
@@ -48,7 +48,9 @@ class Moment:
     side: int
 
 
-def regions(spec: EngineSpec, records: Sequence[Record], watches: Sequence[Watch]) -> tuple[Region, ...]:
+def wrong_regions(
+    spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]
+) -> tuple[Region, ...]:
     """Give the regions in which sensors are off, the worst first."""
     found: list[Region] = []
     u, y = (np.concatenate([getattr(item, name) for item in records]) for name in ("u", "y"))
@@ -115,7 +117,7 @@ def _off(
     ]
 
 
-def moments(spec: EngineSpec, records: Sequence[Record], watches: Sequence[Watch]) -> tuple[Moment, ...]:
+def moments(spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]) -> tuple[Moment, ...]:
     """Give the highest climbs of the CUSUM of each sensor, the highest first."""
     found: list[Moment] = []
     limit = spec.thresholds.cusum_limit

@@ -9,7 +9,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine
 from faultbond.fit.likelihood import Layout
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
@@ -41,7 +41,7 @@ class FittedPlant:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Point:
+class FitPoint:
     """Values of the unknowns, (n,), and what each recording has for itself.
 
     starts (n_records, n_own): starts of the free states, SI, then factors of its own parameters; sizes alike: the units
@@ -87,7 +87,7 @@ class Scored:
         return np.asarray(self.innovations / np.sqrt(self.variances))
 
 
-def evaluate(plant: FittedPlant, records: Sequence[Record], point: Point) -> Evaluation:
+def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> Evaluation:
     """Give likelihood, score and information of all recordings."""
     n, n_own = len(point.values), plant.n_own
     total = n + n_own * len(records)
@@ -104,12 +104,12 @@ def evaluate(plant: FittedPlant, records: Sequence[Record], point: Point) -> Eva
     return Evaluation(value=value if sane else -np.inf, score=score, information=information)
 
 
-def course(plant: FittedPlant, record: Record, point: Point, number: int) -> Scored:
+def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> Scored:
     """Give what one recording, the `number`th of the point, says sample by sample."""
     return _run(plant, record, point, number, keep=True)
 
 
-def _run(plant: FittedPlant, record: Record, point: Point, number: int, *, keep: bool) -> Scored:
+def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
     """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
     lanes = _lanes(plant, point, number)
     count = lanes.shape[1]
@@ -172,7 +172,7 @@ class _Block:
         return np.asarray(by_e.T @ by_e + 0.5 * by_s.T @ by_s)
 
 
-def _lanes(plant: FittedPlant, point: Point, number: int) -> FloatArray:
+def _lanes(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:
     """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
     layout, unknowns = plant.layout, plant.unknowns
     q, slopes = unknowns.fill(plant.base, point.values)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Evaluation, FittedPlant, Point, course, evaluate
-from faultbond.fit.samples import Record
+from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.samples import HealthyRecording
 
 TURNS = 60  # steps at most
 PATIENCE = 10  # rises of the damping in a row
@@ -38,7 +38,7 @@ class Summit:
     still; steps: evaluations used.
     """
 
-    point: Point
+    point: FitPoint
     evaluation: Evaluation
     posterior: float
     precision: FloatArray
@@ -46,8 +46,13 @@ class Summit:
     steps: int
 
 
-def climb(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, prior: FloatArray, *, anchor: FloatArray | None = None
+def ascend(
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    prior: FloatArray,
+    *,
+    anchor: FloatArray | None = None,
 ) -> Summit:
     """Climb from a point.
 
@@ -118,7 +123,9 @@ def _eased(damping: float, kept: float) -> float:
 class _Hill:
     """The posterior over the unknowns and what recordings have for themselves."""
 
-    def __init__(self, plant: FittedPlant, records: Sequence[Record], anchor: FloatArray, prior: FloatArray) -> None:
+    def __init__(
+        self, plant: FittedPlant, records: Sequence[HealthyRecording], anchor: FloatArray, prior: FloatArray
+    ) -> None:
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -127,17 +134,17 @@ class _Hill:
         self.plain: BoolArray = np.ones(self.n + n_own, dtype=bool)  # parameters and starts; the others are noise
         self.plain[plant.unknowns.n_theta : self.n] = False
 
-    def away(self, point: Point) -> FloatArray:
+    def away(self, point: FitPoint) -> FloatArray:
         """Give how far a point lies from what was known, in units of the unknowns."""
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
 
-    def penalty(self, point: Point) -> float:
+    def penalty(self, point: FitPoint) -> float:
         return 0.5 * float(np.sum(self.weight * self.away(point) ** 2))
 
-    def at(self, point: Point) -> Summit:
+    def at(self, point: FitPoint) -> Summit:
         self.calls += 1
-        found = evaluate(self.plant, self.records, point)
+        found = evaluate_likelihood(self.plant, self.records, point)
         return Summit(
             point=point,
             evaluation=found,
@@ -183,7 +190,7 @@ class _Hill:
         move[self.plain] = SHAKEN * scale * spread
         return move
 
-    def moved(self, point: Point, move: FloatArray) -> Point:
+    def moved(self, point: FitPoint, move: FloatArray) -> FitPoint:
         unknowns = self.plant.unknowns
         starts = point.starts + move[self.n :].reshape(point.starts.shape) * point.sizes
         return replace(
@@ -191,7 +198,7 @@ class _Hill:
         )
 
 
-def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) -> Point:
+def spread_noise(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FitPoint:
     """Give the point with the noise of the sensors as large as what the plant leaves unexplained there.
 
     Far from the truth the declared noise would make a hill of cliffs.
@@ -212,11 +219,11 @@ def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) ->
     return point
 
 
-def _unexplained(plant: FittedPlant, records: Sequence[Record], point: Point) -> FloatArray | None:
+def _unexplained(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FloatArray | None:
     """Give for each sensor the mean square of the standardised innovations; None where the plant has no course."""
     squares = []
     for r, record in enumerate(records):
-        found = course(plant, record, point, r)
+        found = score_recording(plant, record, point, r)
         if not np.isfinite(found.value) or not found.innovations.size:
             return None
         squares.append(found.standardised**2)
