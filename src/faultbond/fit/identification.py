@@ -21,7 +21,6 @@ from faultbond.fit.certainty import Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
-from faultbond.fit.unknowns import Unknowns
 from faultbond.fit.whiteness import Whiteness, test_whiteness
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
@@ -109,7 +108,12 @@ def fit_plant(
     RecordingError
         Where the plant has no course along the recordings, or they have fewer readings than there are unknowns.
     """
-    _refuse(plant, records)
+    unknown, readings = len(plant.unknowns.places) + plant.n_own * len(records), sum(item.readings for item in records)
+    if readings <= unknown:
+        names = ", ".join(record.name for record in records)
+        raise NoVerdictError(
+            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
+        )
     best, reached = _search(plant, records, begin, starts, seed, tell)
     records, best = _without_wild(plant, records, best)
     tell("weighing the declared accuracies")
@@ -134,23 +138,14 @@ def fit_plant(
         widths=widths,
         starts=starts,
         reached=reached,
-        before=_likelihood(plant, records, begin),
+        before=sum(score_recording(plant, record, begin, r).value for r, record in enumerate(records)),
         courses=courses,
         simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
-        whiteness=_whiteness(plant, courses),
+        whiteness=tuple(
+            test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
+        ),
         changes=changes_of(plant, records, courses),
     )
-
-
-def _refuse(plant: FittedPlant, records: Sequence[HealthyRecording]) -> None:
-    """Refuse recordings with too little in them."""
-    unknown = len(plant.unknowns.places) + plant.n_own * len(records)
-    readings = sum(record.readings for record in records)
-    if readings <= unknown:
-        names = ", ".join(record.name for record in records)
-        raise NoVerdictError(
-            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
-        )
 
 
 def _search(
@@ -163,11 +158,13 @@ def _search(
 ) -> tuple[Summit, int]:
     """Climb from several starts under a wide prior; give the best summit and how many reached it."""
     rng = np.random.default_rng(seed)
-    prior = plant.unknowns.widened(WIDE)
-    summits = []
+    unknowns, summits = plant.unknowns, []
+    prior = unknowns.widened(WIDE)
     for k in range(starts):
         tell(f"start {k + 1} of {starts}")
-        point = begin if k == 0 else _elsewhere(plant, begin, rng)
+        values = begin.values.copy()
+        values[: unknowns.n_theta] += START_SPREAD * rng.standard_normal(unknowns.n_theta) if k else 0.0
+        point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
         summits.append(ascend(plant, records, spread_noise(plant, records, point), prior))
     best = max(summits, key=lambda item: item.posterior)
     if not np.isfinite(best.posterior):
@@ -188,18 +185,10 @@ def _without_wild(
         count = sum(int(item.sum()) for item in far)
         if not count or count > FEW_WILD * sum(item.readings for item in kept):
             break
-        kept = tuple(item.without(plant.layout, wild) for item, wild in zip(kept, far, strict=True))
+        kept = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
         begin = spread_noise(plant, kept, best.point)
         best = ascend(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
     return kept, best
-
-
-def _elsewhere(plant: FittedPlant, begin: FitPoint, rng: np.random.Generator) -> FitPoint:
-    """Give another start: parameters some factor off."""
-    unknowns, n = plant.unknowns, plant.unknowns.n_theta
-    values = begin.values.copy()
-    values[:n] += START_SPREAD * rng.standard_normal(n)
-    return replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper))
 
 
 def _weigh(
@@ -212,7 +201,13 @@ def _weigh(
     accuracies = unknowns.prior[:n]
     groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
     alone = groups.sum(axis=1) == 1
-    widths = _contradiction(unknowns, best, groups, n) if prior is Prior.WIDENED else np.ones(n)
+    widths = np.ones(n)
+    if prior is Prior.WIDENED:
+        # From a narrow prior the widening may not get away, where this outweighs data that are clear. So it begins at
+        # how many times as wide as declared accuracies must be for what the data say almost alone.
+        known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
+        away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
+        widths = np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
         best = ascend(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
@@ -229,33 +224,10 @@ def _weigh(
     return best, widths
 
 
-def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) -> FloatArray:
-    """Give how many times as wide as declared accuracies must be for what the data say almost alone.
-
-    The widening begins there: from a narrow prior it may not get away, where this outweighs data that are clear.
-    """
-    accuracies = unknowns.prior[:n]
-    known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
-    away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
-    return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
-
-
-def _likelihood(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
-    """Give the logarithm of the likelihood at a point."""
-    return float(sum(score_recording(plant, record, point, r).value for r, record in enumerate(records)))
-
-
 def _simulated(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
     """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
     layout = plant.layout
-    alone = record.without(layout, np.ones_like(record.use))
+    alone = record.without(np.ones_like(record.use))
     alone = replace(alone, use=np.ones_like(record.use))
     found = score_recording(plant, alone, point, number)
     return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
-
-
-def _whiteness(plant: FittedPlant, courses: Sequence[Scored]) -> tuple[Whiteness, ...]:
-    """Test each sensor."""
-    return tuple(
-        test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
-    )

@@ -12,7 +12,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import NoVerdictError
-from faultbond.fit.likelihood import Layout
+from faultbond.fit.likelihood import sample_fields
 from faultbond.runtime.packing import pack_sample, trusted
 from faultbond.runtime.state import Sample, init
 
@@ -21,9 +21,9 @@ from faultbond.runtime.state import Sample, init
 class HealthyRecording:
     """A recording of N samples, from the first with a value of every input; SI.
 
-    time (N,), s; u (N, n_inputs), held where absent; y (N, n_outputs), nan where absent; packed (N, spec.n_sample), as
-    the engine takes them; samples (N, layout.n_sample), as the likelihood takes them; use (N, n_outputs), which
-    readings count.
+    points: of the whole recording. time (N,), s; u (N, n_inputs), held where absent; y (N, n_outputs), nan where
+    absent; packed (N, spec.n_sample), as the engine takes them; samples (N, n), as the likelihood does, see
+    `likelihood.sample_fields`; use (N, n_outputs), which readings count.
     """
 
     name: str
@@ -41,14 +41,14 @@ class HealthyRecording:
         """How many values of sensors are used."""
         return int(self.use.sum())
 
-    def without(self, layout: Layout, wild: BoolArray) -> "HealthyRecording":
+    def without(self, wild: BoolArray) -> "HealthyRecording":
         """Give the recording with some readings (N, n_outputs) left out."""
         samples, use = self.samples.copy(), self.use & ~wild
-        samples[:, layout.sample_fields["use"]] = use
+        samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0)["use"]] = use
         return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
 
 
-def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec, layout: Layout) -> HealthyRecording:
+def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec) -> HealthyRecording:
     """Give a recording on the grid of samples, from the first one with a value of every input.
 
     Raises
@@ -70,13 +70,14 @@ def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec, lay
         if not np.isfinite(value):
             raise NoVerdictError(f"{name}: no row has a value of the input {item.name}; check its column")
     begun = len(points) - len(rows)
-    y = np.array([item.y for item in points[begun:]]).reshape(-1, layout.n_y)
+    y = np.array([item.y for item in points[begun:]]).reshape(-1, len(spec.outputs))
     for k, output in enumerate(spec.outputs):
         if not np.isfinite(y[:, k]).any():
             raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
     use = np.array([trusted(spec, row) for row in rows])
-    packed, samples = np.array(rows), np.zeros((len(rows), layout.n_sample))
-    for field, place in layout.sample_fields.items():
+    packed, fields = np.array(rows), sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors))
+    samples = np.zeros((len(rows), fields["kick"].stop))
+    for field, place in fields.items():
         samples[:, place] = use if field == "use" else packed[:, spec.sample_fields[field]]
     return HealthyRecording(
         name=name,

@@ -8,7 +8,7 @@ from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError
 from faultbond.fit.ascent import START_PRIOR
-from faultbond.fit.likelihood import Layout, build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.unknowns import unknowns_of
@@ -52,19 +52,6 @@ def free_parameters(
     return tuple((k, item) for k, item in enumerate(graph.parameters) if item.name in wanted - set(fixed))
 
 
-def layout_of_graph(graph: BondGraph) -> Layout:
-    """Give the sizes of a plant as recordings need them, without its equations."""
-    return Layout(
-        n_x=0,
-        n_b=len(graph.slow_errors),
-        n_w=sum(item.noise > 0.0 for item in graph.inputs),
-        n_p=len(graph.parameters),
-        n_y=len(graph.sensors),
-        n_u=len(graph.inputs),
-        n_z=0,
-    )
-
-
 def build_fit(
     model: StepModel,
     likelihood: Engine,
@@ -98,7 +85,7 @@ def build_fit(
         free=tuple(k for k in range(layout.n_x) if k not in known),
         own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),
     )
-    records = tuple(healthy_recording(name, points, spec, layout) for name, points in recordings)
+    records = tuple(healthy_recording(name, points, spec) for name, points in recordings)
     return plant, records, begin_at(plant, records, spec, engine)
 
 

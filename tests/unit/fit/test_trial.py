@@ -10,7 +10,6 @@ from faultbond.contract.spec import Thresholds
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
 from faultbond.fit.innovations import Watch, watch_recording
-from faultbond.fit.likelihood import layout_of
 from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
@@ -20,7 +19,7 @@ from faultbond.model.text import load_model
 from faultbond.runtime.cusum import LAGS, added, no_sums
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, init
-from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.engine import build_engine
 
 
 @pytest.mark.parametrize("lost", [{}, {"gap": slice(400, 480)}, {"input": slice(400, 440)}, {"wild": slice(400, 401)}])
@@ -45,8 +44,7 @@ def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
             u = points[k].u if what == "wild" else np.full(2, np.nan)
             y = {"gap": np.full(2, np.nan), "wild": np.array([1e6, 1e9])}.get(what, points[k].y)
             points[k] = replace(points[k], u=u, y=y)
-    layout = layout_of(build_model(graph))
-    (seen,) = watch_recording(spec, engine, healthy_recording("tank", points, spec, layout))
+    (seen,) = watch_recording(spec, engine, healthy_recording("tank", points, spec))
     state = init(spec)
     for k, point in enumerate(points):
         state, report = step(spec, engine, state, point)
@@ -86,8 +84,7 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     for point in points[:900]:
         state, _ = step(spec, engine, state, point)
     assert state.alarm > 800
-    layout = layout_of(build_model(graph))
-    flow, pressure = on_trial(spec, engine, [healthy_recording("tank", points, spec, layout)]).rates[:2]
+    flow, pressure = on_trial(spec, engine, [healthy_recording("tank", points, spec)]).rates[:2]
     assert flow.peak > 1.0
     assert flow.between <= 1200.0
     assert pressure.peak < 1.0
