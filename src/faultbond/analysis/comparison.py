@@ -1,15 +1,16 @@
 """Where plants are compared by their outputs without noise: a run, the plant along it, and the time that there is."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.equilibrium import reference_levels, times
+from faultbond.analysis.equilibrium import reference, reference_levels, times
 from faultbond.analysis.experiment import random_experiments
-from faultbond.analysis.sensitivity import Experiment, build_recursion
-from faultbond.analysis.testable import generic_run
+from faultbond.analysis.sensitivity import Experiment, Recursion, build_recursion
+from faultbond.analysis.testable import generic_run, no_run
 from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.step import StepModel
@@ -17,6 +18,7 @@ from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import BondGraph
 
 GENTLE = 0.3  # part of an input by which it moves
+NO_TIME = "no time left"  # why something was not looked at
 _GRACE = 1.5  # times the time that there is, for what has been begun
 
 
@@ -65,7 +67,7 @@ class Bench:
             part = slice(first, first + course.most_lanes)
             lanes = lanes_of(thetas[part], course.run.start, [()] * len(thetas[part]))
             guess = np.tile(self.nominal, (len(lanes.theta), 1, 1))
-            paths = course.follow(lanes, guess, patient=True, stop=clock.over)
+            paths = course.follow(lanes, guess, clock.over)
             if clock.over():
                 break
             y[part], good[part] = paths.y, paths.good
@@ -87,39 +89,41 @@ def short_benches(model: StepModel) -> Iterator[Bench]:
         Where the plant has no finite solution along any of them.
     """
     recursion = build_recursion(model.plant)
-    runs = [_nominal(model, item) for item in random_experiments(model, recursion)]
-    try:
+    runs = _nominal_runs(model, recursion)
+    with suppress(StructureError):
         best = generic_run(model, recursion).inputs
-    except StructureError:
-        best = runs[0].inputs
-    runs.sort(key=lambda item: not np.array_equal(item.inputs, best))
+        runs.sort(key=lambda item: not np.array_equal(item.inputs, best))
     some = False
-    for run in (*runs, _gentle(model, runs[0])):
-        bench = _bench(model, Trajectory(recursion, run))
-        if bench is not None:
-            some = True
-            yield bench
+    for bench in _benches(model, recursion, runs, runs[0]):
+        some = True
+        yield bench
     if not some:
-        graph = model.plant.graph
-        raise StructureError(
-            f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
-            "check the laws, their units and the nominal values"
-        )
+        raise no_run(model.plant.graph)
 
 
 def long_benches(model: StepModel) -> Iterator[Bench]:
     """Give benches with longer runs: all random runs one after another, then each, then the gentle one."""
     recursion = build_recursion(model.plant)
-    runs = [_nominal(model, item) for item in random_experiments(model, recursion)]
-    joined = replace(
-        runs[0],
-        inputs=np.vstack([item.inputs for item in runs]),
-        dt=np.concatenate([item.dt for item in runs]),
-    )
-    for run in (joined, *runs, _gentle(model, runs[0])):
-        bench = _bench(model, Trajectory(recursion, run))
-        if bench is not None:
-            yield bench
+    runs = _nominal_runs(model, recursion)
+    inputs, dt = np.vstack([item.inputs for item in runs]), np.concatenate([item.dt for item in runs])
+    yield from _benches(model, recursion, [replace(runs[0], inputs=inputs, dt=dt), *runs], runs[0])
+
+
+def _nominal_runs(model: StepModel, recursion: Recursion) -> list[Experiment]:
+    """Give the random runs, done by the nominal plant from its reference state, and the first moved gently."""
+    nominal, start = np.array([item.nominal for item in model.plant.graph.parameters]), reference(model).contents
+    return [replace(item, theta=nominal, start=start) for item in random_experiments(model, recursion)]
+
+
+def _benches(model: StepModel, recursion: Recursion, runs: Sequence[Experiment], last: Experiment) -> Iterator[Bench]:
+    """Give benches along those of some runs that have a solution, then along `last` with inputs that move gently."""
+    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, last.inputs.shape)
+    gentle = replace(last, inputs=times(model, reference_levels(model), moves))
+    for run in (*runs, gentle):
+        course = Trajectory(recursion, run)
+        nominal = course.alone(run.theta)
+        if nominal is not None:
+            yield Bench(graph=model.plant.graph, course=course, nominal=nominal)
 
 
 def bench_for(model: StepModel, thetas: Sequence[FloatArray]) -> tuple[Bench, FloatArray]:
@@ -139,22 +143,6 @@ def bench_for(model: StepModel, thetas: Sequence[FloatArray]) -> tuple[Bench, Fl
         f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs, or not with other "
         "values of the parameters; check the laws and their units, or narrow the ranges of the parameters"
     )
-
-
-def _nominal(model: StepModel, run: Experiment) -> Experiment:
-    """Let the nominal plant do a run, from its reference state."""
-    nominal = np.array([item.nominal for item in model.plant.graph.parameters])
-    return replace(run, theta=nominal, start=model.contents(model.reference_state, nominal).full()[:, 0])
-
-
-def _gentle(model: StepModel, run: Experiment) -> Experiment:
-    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, run.inputs.shape)
-    return replace(run, inputs=times(model, reference_levels(model), moves))
-
-
-def _bench(model: StepModel, course: Trajectory) -> Bench | None:
-    nominal = course.alone(course.run.theta)
-    return None if nominal is None else Bench(graph=model.plant.graph, course=course, nominal=nominal)
 
 
 def places_of(graph: BondGraph, names: Sequence[str]) -> list[int]:

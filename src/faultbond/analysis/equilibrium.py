@@ -43,6 +43,11 @@ def reference(model: StepModel) -> Stand:
     return Stand(contents=contents, implicit=np.asarray(model.reference_implicit))
 
 
+def stands(model: StepModel, levels: FloatArray) -> list[Stand]:
+    """Give where runs with these inputs, SI, may begin: where the nominal run ended, and at rest if it gets there."""
+    return [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+
+
 def at_rest(model: StepModel, levels: FloatArray) -> Stand | None:
     """Give where the nominal plant comes to rest with its inputs at these levels, SI; None where it does not."""
     graph, begin = model.plant.graph, reference(model)

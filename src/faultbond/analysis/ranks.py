@@ -19,7 +19,7 @@ _SURELY_DROPPED = 1e-12
 _CLEAR = 1e3  # ratio of two neighbours between which a rank is told
 _BORDER = 30.0  # a value nearer to the border than this factor is uncertain
 _ROUNDING = 1e-16
-_BLOCK = 2**21  # numbers in one batch
+BLOCK = 2**21  # numbers in one batch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,6 +218,6 @@ def _singular_values(r: FloatArray) -> FloatArray:
 def _blocks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> Iterator[FloatArray]:
     """Give the columns of the sets, shape (n, rank, size), some sets at a time."""
     height, size = reduced.matrix.shape[0], len(sets[0])
-    step = max(1, _BLOCK // max(1, height * size))
+    step = max(1, BLOCK // max(1, height * size))
     for first in range(0, len(sets), step):
         yield reduced.matrix[:, np.array(sets[first : first + step])].transpose(1, 0, 2)

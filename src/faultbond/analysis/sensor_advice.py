@@ -13,7 +13,7 @@ from math import comb
 
 import numpy as np
 
-from faultbond.analysis.groups import Group, classes, groups, near_pairs
+from faultbond.analysis.groups import Group, alike_classes, groups, near_pairs
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, build_recursion, sensitivity
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
@@ -92,7 +92,7 @@ def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Sens
     StructureError
         Where the equations have no finite solution along any random run.
     """
-    run, room = _extended_run(model, candidates(model), recursion)
+    run, room = _extended_run(model, readable_signals(model), recursion)
     trial = _trial(model.plant.graph, run)
     shown = [k for k in range(trial.present, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
     now = _advice(trial, ())
@@ -138,7 +138,7 @@ def _best_possible(trial: _Trial) -> tuple[int, int, int, int]:
     return sets, sets, rank, 0
 
 
-def candidates(model: StepModel) -> tuple[str, ...]:
+def readable_signals(model: StepModel) -> tuple[str, ...]:
     """Give the signals and stored quantities that a sensor could read and none does; signals of junctions first."""
     plant = model.plant
     read = {expression.text for expression in plant.network.readings if isinstance(expression, Name)}
@@ -204,7 +204,7 @@ def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     noise = np.where(noise > 0, noise, NOISE_PART * usual)
     seen, weighed = reduce([part]), reduce([part], noise)
     sets = sets_to_test(judge(seen, trial.suspects, trial.largest)).sets
-    alike = classes(seen, sets)
+    alike = alike_classes(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
     told = weighed.rank.clear and weighed.rank.value >= seen.rank.value
     return SensorChoice(

@@ -21,7 +21,7 @@ from math import log
 import numpy as np
 
 from faultbond.analysis.alarms import REALISATIONS, Bisection, Detector, windows_of
-from faultbond.analysis.comparison import Allowance
+from faultbond.analysis.comparison import NO_TIME, Allowance
 from faultbond.analysis.faulty import Case, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
@@ -34,7 +34,6 @@ WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
 ONSETS = 4
 SECONDS = 6.0  # of processor time, for all parameters together
-NO_TIME = "no time left"
 NO_RANGE = "its range leaves no room for a change"
 NO_EFFECT = "no sensor shows it"
 NO_SOLUTION = "not found before the plant has no finite solution any more"

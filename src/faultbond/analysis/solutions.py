@@ -16,8 +16,17 @@ from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.comparison import Allowance, Bench, bench_for, changed, long_benches, places_of, short_benches
-from faultbond.analysis.least_squares import fit
+from faultbond.analysis.comparison import (
+    NO_TIME,
+    Allowance,
+    Bench,
+    bench_for,
+    changed,
+    long_benches,
+    places_of,
+    short_benches,
+)
+from faultbond.analysis.levenberg_marquardt import fit_lanes
 from faultbond.analysis.trajectories import lanes_of
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
@@ -27,7 +36,6 @@ SECONDS = 2.0  # of processor time, for all sets together
 STARTS = {1: (0.1, 0.3, 0.8, 2.0, 6.0), 2: (0.15, 0.5, 1.3, 4.5)}  # factors of nominal, by size of the set
 FEW_STARTS = (0.4, 1.6)  # for larger sets
 MOST_STARTS = 64  # per set
-NO_TIME = "no time left"
 NO_RUN = "no finite solution with these values"
 _FIRST_LANES = 8  # of the first batch, until the speed is known
 _SAME = 1e-4  # solutions nearer than this, relative, are one
@@ -210,7 +218,7 @@ class _Search:
             part = tasks[first : first + step]
             owners = [item for item, _, _ in part]
             thetas = [changed(bench.graph, item.places, factors) for item, _, factors in part]
-            result = fit(
+            result = fit_lanes(
                 bench.course,
                 lanes_of(thetas, bench.course.run.start, [item.places for item in owners]),
                 bench.nominal,
@@ -248,7 +256,7 @@ class _Search:
             for lane, root in enumerate(roots):
                 lanes.start[lane] = root.start
             data = np.repeat(outputs, len(roots), axis=0)
-            result = fit(bench.course, lanes, bench.nominal, data, stop=self.clock.long_over)
+            result = fit_lanes(bench.course, lanes, bench.nominal, data, stop=self.clock.long_over)
             return [
                 _Root(owner=item, theta=result.theta[0][lane], start=result.start[lane])
                 for lane in np.flatnonzero(result.exact)
@@ -309,7 +317,7 @@ def reachable(
         lanes = [(row, factors) for factors in list(starts)[:MOST_STARTS] for row in range(behaviours)]
         thetas = [changed(graph, places, factors) for _, factors in lanes]
         begin = lanes_of(thetas, bench.course.run.start, [places] * len(lanes))
-        found = fit(bench.course, begin, bench.nominal, data[[row for row, _ in lanes]])
+        found = fit_lanes(bench.course, begin, bench.nominal, data[[row for row, _ in lanes]])
         pairs = zip(lanes, found.theta[0], found.exact, strict=True)
         reached = {row for (row, _), theta, exact in pairs if exact and bench.inside(theta)}
         results.append(Reach(parameters=tuple(names), reached=len(reached), tried=behaviours))

@@ -22,6 +22,11 @@ _SLOW = 0.9  # a step this part of the one before is no progress
 MOST_NUMBERS = 3 * 10**6  # in the slopes of one batch of lanes
 
 
+def never() -> bool:
+    """Say no: there is time."""
+    return False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lanes:
     """Plants side by side: theta (lanes, n_parameters), start (lanes, n_states), both SI.
@@ -76,23 +81,19 @@ class Trajectory:
         w, good = self._one_by_one(lanes, never)
         return w[0] if good[0] else None
 
-    def follow(
-        self, lanes: Lanes, guess: FloatArray, *, patient: bool = False, stop: Callable[[], bool] | None = None
-    ) -> Paths:
+    def follow(self, lanes: Lanes, guess: FloatArray, stop: Callable[[], bool] = never) -> Paths:
         """Give what the lanes do.
 
         Parameters
         ----------
         lanes : the plants
-        guess : (lanes, samples, n_w), trajectories nearby
-        patient : whether lanes that do not settle from there are solved sample by sample
-        stop : whether to give up; then nothing is good
+        guess : float array, shape (lanes, samples, n_w), trajectories nearby, SI
+        stop : whether to give up; then nothing is good that these do not lead to
         """
-        stop = stop or never
         with np.errstate(all="ignore"):
             w, inverse, good = self._together(lanes, guess)
             lost = np.flatnonzero(~good)
-            if patient and len(lost) and not stop():
+            if len(lost) and not stop():
                 w[lost], good[lost] = self._one_by_one(lanes.only(lost), stop)
                 found = np.flatnonzero(good[lost])
                 if len(found):
@@ -180,11 +181,6 @@ class Trajectory:
                 march.step(k)
                 w[:, k] = march.w
         return w, march.good
-
-
-def never() -> bool:
-    """Say no: there is time."""
-    return False
 
 
 def lanes_of(thetas: Sequence[FloatArray], start: FloatArray, places: Sequence[Sequence[int]]) -> Lanes:

@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from faultbond.analysis.comparison import Allowance, Bench, changed, places_of, short_benches
-from faultbond.analysis.least_squares import fit, fit_together
+from faultbond.analysis.levenberg_marquardt import fit_lanes, fit_together
 from faultbond.analysis.ranks import ReducedSensitivities, reduce
 from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
@@ -224,7 +224,7 @@ def _always(bench: Bench, sides: Sequence[Sides], clock: Allowance) -> list[bool
             bench.course.run.start,
             [places for _, places, _ in part],
         )
-        result = fit(bench.course, lanes, bench.nominal, outputs[[row for row, _, _ in part]], stop=clock.over)
+        result = fit_lanes(bench.course, lanes, bench.nominal, outputs[[row for row, _, _ in part]], stop=clock.over)
         for (row, _, _), theta, exact in zip(part, result.theta[0], result.exact, strict=True):
             good[row] |= exact and bench.inside(theta)
     pairs = zip(good.reshape(-1, DRAWS), able.reshape(-1, DRAWS), strict=True)
