@@ -1,6 +1,6 @@
 """Where plants are compared by their outputs without noise: a run, the plant along it, and the time that there is."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import thread_time
@@ -9,9 +9,10 @@ import numpy as np
 
 from faultbond.analysis.equilibrium import reference, reference_levels, times
 from faultbond.analysis.experiment import random_experiments
+from faultbond.analysis.levenberg_marquardt import fit_lanes
 from faultbond.analysis.sensitivity import Experiment, Recursion, build_recursion
 from faultbond.analysis.testable import generic_run, no_run
-from faultbond.analysis.trajectories import Trajectory, lanes_of
+from faultbond.analysis.trajectories import Trajectory, lanes_of, never
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
@@ -47,6 +48,17 @@ class Allowance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedLane:
+    """Where one fit ended: theta (n_parameters,) and start (n_states,), SI; exact, home, done as of `FarthestFit`."""
+
+    theta: FloatArray
+    start: FloatArray
+    exact: bool
+    home: bool
+    done: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bench:
     """A plant, a run, and the nominal trajectory (n_samples, n_w) along it."""
 
@@ -72,6 +84,40 @@ class Bench:
                 break
             y[part], good[part] = paths.y, paths.good
         return y, good
+
+    def fits(
+        self,
+        places: Sequence[Sequence[int]],
+        factors: Sequence[Sequence[float]],
+        data: Sequence[FloatArray],
+        known: Sequence[FloatArray] | None = None,
+        *,
+        stop: Callable[[], bool] = never,
+    ) -> Iterator[FittedLane]:
+        """Fit sets of parameters, each to its own outputs; see `fit_lanes`.
+
+        Parameters
+        ----------
+        places : positions of the parameters of each set
+        factors : of their nominals, where the fits begin
+        data : outputs, shape (n_samples, n_outputs) each, SI
+        known : solutions that need not be found again, shape (n_parameters,) each, SI
+        stop : whether the time is over
+        """
+        for first in range(0, len(places), self.course.most_lanes):
+            part = slice(first, first + self.course.most_lanes)
+            thetas = [changed(self.graph, *item) for item in zip(places[part], factors[part], strict=True)]
+            lanes = lanes_of(thetas, self.course.run.start, places[part])
+            old = None if known is None else np.array(known[part])
+            found = fit_lanes(self.course, lanes, self.nominal, np.array(data[part]), known=old, stop=stop)
+            for lane, theta in enumerate(found.theta[0]):
+                yield FittedLane(
+                    theta=theta,
+                    start=found.start[lane],
+                    exact=bool(found.exact[lane]),
+                    home=bool(found.home[lane]),
+                    done=bool(found.done[lane]),
+                )
 
     def distance(self, one: FloatArray, other: FloatArray) -> float:
         """Give the largest relative difference of two sets of values; where the nominal is 0, in scales."""

@@ -18,7 +18,7 @@ from faultbond.equations.step import StepModel
 _ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
 _MOST = 1e12  # standard deviations; more need not be told apart
 
-Case = tuple[int, int]  # parameter, sign of the change
+FaultCase = tuple[int, int]  # parameter, sign of the change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +45,7 @@ class Faults:
         self.healthy[:, spec.noise_slice] = 0.0
         self.outputs = self._outputs(self.healthy)
 
-    def shift(self, cases: Sequence[Case], sizes: FloatArray) -> Shift:
+    def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
         """Give what faults of these sizes, in factors, do to outputs, innovations and slow errors."""
         spec, operation, rows = self.spec, self.operation, self.rows
         starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])

@@ -22,7 +22,7 @@ import numpy as np
 
 from faultbond.analysis.alarms import REALISATIONS, Bisection, Detector, windows_of
 from faultbond.analysis.comparison import NO_TIME, Allowance
-from faultbond.analysis.faulty import Case, Faults
+from faultbond.analysis.faulty import FaultCase, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import Engine, EngineSpec
@@ -203,7 +203,7 @@ class _Search:
     def __init__(self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float) -> None:
         self.spec, self.faults, self.detector, self.certainty = spec, faults, detector, certainty
 
-    def run(self, cases: list[Case], clock: Allowance) -> _Progress:
+    def run(self, cases: list[FaultCase], clock: Allowance) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
         n = len(cases)
         limits = np.array([self._limit(k, sign) for k, sign in cases])
@@ -233,7 +233,7 @@ class _Search:
         item = self.spec.parameters[k]
         return max(item.upper - item.healthy if sign > 0 else item.healthy - item.lower, 0.0)
 
-    def _round(self, progress: _Progress, cases: list[Case], live: IntArray) -> None:
+    def _round(self, progress: _Progress, cases: list[FaultCase], live: IntArray) -> None:
         """Try the sizes of some cases, and choose the next."""
         now = progress.size[live]
         shift = self.faults.shift([cases[c] for c in live], now)
