@@ -83,13 +83,13 @@ class Faults:
         """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn."""
         operation, rows = self.operation, self.rows
         times = len(starts) // len(rows)
-        v, z = np.ascontiguousarray(starts), np.tile(operation.implicit[rows[:, 0]], (times, 1))
+        v, z = starts, np.tile(operation.implicit[rows[:, 0]], (times, 1))
         seen = np.zeros((rows.shape[1], len(starts), len(self.spec.outputs)))
         for w in range(rows.shape[1]):
             k = np.tile(rows[:, w], times)
             if w:
                 arguments = (v, z, operation.u_before[k], operation.u[k], operation.dt[k, None])
-                v, z, y = (np.ascontiguousarray(item[:, :, 0]) for item in self.advance(*arguments))
+                v, z, y = (item[:, :, 0] for item in self.advance(*arguments))
             else:
                 y = self.measure(v, operation.u[k], z)[0][:, :, 0]
             seen[w] = y

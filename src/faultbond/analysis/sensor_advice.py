@@ -6,9 +6,9 @@ noise of a sensor that is not there is taken as `NOISE_PART` of the signal's usu
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import combinations, islice
 from math import comb
 
 import numpy as np
@@ -55,6 +55,11 @@ class SensorChoice:
         """What is compared, the most important first."""
         return self.classes, self.testable, self.rank, -self.near
 
+    @property
+    def order(self) -> tuple[float, ...]:
+        """By what choices are sorted, the best first."""
+        return (*(-part for part in self.merit), -self.clearness)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorAdvice:
@@ -96,14 +101,16 @@ def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Sens
     trial = _trial(model.plant.graph, run)
     shown = [k for k in range(trial.present, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
     now = _advice(trial, ())
-    most = _best_possible(trial)
+    rank = len(run.parameters)
+    sets = sum(comb(len(trial.suspects), size) for size in range(1, min(trial.largest, rank - 1) + 1))
+    most = (sets, sets, rank, 0)  # the merit of a plant of which everything shows
     alone = {k: _advice(trial, (k,)) for k in shown[: trial.most] if now.merit < most}
-    ranked = sorted(alone, key=lambda k: _order(alone[k]))
+    ranked = sorted(alone, key=lambda k: alone[k].order)
     best = max((now.merit, *(item.merit for item in alone.values())))
-    wanted = _pairs(ranked) if best < most else iter(())
+    wanted = combinations(ranked, 2) if best < most else iter(())
     pairs = [_advice(trial, pair) for pair in islice(wanted, max(0, trial.most - len(alone)))]
     useful = [alone[k] for k in ranked if alone[k].merit > now.merit]
-    better = sorted((item for item in pairs if item.merit > best), key=_order)
+    better = sorted((item for item in pairs if item.merit > best), key=lambda item: item.order)
     tried = len(alone) + len(pairs)
     return SensorAdvice(
         now=_with_groups(trial, now),
@@ -129,13 +136,6 @@ def _trial(graph: BondGraph, run: Sensitivity) -> _Trial:
         largest=largest,
         most=max(1, min(MOST_TRIED, MOST_WORK // max(1, work))),
     )
-
-
-def _best_possible(trial: _Trial) -> tuple[int, int, int, int]:
-    """Give the merit of a plant of which everything shows."""
-    rank = len(trial.run.parameters)
-    sets = sum(comb(len(trial.suspects), size) for size in range(1, min(trial.largest, rank - 1) + 1))
-    return sets, sets, rank, 0
 
 
 def readable_signals(model: StepModel) -> tuple[str, ...]:
@@ -178,24 +178,6 @@ def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
     )
 
 
-def _pairs(ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Give the pairs of sensors: the best one with each other one, then the next best with the rest, and so on."""
-    for place, best in enumerate(ranked):
-        for other in ranked[place + 1 :]:
-            yield best, other
-
-
-def _order(item: SensorChoice) -> tuple[object, ...]:
-    return tuple(-part for part in item.merit), -item.clearness
-
-
-def _few(sets: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Give the sets up to the largest size at which there are not too many to compare; the smallest at least."""
-    sizes = [len(chosen) for chosen in sets]
-    most = max((size for size in sizes if bisect_right(sizes, size) <= MOST_COMPARED), default=min(sizes, default=0))
-    return [chosen for chosen in sets if len(chosen) <= most]
-
-
 def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     """Judge the plant with its sensors and some further outputs of the run; groups are left for later."""
     part = restricted(trial.run, (*range(trial.present), *further))
@@ -206,13 +188,15 @@ def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     sets = sets_to_test(judge(seen, trial.suspects, trial.largest)).sets
     alike = alike_classes(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
+    sizes = [len(chosen) for chosen in sets]  # of which those are compared at which there are not too many
+    few = max((size for size in sizes if bisect_right(sizes, size) <= MOST_COMPARED), default=min(sizes, default=0))
     told = weighed.rank.clear and weighed.rank.value >= seen.rank.value
     return SensorChoice(
         sensors=tuple(trial.run.outputs[k] for k in further),
         rank=seen.rank.value,
         testable=len(judged),
         classes=len(sets) - sum(len(members) - 1 for members in alike) if judged else 0,
-        near=len(near_pairs(weighed, _few(sets), alike)),
+        near=len(near_pairs(weighed, [chosen for chosen in sets if len(chosen) <= few], alike)),
         clearness=float(f"{weighed.rank.kept:.0e}") if told else 0.0,
         groups=(),
     )
