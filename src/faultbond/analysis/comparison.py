@@ -67,11 +67,11 @@ class Bench:
     nominal: FloatArray
 
     def inside(self, theta: FloatArray) -> bool:
-        """Whether all parameters are in their ranges."""
+        """Whether all parameters, theta (n_parameters,), SI, are in their ranges."""
         return all(item.lower <= value <= item.upper for item, value in zip(self.graph.parameters, theta, strict=True))
 
     def outputs(self, thetas: Sequence[FloatArray], clock: Allowance) -> tuple[FloatArray, BoolArray]:
-        """Give the outputs of plants along the run, (n, n_samples, n_outputs), and which of them have some."""
+        """Give the outputs of plants along the run, (n, n_samples, n_outputs), SI, and which have some."""
         course = self.course
         y = np.zeros((len(thetas), course.n_samples, course.n_y))
         good = np.zeros(len(thetas), dtype=bool)
@@ -120,7 +120,7 @@ class Bench:
                 )
 
     def distance(self, one: FloatArray, other: FloatArray) -> float:
-        """Give the largest relative difference of two sets of values; where the nominal is 0, in scales."""
+        """Give the largest relative difference of two theta (n_parameters,), SI; where the nominal is 0, in scales."""
         scale = np.abs(self.course.scale)
         least = np.maximum(np.minimum(np.abs(one), np.abs(other)), 1e-12 * scale)
         return float(np.max(np.abs(one - other) / np.where(self.course.linear, scale, least), initial=0.0))
@@ -207,7 +207,7 @@ def places_of(graph: BondGraph, names: Sequence[str]) -> list[int]:
 
 
 def changed(graph: BondGraph, places: Sequence[int], factors: Sequence[float]) -> FloatArray:
-    """Give all parameters with some of them changed; where the nominal is 0 by factor - 1 of the scale."""
+    """Give theta (n_parameters,), SI, with some changed; where the nominal is 0 by factor - 1 of the scale."""
     theta = np.array([item.nominal for item in graph.parameters])
     for place, factor in zip(places, factors, strict=True):
         item = graph.parameters[place]

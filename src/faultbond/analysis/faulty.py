@@ -46,7 +46,7 @@ class Faults:
         self.outputs = self._outputs(self.healthy)
 
     def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
-        """Give what faults of these sizes, in factors, do to outputs, innovations and slow errors."""
+        """Give what faults of sizes (n_cases,), in factors, do to outputs, innovations and slow errors."""
         spec, operation, rows = self.spec, self.operation, self.rows
         starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])
         seen = self._outputs(starts).reshape(rows.shape[1], len(cases), len(rows), -1)

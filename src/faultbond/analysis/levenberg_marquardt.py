@@ -40,7 +40,7 @@ class FarthestFit:
 
     @property
     def exact(self) -> BoolArray:
-        """Whether the outputs are the same, by lane."""
+        """Whether the outputs are the same, (lanes,)."""
         return np.asarray(self.misfit < SAME)
 
 
@@ -70,7 +70,7 @@ def fit_lanes(
 def fit_together(
     course: Trajectory, one: Lanes, other: Lanes, guess: FloatArray, *, stop: Callable[[], bool] = never
 ) -> FarthestFit:
-    """Move both plants of each lane until their outputs are the same; `guess` as in `fit_lanes`, the same for both."""
+    """Move both plants of each lane until their outputs are the same; `guess` (n_samples, n_w), SI, is that of both."""
     return _LevenbergMarquardt(course, (one, other), guess, None, None, stop).run()
 
 

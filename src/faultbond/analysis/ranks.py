@@ -137,7 +137,7 @@ def _compressed(columns: FloatArray) -> tuple[FloatArray, Rank]:
 
 
 def told_rank(values: FloatArray) -> Rank:
-    """Tell the rank from singular values in falling order: at the widest gap in the range where rounding may be."""
+    """Tell the rank from singular values (n,) in falling order: at the widest gap where rounding may be."""
     top = float(values[0]) if len(values) else 0.0
     if not top > 0.0:
         return Rank(value=0, least=0, kept=0.0, dropped=0.0, clear=True, low=_SURELY_KEPT, high=_SURELY_KEPT)
@@ -161,7 +161,7 @@ def told_rank(values: FloatArray) -> Rank:
 
 
 def set_ranks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> tuple[IntArray, BoolArray]:
-    """Give the rank of the columns of each set, and whether it is in doubt; the sets have one size.
+    """Give the ranks (n_sets,) of the columns of sets of one size, and whether they are in doubt.
 
     Where it is in doubt, the rank is the largest that it may be.
     """

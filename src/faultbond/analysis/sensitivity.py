@@ -143,7 +143,7 @@ def sensitivities(recursion: Recursion, experiments: Sequence[Experiment]) -> tu
             slope, by_theta, readings, by_w, y_by_theta = recursion.slopes(*arguments)
             right = np.concatenate([-by_theta * steps[:, None, :], np.zeros((*march.w.shape, n_x))], axis=2)
             right[:, :n_x] += moved
-            found, regular = divide(slope, right, march.size)
+            found, regular = solve_scaled(slope, right, march.size)
             moved = found[:, :n_x]
             y[:, k], by[:, k] = readings[:, :, 0], by_w @ found
             by[:, k, :, :n_p] += y_by_theta * steps[:, None, :]
@@ -240,7 +240,7 @@ class March:
             if not len(live):
                 break
             size = np.maximum(self.size[lanes[live]], np.abs(w[live]))
-            found, regular = divide(slope, -misfit, size)
+            found, regular = solve_scaled(slope, -misfit, size)
             move = found[:, :, 0]
             sound = regular & np.isfinite(move).all(axis=1)
             done = sound & (np.abs(move) <= self.settled * (size + np.abs(w[live]))).all(axis=1)
@@ -296,7 +296,7 @@ def _part(misfit: FloatArray, terms: FloatArray) -> FloatArray:
     return np.where(np.isfinite(part), part, np.inf)
 
 
-def divide(matrix: FloatArray, right: FloatArray, size: FloatArray) -> tuple[FloatArray, BoolArray]:
+def solve_scaled(matrix: FloatArray, right: FloatArray, size: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Solve matrix @ solution = right, and say where there is a solution.
 
     Parameters
@@ -330,6 +330,6 @@ def sane(*arrays: FloatArray) -> BoolArray:
 
 
 def still(array: FloatArray) -> FloatArray:
-    """Make an array read-only: a frozen class does not freeze what it holds."""
+    """Make an array of any shape read-only: a frozen class does not freeze what it holds."""
     array.setflags(write=False)
     return array

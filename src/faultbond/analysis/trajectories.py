@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.analysis.batch import Batch
-from faultbond.analysis.sensitivity import TINY, Experiment, March, Recursion, divide, sane
+from faultbond.analysis.sensitivity import TINY, Experiment, March, Recursion, sane, solve_scaled
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 SETTLED = 1e-7  # relative size of a step after which, converging by squares, little more than rounding is left
@@ -39,7 +39,7 @@ class Lanes:
     places: IntArray
 
     def only(self, chosen: IntArray | BoolArray) -> "Lanes":
-        """Give some of the lanes."""
+        """Give some of the lanes, by their positions or by a mask (lanes,)."""
         return Lanes(theta=self.theta[chosen], start=self.start[chosen], places=self.places[chosen])
 
 
@@ -110,7 +110,7 @@ class Trajectory:
         for _ in range(_ITERATIONS):
             misfit, slope = self._call(self.recursion.misfit, lanes.only(live), w[live])
             size = np.maximum(np.max(np.abs(w[live]), axis=1, keepdims=True, initial=0.0), TINY)
-            inverse[live], each = divide(slope, unit, size)
+            inverse[live], each = solve_scaled(slope, unit, size)
             regular = each.all(axis=1)
             move = self._forward(inverse[live], -misfit[..., 0])
             w[live] += move

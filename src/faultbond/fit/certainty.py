@@ -39,12 +39,12 @@ class Certainty:
 
     @property
     def sd(self) -> FloatArray:
-        """Standard errors."""
+        """Standard errors, (n,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)) * self.inflation)
 
     @property
     def determined(self) -> BoolArray:
-        """Whether the data alone fix an unknown."""
+        """Whether the data alone fix an unknown, (n,)."""
         return np.asarray(self.alone <= UNSURE)
 
 

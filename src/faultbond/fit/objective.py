@@ -83,7 +83,7 @@ class Scored:
 
     @property
     def standardised(self) -> FloatArray:
-        """Innovations in their standard deviations; white with sd 1 if the model is right."""
+        """Innovations in their standard deviations, (N, n_outputs); white with sd 1 if the model is right."""
         return np.asarray(self.innovations / np.sqrt(self.variances))
 
 

@@ -37,7 +37,7 @@ class Unknowns:
         return len(self.parameters)
 
     def fill(self, base: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Give q with the unknowns at their values, and the slope of each entry of q by its unknown."""
+        """Give q (n_q,) with the unknowns at their values (n,), and the slope (n,) of each entry by its unknown."""
         q, n = base.copy(), self.n_theta
         entries = values.copy()
         entries[:n] = np.where(self.logarithmic[:n], np.exp(values[:n]), values[:n])
@@ -47,7 +47,7 @@ class Unknowns:
         return q, slopes
 
     def widened(self, times: float | FloatArray) -> FloatArray:
-        """Give the prior with accuracies that many times wider."""
+        """Give the prior (n,) with accuracies that many times wider, one for all or (n_theta,)."""
         return np.concatenate([times * self.prior[: self.n_theta], self.prior[self.n_theta :]])
 
 
@@ -59,7 +59,7 @@ def unknowns_of(
     Parameters
     ----------
     layout : of q
-    base : q as the model file states it
+    base : float array, shape (n_q,), as the model file states it
     parameters : those to be found, with their places in q
     noises : places in q of the sizes of noise to be found; slow errors are not larger than declared, since one that
         may grow explains away whatever the model does wrong
