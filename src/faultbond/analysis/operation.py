@@ -65,17 +65,6 @@ class UsualRun:
     states: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Trace:
-    """What the monitor left behind: time (n,), samples (n, n_sample), lanes (n, n_numbers), spread (n, n_outputs)."""
-
-    time: FloatArray
-    samples: FloatArray
-    lanes: FloatArray
-    spread: FloatArray
-    warm: int
-
-
 def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | Sequence[Sample]) -> Operation:
     """Run the healthy filter over samples and linearise it.
 
@@ -95,22 +84,22 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
             for state, start, size in zip(spec.states, run.states[0].tolist(), sizes, strict=True)
         ]
         told = replace(spec, states=tuple(states))
-    try:
-        trace = _trace(told, engine, samples)
-    except np.linalg.LinAlgError:
-        trace = None
-    if trace is None:
+    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    with suppress(np.linalg.LinAlgError):
+        rows, warm = _filtered(told, engine, samples)
+    if not rows:
         raise RecordingError(
             f"{spec.model}: the healthy filter does not get going on these {len(samples)} samples; "
             "give a longer recording of the healthy plant, with every input"
         )
-    fields = {name: trace.samples[:, place] for name, place in spec.sample_fields.items()}
-    mean, implicit = trace.lanes[:, : spec.n_joint], trace.lanes[:, spec.n_joint + spec.n_packed : -1]
+    time, packed, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
+    fields = {name: packed[:, place] for name, place in spec.sample_fields.items()}
+    mean, implicit = lanes[:, : spec.n_joint], lanes[:, spec.n_joint + spec.n_packed : -1]
     transition, slope = _slopes(model, spec, mean, implicit, fields)
-    spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in trace.lanes])
+    spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in lanes])
     information = fields["use"] / (spec.output_noise**2 * fields["scale"])
     found = Operation(
-        time=trace.time,
+        time=time,
         dt=fields["dt"][:, 0],
         u=fields["u"],
         u_before=fields["u_before"],
@@ -119,11 +108,11 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
         transition=transition,
         slope=slope,
         gain=spreads @ slope.transpose(0, 2, 1) * information[:, None, :],
-        spread=trace.spread,
+        spread=spread,
         counted=(fields["use"] > 0) & (fields["scale"] == 1.0),
         blanked=(fields["use"] > 0) & (fields["scale"] != 1.0),
         covariance=spreads[0],
-        warm=trace.warm,
+        warm=warm,
     )
     parts = (found.transition, found.slope, found.gain, found.spread, found.covariance)
     if not all(np.isfinite(part).all() for part in parts):
@@ -134,13 +123,19 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
     return found
 
 
-def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace | None:
+def _filtered(
+    spec: EngineSpec, engine: Engine, samples: Sequence[Sample]
+) -> tuple[list[tuple[float, FloatArray, FloatArray, FloatArray]], int]:
+    """Run the monitor with its alarms off; give rows since its filter runs, and before how many alarms would be off.
+
+    A row: time, s; packed sample (n_sample,); healthy lane (n_numbers,); sd of the innovations (n_outputs,), SI.
+    """
     watched = quiet(spec)
     state = init(watched)
     if all(item.start_sd is not None for item in spec.states):  # the filter runs from the first sample on
         start = solve_start(watched, engine, np.zeros((0, spec.n_sample)))
         state = replace(state, lane=healthy_lane(watched, *start), running=1)
-    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    rows = list[tuple[float, FloatArray, FloatArray, FloatArray]]()
     for sample in samples:
         state, report = step(watched, engine, state, sample)
         if not state.running:
@@ -148,17 +143,7 @@ def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trac
             continue
         packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
         rows.append((sample.time, packed, state.lane[:, 0], np.sqrt(np.maximum(report.variance, 0.0))))
-    if not rows:
-        return None
-    first = state.index - len(rows)
-    time, samples_seen, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
-    return _Trace(
-        time=time,
-        samples=samples_seen,
-        lanes=lanes,
-        spread=spread,
-        warm=max(state.begun + spec.thresholds.warm_up_samples - first, 0),
-    )
+    return rows, max(state.begun + spec.thresholds.warm_up_samples - (state.index - len(rows)), 0)
 
 
 def _slopes(

@@ -244,9 +244,14 @@ def _families(
     second = lanes_of(second_thetas, start, [other for _, other in sides for _ in sizes])
     found = fit_together(bench.course, first, second, bench.nominal, stop=clock.over)
     lanes = list(zip(*found.theta, found.exact, strict=True))
+    scale = np.array([item.scale for item in bench.graph.parameters])
+    shift = np.array([1.0 if item.nominal == 0.0 else 0.0 for item in bench.graph.parameters])
     return [
         tuple(
-            _match(bench, both, one, other)
+            Match(
+                first=tuple((one / scale + shift)[both[0]].tolist()),
+                second=tuple((other / scale + shift)[both[1]].tolist()),
+            )
             for one, other, exact in lanes[k * len(sizes) : (k + 1) * len(sizes)]
             if exact and bench.inside(one) and bench.inside(other)
         )
@@ -254,22 +259,19 @@ def _families(
     ]
 
 
-def _match(bench: Bench, sides: PairPlaces, first: FloatArray, second: FloatArray) -> Match:
-    reference = np.array([item.scale for item in bench.graph.parameters])
-    shift = np.array([1.0 if item.nominal == 0.0 else 0.0 for item in bench.graph.parameters])
-    return Match(
-        first=tuple(float(value) for value in (first / reference + shift)[sides[0]]),
-        second=tuple(float(value) for value in (second / reference + shift)[sides[1]]),
-    )
-
-
 def _twins(
     graph: BondGraph, sides: PairPlaces, always: bool, matches: tuple[Match, ...], sizes: Sequence[float]
 ) -> Twins:
+    """Say what was found of a pair, with powers of the size if they are the same simple fractions for every size."""
     one, other = sides
-    names = [item.name for item in graph.parameters]
+    names, powers = [item.name for item in graph.parameters], None
     plain = all(graph.parameters[place].nominal != 0.0 for place in (*one, *other))
-    powers = _powers(matches, sizes) if plain and len(matches) == len(sizes) else None
+    if plain and len(matches) == len(sizes):
+        factors = np.array([[*match.first, *match.second] for match in matches])
+        found = np.log(factors) / np.log(np.asarray(sizes))[:, None]
+        simple = tuple(Fraction(float(value)).limit_denominator(4) for value in found[0])
+        away = np.abs(found - np.array([float(value) for value in simple]))
+        powers = simple if np.all(away < _SIMPLE) else None
     return Twins(
         first=tuple(names[place] for place in one),
         second=tuple(names[place] for place in other),
@@ -278,15 +280,6 @@ def _twins(
         first_powers=None if powers is None else powers[: len(one)],
         second_powers=None if powers is None else powers[len(one) :],
     )
-
-
-def _powers(matches: tuple[Match, ...], sizes: Sequence[float]) -> tuple[Fraction, ...] | None:
-    """Give the powers of the size, if they are the same simple fractions for every size."""
-    factors = np.array([[*match.first, *match.second] for match in matches])
-    found = np.log(factors) / np.log(np.asarray(sizes))[:, None]
-    simple = [Fraction(float(value)).limit_denominator(4) for value in found[0]]
-    away = np.abs(found - np.array([float(value) for value in simple]))
-    return tuple(simple) if bool(np.all(away < _SIMPLE)) else None
 
 
 def _set(names: Sequence[str]) -> str:
