@@ -92,14 +92,19 @@ class _LevenbergMarquardt:
         starts = np.ones((self.n_lanes, course.n_x), dtype=bool)
         self.active = np.hstack([part for side in sides for part in (side.places >= 0, starts)])
         self.is_value = np.hstack([part for width in self.widths for part in (np.ones(width), np.zeros(course.n_x))])
-        self.points = np.hstack([part for side in sides for part in (self._coordinates(side), side.start)])
+        parts = []
+        for side in sides:
+            log = np.log(np.maximum(np.abs(side.theta), 1e-300))
+            parts += [np.take_along_axis(np.where(course.linear, side.theta / course.scale, log), side.places, axis=1)]
+            parts += [side.start]
+        self.points = np.hstack(parts)
         self.w = [np.broadcast_to(guess, (self.n_lanes, course.n_samples, course.n_w)).copy() for _ in sides]
         self.w_by: list[FloatArray] = []
         self.size = np.ones(course.n_y)
 
     def run(self) -> FarthestFit:
         """Iterate until every lane is exact, or rests."""
-        n, points = self.n_lanes, self.points.copy()
+        n, points, course = self.n_lanes, self.points.copy(), self.course
         every = np.arange(n)
         first = [self._follow(points, side, every, self.w[side]) for side in range(len(self.sides))]
         self.w, self.w_by = [path.w for path in first], [path.w_by for path in first]
@@ -131,17 +136,15 @@ class _LevenbergMarquardt:
             for side, path in enumerate(paths):
                 self.w[side][won], self.w_by[side][won] = path.w[better], path.w_by[better]
             damping[lanes] = np.clip(np.where(better, damping[lanes] / 8, damping[lanes] * 5), 1e-12, 1e8)
-            home[won] = self._home(points, won, cost)
+            if self.known is not None:  # so near the known values, and falling, a lane ends there
+                reached, known = self._theta(points[won], 0, won), self.known[won]
+                away = np.abs(reached - known) / np.where(course.linear, np.abs(course.scale), np.abs(known))
+                home[won] = (np.max(away, axis=1, initial=0.0) < _HOME) & (cost[won] < _FALLING)
             gone[won] = np.max(np.abs(points - self.points)[won] * self.is_value, axis=1, initial=0.0) > _FAR
         done = ~((cost > _ENOUGH) & (idle < _STALLED) & ~home & ~gone) | (not self.stop())
         theta = tuple(self._theta(points, side, every) for side in range(len(self.sides)))
         start = points[:, self.widths[0] : self.widths[0] + self.course.n_x]
         return FarthestFit(theta=theta, start=start, misfit=cost, home=home, done=done)
-
-    def _coordinates(self, side: Lanes) -> FloatArray:
-        course = self.course
-        values = np.where(course.linear, side.theta / course.scale, np.log(np.maximum(np.abs(side.theta), 1e-300)))
-        return np.take_along_axis(values, side.places, axis=1)
 
     def _theta(self, points: FloatArray, side: int, lanes: IntArray) -> FloatArray:
         """Give all parameters (lanes, n_parameters) of one side; `points` are those of the lanes."""
@@ -189,14 +192,6 @@ class _LevenbergMarquardt:
         step = np.linalg.solve(normal, right)[:, :, 0] / length * self.active[lanes]
         longest = np.max(np.abs(step * self.is_value), axis=1, initial=1e-300)
         return np.asarray(step * np.minimum(1.0, _MOST_STEP / longest)[:, None])
-
-    def _home(self, points: FloatArray, lanes: IntArray, cost: FloatArray) -> BoolArray:
-        """Say which lanes are so near the known values that they end there."""
-        if self.known is None:
-            return np.zeros(len(lanes), dtype=bool)
-        theta, known = self._theta(points[lanes], 0, lanes), self.known[lanes]
-        away = np.abs(theta - known) / np.where(self.course.linear, np.abs(self.course.scale), np.abs(known))
-        return np.asarray((np.max(away, axis=1, initial=0.0) < _HOME) & (cost[lanes] < _FALLING))
 
 
 def _cost(misfit: FloatArray) -> FloatArray:

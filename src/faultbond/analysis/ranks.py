@@ -79,7 +79,11 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     parts = [_without(part / lengths, _rows(run.by_start, units)) for part, run in zip(full, runs, strict=True)]
     columns = np.vstack(parts)
     outputs = np.concatenate([np.tile(np.arange(len(units)), len(run.times)) for run in runs])
-    matrix, rank = _compressed(columns)
+    values, right = np.zeros(0), np.zeros((0, columns.shape[1]))
+    if columns.size:
+        _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
+    rank = told_rank(values)
+    n = min(rank.value, len(values))
     return ReducedSensitivities(
         outputs=runs[0].outputs,
         parameters=runs[0].parameters,
@@ -88,7 +92,7 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
         columns=still(columns),
         row_outputs=outputs,
         lengths=still(lengths),
-        matrix=still(matrix),
+        matrix=still(values[:n, None] * right[:n]),
         rank=rank,
     )
 
@@ -125,15 +129,6 @@ def _without(columns: FloatArray, start: FloatArray) -> FloatArray:
     for _ in range(2):
         columns = columns - base @ (base.T @ columns)
     return columns
-
-
-def _compressed(columns: FloatArray) -> tuple[FloatArray, Rank]:
-    if not columns.size:
-        return np.zeros((0, columns.shape[1])), told_rank(np.zeros(0))
-    _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
-    rank = told_rank(values)
-    n = min(rank.value, len(values))
-    return values[:n, None] * right[:n], rank
 
 
 def told_rank(values: FloatArray) -> Rank:

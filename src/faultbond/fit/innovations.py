@@ -12,12 +12,12 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.fit.samples import HealthyRecording
-from faultbond.runtime.alarm import counted
 from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import quiet, step
 from faultbond.runtime.packing import trusted
 from faultbond.runtime.start import healthy_lane, solve_start
 from faultbond.runtime.state import init
+from faultbond.runtime.unseen import unknown_inputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ def _taken(spec: EngineSpec, engine: Engine, record: HealthyRecording) -> _Taken
     """Run the monitor with its alarms off."""
     watched = quiet(spec)
     state, started = init(watched), 0
-    rows, use, astray = list[FloatArray](), list[BoolArray](), list[bool]()
+    rows, known, astray = list[FloatArray](), list[bool](), list[bool]()
     for point in record.points:
         before = state.running
         state, _ = step(watched, engine, state, point)
@@ -105,18 +105,16 @@ def _taken(spec: EngineSpec, engine: Engine, record: HealthyRecording) -> _Taken
             rows, started = list(state.trail_samples[gathered % len(state.trail_times)]), len(gathered)
         elif started:
             rows.append(state.trail_samples[(state.index - 1) % len(state.trail_times)])
-        else:
-            continue
-        use += [counted(watched, state, row) for row in rows[len(use) :]]
-        astray += [bool(state.astray.any())] * (len(rows) - len(astray))
+        new = len(rows) - len(known)
+        known += [not unknown_inputs(state).any()] * new
+        astray += [bool(state.astray.any())] * new
     packed = np.array(rows).reshape(-1, spec.n_sample)
-    settling = np.array([(row[spec.sample_fields["use"]] > 0) & ~trusted(spec, row) for row in rows], dtype=bool)
-    empty = (len(rows), len(spec.outputs))
+    use = trusted(spec, packed.T).T
     return _Taken(
         rows=packed,
         started=started,
-        use=np.array(use, dtype=bool).reshape(empty),
-        settling=settling.reshape(empty),
+        use=use & np.array(known, dtype=bool)[:, None],
+        settling=(packed[:, spec.sample_fields["use"]] > 0) & ~use,
         astray=np.array(astray, dtype=bool),
     )
 

@@ -74,8 +74,8 @@ def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec) -> 
     for k, output in enumerate(spec.outputs):
         if not np.isfinite(y[:, k]).any():
             raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
-    use = np.array([trusted(spec, row) for row in rows])
     packed, fields = np.array(rows), sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors))
+    use = trusted(spec, packed.T).T
     samples = np.zeros((len(rows), fields["kick"].stop))
     for field, place in fields.items():
         samples[:, place] = use if field == "use" else packed[:, spec.sample_fields[field]]

@@ -62,12 +62,15 @@ class Health:
         """The smallest factor of each kind that keeps the promise; None where none of those tried does."""
         found: dict[str, float | None] = {}
         for kind in dict.fromkeys(item.kind for item in self.trials):
-            good = [item.factor for item in self.trials if item.kind == kind and self._is_good(item)]
-            found[kind] = min(good) if good else None
+            found[kind] = min(
+                (
+                    item.factor
+                    for item in self.trials
+                    if item.kind == kind and item.peak <= 1.0 and item.between >= self.promise
+                ),
+                default=None,
+            )
         return found
-
-    def _is_good(self, item: DeclarationTrial) -> bool:
-        return item.peak <= 1.0 and item.between >= self.promise
 
 
 def on_trial(spec: EngineSpec, engine: Engine, records: Sequence[HealthyRecording], promise: float = MONTH) -> Health:

@@ -122,6 +122,15 @@ def test_scores_of_samples_add_up() -> None:
     assert np.isfinite(parts.innovations).sum() == 2 * 60 - 2
 
 
+def test_a_reading_that_feels_an_absent_input_is_not_used() -> None:
+    """While the voltage is missing the current, which feels it at once, does not count; that of the capacitor does."""
+    points = [replace(item, u=np.full(1, np.nan)) if 30 <= k < 34 else item for k, item in enumerate(recording())]
+    _, (record,), _ = prepared(RC, points)
+    assert record.u[29:34, 0].tolist() == [points[29].u[0]] * 5
+    assert np.flatnonzero(~record.use[:, 0]).tolist() == [20]
+    assert np.flatnonzero(~record.use[:, 1]).tolist() == [7, 30, 31, 32, 33]
+
+
 def test_white_noise_is_white_and_a_walk_is_not() -> None:
     """The test keeps white noise with gaps, and refuses what is correlated."""
     rng = np.random.default_rng(3)
