@@ -84,19 +84,6 @@ x3 x4
 x4
 """
 
-# A pendulum in Cartesian coordinates, structural index 3: Pantelides 1988.
-PENDULUM = """
-dx w
-dy z
-dw T x
-dz T y
-x y
-d x = dx
-d y = dy
-d w = dw
-d z = dz
-"""
-
 # A linear model of five states: Krysander and Frisk, Sensor placement for fault diagnosis, IEEE Trans. SMC-A 38 (2008).
 FIVE_STATES = """
 dx1 x1 x2 x5

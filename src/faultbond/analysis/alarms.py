@@ -37,13 +37,22 @@ class Windows:
 
 
 def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length: int) -> Windows:
-    """Run noise through the filter and its statistics without a fault."""
-    scores, ratios = _noise_run(spec, operation)
-    count = len(operation.time)
-    sums = no_sums(REALISATIONS, len(spec.outputs))
-    quiet = np.ones(REALISATIONS, dtype=bool)
+    """Run noise through the filter and its statistics without a fault; `onsets` are rows of the operation."""
+    generator = np.random.default_rng(_SEED)
+    count, shape = len(operation.time), (REALISATIONS, len(spec.outputs))
+    input_noise = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
+    error = _first_errors(spec, operation.covariance, generator)
+    scores, ratios = np.zeros((count, *shape)), np.zeros((count, REALISATIONS, len(alarming(spec))))
+    sums, quiet = no_sums(*shape), np.ones(REALISATIONS, dtype=bool)
     before, quiets = {}, {}
     for k in range(count):
+        if k:
+            error = error @ operation.transition[k].T
+            error[:, spec.noise_slice] = input_noise * generator.standard_normal((REALISATIONS, input_noise.size))
+            innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
+            error = error + innovation @ operation.gain[k].T
+            scores[k] = innovation / operation.spread[k]
+        ratios[k] = ratios_of(spec, error)
         if k in onsets:
             before[k], quiets[k] = sums, quiet
         if k >= operation.warm:
@@ -59,24 +68,6 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
         ),
         quiet=np.stack([quiets[k] for k in onsets]),
     )
-
-
-def _noise_run(spec: EngineSpec, operation: Operation) -> tuple[FloatArray, FloatArray]:
-    """Give innovations in their sd (n, m, n_outputs) and alarming slow errors in declared sd (n, m, n_alarming)."""
-    generator = np.random.default_rng(_SEED)
-    n, shape = len(operation.time), (REALISATIONS, len(spec.outputs))
-    input_noise = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
-    error = _first_errors(spec, operation.covariance, generator)
-    scores, ratios = np.zeros((n, *shape)), np.zeros((n, REALISATIONS, len(alarming(spec))))
-    for k in range(n):
-        if k:
-            error = error @ operation.transition[k].T
-            error[:, spec.noise_slice] = input_noise * generator.standard_normal((REALISATIONS, input_noise.size))
-            innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
-            error = error + innovation @ operation.gain[k].T
-            scores[k] = innovation / operation.spread[k]
-        ratios[k] = ratios_of(spec, error)
-    return scores, ratios
 
 
 def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random.Generator) -> FloatArray:

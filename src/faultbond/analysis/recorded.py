@@ -14,7 +14,7 @@ from math import ceil
 
 import numpy as np
 
-from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity
+from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity, still
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
@@ -57,8 +57,11 @@ def recorded_runs(
     first = np.arange(0, len(times), block)
     read = None if readings is None else _means(readings, first)
     whole = _run(recursion, _experiment(model, times[first], _means(held, first), start), read)
-    begin = _busiest(held, MOST_SAMPLES // 2)
-    window = slice(begin, begin + MOST_SAMPLES // 2)
+    span, length = np.ptp(held, axis=0), MOST_SAMPLES // 2
+    moves = np.abs(np.diff(held, axis=0)) / np.where(span > 0, span, 1.0)
+    total = np.concatenate([[0.0], np.cumsum(moves.sum(axis=1))])
+    begin = int(np.argmax(total[length - 1 :] - total[: len(total) - length + 1]))  # where the inputs move most
+    window = slice(begin, begin + length)
     read = None if readings is None else readings[window]
     return whole, _run(recursion, _experiment(model, times[window], held[window], whole.x[begin // block]), read)
 
@@ -88,7 +91,7 @@ def _run(recursion: Recursion, experiment: Experiment, readings: FloatArray | No
             break
         misfit = left
     here = np.isfinite(readings)[:, :, None]
-    return replace(run, by_theta=_still(run.by_theta * here), by_start=_still(run.by_start * here))
+    return replace(run, by_theta=still(run.by_theta * here), by_start=still(run.by_start * here))
 
 
 def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[FloatArray, float]:
@@ -137,16 +140,3 @@ def _held(model: StepModel, inputs: FloatArray) -> FloatArray:
     last = np.maximum.accumulate(np.where(here, np.arange(len(inputs))[:, None], -1), axis=0)
     last = np.where(last < 0, np.argmax(here, axis=0), last)
     return np.take_along_axis(inputs, last, axis=0)
-
-
-def _busiest(inputs: FloatArray, length: int) -> int:
-    """Give where the window of so many rows begins in which the inputs move most, each relative to its range."""
-    span = np.ptp(inputs, axis=0)
-    moves = np.abs(np.diff(inputs, axis=0)) / np.where(span > 0, span, 1.0)
-    total = np.concatenate([[0.0], np.cumsum(moves.sum(axis=1))])
-    return int(np.argmax(total[length - 1 :] - total[: len(total) - length + 1]))
-
-
-def _still(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array

@@ -10,14 +10,24 @@ swap of the two time constants.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.comparison import Allowance, Bench, bench_for, changed, long_benches, places_of, short_benches
-from faultbond.analysis.least_squares import fit
+from faultbond.analysis.comparison import (
+    NO_TIME,
+    Allowance,
+    Bench,
+    FittedLane,
+    bench_for,
+    changed,
+    long_benches,
+    places_of,
+    short_benches,
+)
+from faultbond.analysis.levenberg_marquardt import fit_lanes
 from faultbond.analysis.trajectories import lanes_of
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
@@ -27,7 +37,6 @@ SECONDS = 2.0  # of processor time, for all sets together
 STARTS = {1: (0.1, 0.3, 0.8, 2.0, 6.0), 2: (0.15, 0.5, 1.3, 4.5)}  # factors of nominal, by size of the set
 FEW_STARTS = (0.4, 1.6)  # for larger sets
 MOST_STARTS = 64  # per set
-NO_TIME = "no time left"
 NO_RUN = "no finite solution with these values"
 _FIRST_LANES = 8  # of the first batch, until the speed is known
 _SAME = 1e-4  # solutions nearer than this, relative, are one
@@ -88,23 +97,17 @@ class _Set:
         ends = {values[0], values[-1]}
         return [item for item in every if ends >= {*item}], [item for item in every if not ends >= {*item}]
 
+    def size(self) -> int:
+        """How many parameters it has."""
+        return len(self.places)
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Root:
-    """All parameters, and the start, with which a plant gives the outputs of a set."""
-
-    owner: _Set
-    theta: FloatArray
-    start: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """What fits of some sets came to: other roots, the sets (by number) in doubt, and those without time to the end."""
-
-    roots: list[_Root]
-    doubt: set[int]
-    cut: set[int]
+    def solutions(
+        self, others: Sequence[FloatArray] = (), *, continuum: bool = False, skipped: str = ""
+    ) -> OtherSolutions:
+        """Give what was found of it, still without names; `others` are all parameters of each."""
+        true, *rest = (tuple(theta[list(self.places)].tolist()) for theta in (self.true, *others))
+        found = () if continuum else tuple(rest)
+        return OtherSolutions(parameters=(), true=true, others=found, continuum=continuum, skipped=skipped)
 
 
 def other_solutions(
@@ -128,129 +131,96 @@ def other_solutions(
     StructureError
         Where the nominal plant has no finite solution along any run.
     """
-    graph = model.plant.graph
+    graph, found = model.plant.graph, dict[int, OtherSolutions]()
     places = [tuple(places_of(graph, names)) for names in hypotheses]
     sets = [
         _Set(number=k, places=chosen, true=changed(graph, chosen, [factor] * len(chosen)))
         for k, chosen in enumerate(places)
     ]
-    search = _Search(model, Allowance(seconds=seconds))
-    if sets:
-        search.look(sorted(sets, key=lambda item: len(item.places)))
-    return tuple(search.solutions(item, tuple(names)) for item, names in zip(sets, hypotheses, strict=True))
+    search, lanes, left = _Search(model, Allowance(seconds=seconds)), _FIRST_LANES, sorted(sets, key=_Set.size)
+    while left:  # some at a time, as many as the pace so far allows
+        n_starts = len(left[0].starts[0])
+        count = sum(item.size() == left[0].size() for item in left[: max(1, lanes // n_starts)])
+        begun = thread_time()
+        found |= search.look(left[:count])
+        pace = max(thread_time() - begun, 1e-3) / (count * n_starts)
+        lanes, left = int(min(1e4, max(search.clock.left, 0.0) / (2.0 * pace))), left[count:]
+    return tuple(replace(found[k], parameters=tuple(names)) for k, names in enumerate(hypotheses))
 
 
 class _Search:
     """Sets looked at some at a time, until the time is over."""
 
     def __init__(self, model: StepModel, clock: Allowance) -> None:
-        self.clock = clock
-        self.short = _Kept(short_benches(model))
-        self.long = _Kept(long_benches(model))
-        self.roots: dict[int, list[FloatArray]] = {}
-        self.tried: dict[int, int] = {}
-        self.skipped: dict[int, str] = {}
+        self.clock, self.short, self.long = clock, _Kept(short_benches(model)), _Kept(long_benches(model))
 
-    def look(self, sets: list[_Set]) -> None:
-        """Look at sets in the order given, some at a time, as many as the pace so far allows."""
-        lanes, left = _FIRST_LANES, sets
-        while left:
-            n_starts = len(left[0].starts[0])
-            count = sum(len(item.places) == len(left[0].places) for item in left[: max(1, lanes // n_starts)])
-            begun = thread_time()
-            self._batch(left[:count])
-            pace = max(thread_time() - begun, 1e-3) / (count * n_starts)
-            lanes, left = int(min(1e4, max(self.clock.left, 0.0) / (2.0 * pace))), left[count:]
-
-    def solutions(self, item: _Set, names: tuple[str, ...]) -> OtherSolutions:
-        """Say what was found of a set."""
-        places = list(item.places)
-        kept = self.roots.get(item.number, [])
-        continuum = len(kept) > max(_MANY, self.tried.get(item.number, 0) // _MANY)
-        return OtherSolutions(
-            parameters=names,
-            true=tuple(float(value) for value in item.true[places]),
-            others=() if continuum else tuple(tuple(float(value) for value in theta[places]) for theta in kept),
-            continuum=continuum,
-            skipped=self.skipped.get(item.number, ""),
-        )
-
-    def _batch(self, sets: list[_Set]) -> None:
-        left = sets
+    def look(self, sets: list[_Set]) -> dict[int, OtherSolutions]:
+        """Look at some sets, each on the first bench along which its plant has outputs; by their numbers."""
+        found: dict[int, OtherSolutions] = {}
         for bench in self.short:
-            if not left or self.clock.over():
+            if not sets or self.clock.over():
                 break
-            outputs, good = bench.outputs([item.true for item in left], self.clock)
-            here = [(item, y) for item, y, able in zip(left, outputs, good, strict=True) if able]
+            outputs, good = bench.outputs([item.true for item in sets], self.clock)
+            here = [(item, y) for item, y, able in zip(sets, outputs, good, strict=True) if able]
             if here:
-                self._answer(bench, here)
-            left = [item for item, able in zip(left, good, strict=True) if not able]
-        for item in left:
-            self.skipped[item.number] = NO_TIME if self.clock.over() else NO_RUN
+                found |= self._answers(bench, here)
+            sets = [item for item, able in zip(sets, good, strict=True) if not able]
+        reason = NO_TIME if self.clock.over() else NO_RUN
+        return found | {item.number: item.solutions(skipped=reason) for item in sets}
 
-    def _answer(self, bench: Bench, asked: list[tuple[_Set, FloatArray]]) -> None:
+    def _answers(self, bench: Bench, asked: list[tuple[_Set, FloatArray]]) -> dict[int, OtherSolutions]:
         """Find the roots of sets with their data: from few starts, from more where there is doubt, on a longer run."""
-        found = self._fitted(bench, [(item, data, factors) for item, data in asked for factors in item.starts[0]])
-        more = [(item, data) for item, data in asked if item.number in found.doubt and item.number not in found.cut]
-        second = self._fitted(bench, [(item, data, factors) for item, data in more for factors in item.starts[1]])
-        roots = [*found.roots, *second.roots]
+        roots: dict[int, list[FittedLane]] = {item.number: [] for item, _ in asked}
+        tried, cut = dict.fromkeys(roots, 0), set[int]()
+        doubt = set(roots)
+        for further in (0, 1):
+            some = [(item, data) for item, data in asked if item.number in doubt - cut]
+            owners = [item for item, _ in some for _ in item.starts[further]]
+            data = [data for item, data in some for _ in item.starts[further]]
+            factors = [begin for item, _ in some for begin in item.starts[further]]
+            doubt = set()
+            known = [item.true for item in owners]
+            fits = bench.fits([item.places for item in owners], factors, data, known, stop=self.clock.over)
+            for item, fit in zip(owners, fits, strict=True):
+                tried[item.number] += 1
+                if not fit.done:
+                    cut.add(item.number)
+                if not fit.home:
+                    doubt.add(item.number)
+                    roots[item.number] += [fit] if fit.exact else []
+        found = {}
         for item, _ in asked:
-            if item.number in found.cut | second.cut:
-                self.skipped[item.number] = NO_TIME
+            if item.number in cut:
+                found[item.number] = item.solutions(skipped=NO_TIME)
                 continue
-            mine = self._apart(bench, item, [root for root in roots if root.owner is item])
-            if 0 < len(mine) <= max(_MANY, self.tried[item.number] // _MANY):
+            most = max(_MANY, tried[item.number] // _MANY)
+            mine = self._apart(bench, item, roots[item.number])
+            if 0 < len(mine) <= most:
                 mine = self._apart(bench, item, self._confirmed(item, mine))
-            self.roots[item.number] = [root.theta for root in mine]
-
-    def _fitted(self, bench: Bench, tasks: list[tuple[_Set, FloatArray, Factors]]) -> _Found:
-        found = _Found(roots=[], doubt=set(), cut=set())
-        step = bench.course.most_lanes
-        for first in range(0, len(tasks), step):
-            part = tasks[first : first + step]
-            owners = [item for item, _, _ in part]
-            thetas = [changed(bench.graph, item.places, factors) for item, _, factors in part]
-            result = fit(
-                bench.course,
-                lanes_of(thetas, bench.course.run.start, [item.places for item in owners]),
-                bench.nominal,
-                np.array([data for _, data, _ in part]),
-                known=np.array([item.true for item in owners]),
-                stop=self.clock.over,
-            )
-            for lane, item in enumerate(owners):
-                self.tried[item.number] = self.tried.get(item.number, 0) + 1
-                if not result.done[lane]:
-                    found.cut.add(item.number)
-                if result.home[lane]:
-                    continue
-                found.doubt.add(item.number)
-                if result.exact[lane]:
-                    found.roots.append(_Root(owner=item, theta=result.theta[0][lane], start=result.start[lane]))
+            found[item.number] = item.solutions([root.theta for root in mine], continuum=len(mine) > most)
         return found
 
-    def _apart(self, bench: Bench, item: _Set, roots: list[_Root]) -> list[_Root]:
+    def _apart(self, bench: Bench, item: _Set, roots: list[FittedLane]) -> list[FittedLane]:
         """Give the roots in range that differ from the true values and from each other, the nearest first."""
-        kept: list[_Root] = []
+        kept: list[FittedLane] = []
         for root in sorted(roots, key=lambda root: bench.distance(root.theta, item.true)):
             known = [item.true, *(other.theta for other in kept)]
             if bench.inside(root.theta) and all(bench.distance(root.theta, other) > _SAME for other in known):
                 kept.append(root)
         return kept
 
-    def _confirmed(self, item: _Set, roots: list[_Root]) -> list[_Root]:
+    def _confirmed(self, item: _Set, roots: list[FittedLane]) -> list[FittedLane]:
         """Give the roots that a longer run leaves, as it gives them; all where there is none that the plant can do."""
         for bench in self.long:
             outputs, good = bench.outputs([item.true], Allowance(seconds=None))
             if not good[0]:
                 continue
             lanes = lanes_of([root.theta for root in roots], bench.course.run.start, [item.places] * len(roots))
-            for lane, root in enumerate(roots):
-                lanes.start[lane] = root.start
+            lanes.start[:] = [root.start for root in roots]
             data = np.repeat(outputs, len(roots), axis=0)
-            result = fit(bench.course, lanes, bench.nominal, data, stop=self.clock.long_over)
+            result = fit_lanes(bench.course, lanes, bench.nominal, data, stop=self.clock.long_over)
             return [
-                _Root(owner=item, theta=result.theta[0][lane], start=result.start[lane])
+                replace(roots[lane], theta=result.theta[0][lane], start=result.start[lane])
                 for lane in np.flatnonzero(result.exact)
             ]
         return roots
@@ -305,12 +275,10 @@ def reachable(
     results = []
     for names in hypotheses:
         places = tuple(places_of(graph, names))
-        starts = product(STARTS.get(len(places), FEW_STARTS), repeat=len(places))
-        lanes = [(row, factors) for factors in list(starts)[:MOST_STARTS] for row in range(behaviours)]
-        thetas = [changed(graph, places, factors) for _, factors in lanes]
-        begin = lanes_of(thetas, bench.course.run.start, [places] * len(lanes))
-        found = fit(bench.course, begin, bench.nominal, data[[row for row, _ in lanes]])
-        pairs = zip(lanes, found.theta[0], found.exact, strict=True)
-        reached = {row for (row, _), theta, exact in pairs if exact and bench.inside(theta)}
+        starts = list(product(STARTS.get(len(places), FEW_STARTS), repeat=len(places)))[:MOST_STARTS]
+        tasks = list(product(starts, range(behaviours)))
+        fits = bench.fits([places] * len(tasks), [item for item, _ in tasks], [data[row] for _, row in tasks])
+        pairs = zip(tasks, fits, strict=True)
+        reached = {row for (_, row), found in pairs if found.exact and bench.inside(found.theta)}
         results.append(Reach(parameters=tuple(names), reached=len(reached), tried=behaviours))
     return tuple(results)

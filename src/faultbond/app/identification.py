@@ -95,17 +95,15 @@ def check_data(
     graph = load_model(model)
     _refuse(graph, recordings)
     read = tuple((name, read_points(graph, name)) for name in recordings)
-    from faultbond.fit.samples import prepare  # noqa: PLC0415 - loads casadi
-    from faultbond.fit.session import layout_of_graph  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
     from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
 
     with _waiting() as status:
         spec, watcher = build_watcher(graph, engine)
         status("watching the recordings")
-        layout = layout_of_graph(graph)
-        records = tuple(prepare(name, points, spec, layout) for name, points in read)
-        found = on_trial(spec, watcher, layout, records, promise or graph.time_between_false_alarms or MONTH)
+        records = tuple(healthy_recording(name, points, spec) for name, points in read)
+        found = on_trial(spec, watcher, records, promise or graph.time_between_false_alarms or MONTH)
     out.record(health_record(graph, spec, found))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load

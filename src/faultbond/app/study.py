@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView, in_general, on_record
-from faultbond.analysis.equilibrium import at_rest, reference, reference_levels
+from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
 from faultbond.analysis.recorded import recorded_runs
@@ -283,10 +283,10 @@ def _apart(suspects: set[int], pair: NearGroup) -> bool:
 def _at_rest(study: _Study) -> CapabilityView:
     """What can be told where all inputs stand still: from where the reference run ended, else from where it rests."""
     model, levels = study.model, reference_levels(study.model)
-    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+    begins = stands(model, levels)
     for count in REST_SAMPLES:
         times = np.arange(count, dtype=np.float64) * (study.graph.sample_time or 1.0)
-        for stand in stands:
+        for stand in begins:
             with suppress(StructureError):
                 held = np.tile(levels, (count, 1))
                 return on_record(model, recorded_runs(model, study.recursion, times, held, stand.contents))

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Evaluation, FittedPlant, Point, course, evaluate
-from faultbond.fit.samples import Record
+from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.samples import HealthyRecording
 
 TURNS = 60  # steps at most
 PATIENCE = 10  # rises of the damping in a row
@@ -38,7 +38,7 @@ class Summit:
     still; steps: evaluations used.
     """
 
-    point: Point
+    point: FitPoint
     evaluation: Evaluation
     posterior: float
     precision: FloatArray
@@ -46,8 +46,13 @@ class Summit:
     steps: int
 
 
-def climb(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, prior: FloatArray, *, anchor: FloatArray | None = None
+def ascend(
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    prior: FloatArray,
+    *,
+    anchor: FloatArray | None = None,
 ) -> Summit:
     """Climb from a point.
 
@@ -80,45 +85,38 @@ def climb(
 
 def _straight(hill: "_Hill", now: Summit, most: int) -> Summit:
     """Climb as the slope leads, so many steps at most."""
-    damping, settled = 1e-3, False
+    damping = 1e-3
     for _ in range(most):
-        if settled or not np.isfinite(now.posterior):
+        if not np.isfinite(now.posterior):
             break
-        found, damping, settled = _step(hill, now, damping)
-        if found is None:
+        slope, damping = hill.slope(now), min(damping, STIFF)
+        free = ~hill.held(now, slope)
+        for _ in range(PATIENCE):
+            move, promise = hill.move(now, slope, free, damping)
+            if promise <= SETTLED and damping <= SOFT:
+                return replace(now, settled=True)
+            trial = hill.at(hill.moved(now.point, move))
+            gain = trial.posterior - now.posterior
+            if gain > 0.0:
+                break
+            damping *= 8.0
+        else:
             break
-        now = found
-    return replace(now, settled=settled)
-
-
-def _step(hill: "_Hill", now: Summit, damping: float) -> tuple[Summit | None, float, bool]:
-    """Give a higher point, the damping to go on with, and whether there is nothing to gain; None: there is none."""
-    slope = hill.slope(now)
-    free = ~hill.held(now, slope)
-    damping = min(damping, STIFF)
-    for _ in range(PATIENCE):
-        move, promise = hill.move(now, slope, free, damping)
-        if promise <= SETTLED and damping <= SOFT:
-            return None, damping, True
-        trial = hill.at(hill.moved(now.point, move))
-        gain = trial.posterior - now.posterior
-        if gain > 0.0:
-            return trial, _eased(damping, gain / max(hill.foretold(now, slope, move), 1e-300)), False
-        damping *= 8.0
-    return None, damping, False
-
-
-def _eased(damping: float, kept: float) -> float:
-    """Give the damping after a step that kept a part of what it promised."""
-    if kept < POOR:
-        return 4.0 * damping
-    return max(damping / 8.0, LEAST_DAMPING) if kept > FAIR else damping
+        kept = gain / max(float(move @ slope - 0.5 * move @ now.precision @ move), 1e-300)  # of what was foretold
+        if kept < POOR:
+            damping *= 4.0
+        elif kept > FAIR:
+            damping = max(damping / 8.0, LEAST_DAMPING)
+        now = trial
+    return replace(now, settled=False)
 
 
 class _Hill:
     """The posterior over the unknowns and what recordings have for themselves."""
 
-    def __init__(self, plant: FittedPlant, records: Sequence[Record], anchor: FloatArray, prior: FloatArray) -> None:
+    def __init__(
+        self, plant: FittedPlant, records: Sequence[HealthyRecording], anchor: FloatArray, prior: FloatArray
+    ) -> None:
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -127,21 +125,18 @@ class _Hill:
         self.plain: BoolArray = np.ones(self.n + n_own, dtype=bool)  # parameters and starts; the others are noise
         self.plain[plant.unknowns.n_theta : self.n] = False
 
-    def away(self, point: Point) -> FloatArray:
+    def away(self, point: FitPoint) -> FloatArray:
         """Give how far a point lies from what was known, in units of the unknowns."""
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
 
-    def penalty(self, point: Point) -> float:
-        return 0.5 * float(np.sum(self.weight * self.away(point) ** 2))
-
-    def at(self, point: Point) -> Summit:
+    def at(self, point: FitPoint) -> Summit:
         self.calls += 1
-        found = evaluate(self.plant, self.records, point)
+        found = evaluate_likelihood(self.plant, self.records, point)
         return Summit(
             point=point,
             evaluation=found,
-            posterior=found.value - self.penalty(point),
+            posterior=found.value - 0.5 * float(np.sum(self.weight * self.away(point) ** 2)),
             precision=found.information + np.diag(self.weight),
             settled=False,
             steps=self.calls,
@@ -169,10 +164,6 @@ class _Hill:
         longest = np.max(np.abs(step[self.logarithmic]), initial=0.0)
         return step * min(1.0, LONGEST / max(longest, 1e-300)), 0.5 * float(step @ slope)
 
-    def foretold(self, now: Summit, slope: FloatArray, move: FloatArray) -> float:
-        """Give what a step would bring if the hill were as it looks from here."""
-        return float(move @ slope - 0.5 * move @ now.precision @ move)
-
     def random_move(self, now: Summit, rng: np.random.Generator) -> FloatArray:
         """Give a move of parameters and starts about as long as they are uncertain."""
         precision = now.precision[np.ix_(self.plain, self.plain)]
@@ -183,7 +174,7 @@ class _Hill:
         move[self.plain] = SHAKEN * scale * spread
         return move
 
-    def moved(self, point: Point, move: FloatArray) -> Point:
+    def moved(self, point: FitPoint, move: FloatArray) -> FitPoint:
         unknowns = self.plant.unknowns
         starts = point.starts + move[self.n :].reshape(point.starts.shape) * point.sizes
         return replace(
@@ -191,7 +182,7 @@ class _Hill:
         )
 
 
-def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) -> Point:
+def spread_noise(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FitPoint:
     """Give the point with the noise of the sensors as large as what the plant leaves unexplained there.
 
     Far from the truth the declared noise would make a hill of cliffs.
@@ -199,9 +190,10 @@ def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) ->
     unknowns, n_p = plant.unknowns, plant.layout.n_p
     places = {int(place): k for k, place in enumerate(unknowns.places)}
     for _ in range(NOISE_ROUNDS):
-        ratios = _unexplained(plant, records, point)
-        if ratios is None:
+        found = [score_recording(plant, record, point, r) for r, record in enumerate(records)]
+        if not all(np.isfinite(item.value) and item.innovations.size for item in found):
             return point
+        ratios = np.nanmean(np.concatenate([item.standardised**2 for item in found]), axis=0)
         values = point.values.copy()
         for j, ratio in enumerate(ratios):
             if n_p + j in places and np.isfinite(ratio):
@@ -210,14 +202,3 @@ def spread_noise(plant: FittedPlant, records: Sequence[Record], point: Point) ->
         if np.all(np.abs(np.log(ratios)) < 0.1):
             break
     return point
-
-
-def _unexplained(plant: FittedPlant, records: Sequence[Record], point: Point) -> FloatArray | None:
-    """Give for each sensor the mean square of the standardised innovations; None where the plant has no course."""
-    squares = []
-    for r, record in enumerate(records):
-        found = course(plant, record, point, r)
-        if not np.isfinite(found.value) or not found.innovations.size:
-            return None
-        squares.append(found.standardised**2)
-    return np.asarray(np.nanmean(np.concatenate(squares), axis=0))

@@ -14,7 +14,7 @@ from faultbond.analysis.trajectories import Lanes, Paths, Trajectory, never
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 45
-EXACT = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same
+SAME = 1e-8  # misfit, in sizes of the outputs, below which outputs are the same
 _ENOUGH = 1e-12  # misfit below which no further iteration is worth it
 _MOST_STEP = 1.5  # in logarithms
 _STALLED = 4  # iterations without gain after which a lane rests
@@ -40,11 +40,11 @@ class FarthestFit:
 
     @property
     def exact(self) -> BoolArray:
-        """Whether the outputs are the same, by lane."""
-        return np.asarray(self.misfit < EXACT)
+        """Whether the outputs are the same, (lanes,)."""
+        return np.asarray(self.misfit < SAME)
 
 
-def fit(
+def fit_lanes(
     course: Trajectory,
     lanes: Lanes,
     guess: FloatArray,
@@ -70,7 +70,7 @@ def fit(
 def fit_together(
     course: Trajectory, one: Lanes, other: Lanes, guess: FloatArray, *, stop: Callable[[], bool] = never
 ) -> FarthestFit:
-    """Move both plants of each lane until their outputs are the same; `guess` as in `fit`, the same for both."""
+    """Move both plants of each lane until their outputs are the same; `guess` (n_samples, n_w), SI, is that of both."""
     return _LevenbergMarquardt(course, (one, other), guess, None, None, stop).run()
 
 
@@ -89,19 +89,28 @@ class _LevenbergMarquardt:
         self.course, self.sides, self.data, self.known, self.stop = course, sides, data, known, stop
         self.n_lanes = len(sides[0].theta)
         self.widths: list[int] = [side.places.shape[1] for side in sides]
-        self.active = np.hstack([self._pad(side.places >= 0, fill=True) for side in sides])
-        self.points = np.hstack([np.hstack([self._coordinates(side), side.start]) for side in sides])
+        starts = np.ones((self.n_lanes, course.n_x), dtype=bool)
+        self.active = np.hstack([part for side in sides for part in (side.places >= 0, starts)])
+        self.is_value = np.hstack([part for width in self.widths for part in (np.ones(width), np.zeros(course.n_x))])
+        parts = []
+        for side in sides:
+            log = np.log(np.maximum(np.abs(side.theta), 1e-300))
+            parts += [np.take_along_axis(np.where(course.linear, side.theta / course.scale, log), side.places, axis=1)]
+            parts += [side.start]
+        self.points = np.hstack(parts)
         self.w = [np.broadcast_to(guess, (self.n_lanes, course.n_samples, course.n_w)).copy() for _ in sides]
         self.w_by: list[FloatArray] = []
         self.size = np.ones(course.n_y)
 
     def run(self) -> FarthestFit:
         """Iterate until every lane is exact, or rests."""
-        n, points = self.n_lanes, self.points.copy()
+        n, points, course = self.n_lanes, self.points.copy(), self.course
         every = np.arange(n)
-        first = [self._follow(points, side, every, self.w[side], patient=True) for side in range(len(self.sides))]
+        first = [self._follow(points, side, every, self.w[side]) for side in range(len(self.sides))]
         self.w, self.w_by = [path.w for path in first], [path.w_by for path in first]
-        self.size = self._sizes(first)
+        outputs = self.data if self.data is not None else first[0].y[first[0].good]
+        if len(outputs):  # sizes of the outputs, of all lanes together
+            self.size = np.sqrt(np.mean(outputs**2, axis=(0, 1))) + 1e-300
         misfit, slope = self._misfit(first, every)
         cost, damping, idle = _cost(misfit), np.full(n, 1e-2), np.zeros(n, dtype=int)
         home, gone = np.zeros(n, dtype=bool), ~np.isfinite(cost)
@@ -111,7 +120,11 @@ class _LevenbergMarquardt:
                 break
             step = self._step(misfit[lanes], slope[lanes], damping[lanes], lanes)
             trial = points[lanes] + step
-            paths = [self._trial(trial, step, side, lanes) for side in range(len(self.sides))]
+            paths = []
+            for side, width in enumerate(self.widths):
+                place = slice(self._first(side), self._first(side) + width + self.course.n_x)
+                moved = np.einsum("lkwj,lj->lkw", self.w_by[side][lanes], step[:, place])
+                paths.append(self._follow(trial, side, lanes, self.w[side][lanes] + moved))
             new_misfit, new_slope = self._misfit(paths, lanes)
             new_cost = _cost(new_misfit)
             better = new_cost < cost[lanes]
@@ -123,26 +136,15 @@ class _LevenbergMarquardt:
             for side, path in enumerate(paths):
                 self.w[side][won], self.w_by[side][won] = path.w[better], path.w_by[better]
             damping[lanes] = np.clip(np.where(better, damping[lanes] / 8, damping[lanes] * 5), 1e-12, 1e8)
-            home[won] = self._home(points, won, cost)
-            gone[won] = np.max(np.abs(points - self.points)[won] * self._is_value(), axis=1, initial=0.0) > _FAR
+            if self.known is not None:  # so near the known values, and falling, a lane ends there
+                reached, known = self._theta(points[won], 0, won), self.known[won]
+                away = np.abs(reached - known) / np.where(course.linear, np.abs(course.scale), np.abs(known))
+                home[won] = (np.max(away, axis=1, initial=0.0) < _HOME) & (cost[won] < _FALLING)
+            gone[won] = np.max(np.abs(points - self.points)[won] * self.is_value, axis=1, initial=0.0) > _FAR
         done = ~((cost > _ENOUGH) & (idle < _STALLED) & ~home & ~gone) | (not self.stop())
         theta = tuple(self._theta(points, side, every) for side in range(len(self.sides)))
         start = points[:, self.widths[0] : self.widths[0] + self.course.n_x]
         return FarthestFit(theta=theta, start=start, misfit=cost, home=home, done=done)
-
-    def _pad(self, values: BoolArray, *, fill: bool) -> BoolArray:
-        """Add columns for the start."""
-        return np.hstack([values, np.full((self.n_lanes, self.course.n_x), fill)])
-
-    def _is_value(self) -> FloatArray:
-        """Give 1 for unknowns that are parameters, 0 for starts."""
-        parts = [np.concatenate([np.ones(width), np.zeros(self.course.n_x)]) for width in self.widths]
-        return np.concatenate(parts)
-
-    def _coordinates(self, side: Lanes) -> FloatArray:
-        course = self.course
-        values = np.where(course.linear, side.theta / course.scale, np.log(np.maximum(np.abs(side.theta), 1e-300)))
-        return np.take_along_axis(values, side.places, axis=1)
 
     def _theta(self, points: FloatArray, side: int, lanes: IntArray) -> FloatArray:
         """Give all parameters (lanes, n_parameters) of one side; `points` are those of the lanes."""
@@ -161,24 +163,14 @@ class _LevenbergMarquardt:
     def _first(self, side: int) -> int:
         return side * int(self.widths[0] + self.course.n_x)
 
-    def _follow(self, points: FloatArray, side: int, lanes: IntArray, guess: FloatArray, *, patient: bool) -> Paths:
+    def _follow(self, points: FloatArray, side: int, lanes: IntArray, guess: FloatArray) -> Paths:
         start = self._first(side) + self.widths[side]
         mine = Lanes(
             theta=self._theta(points, side, lanes),
             start=np.ascontiguousarray(points[:, start : start + self.course.n_x]),
             places=self.sides[side].places[lanes],
         )
-        return self.course.follow(mine, guess, patient=patient, stop=self.stop)
-
-    def _trial(self, trial: FloatArray, step: FloatArray, side: int, lanes: IntArray) -> Paths:
-        first, width = self._first(side), self.widths[side] + self.course.n_x
-        moved = np.einsum("lkwj,lj->lkw", self.w_by[side][lanes], step[:, first : first + width])
-        return self._follow(trial, side, lanes, self.w[side][lanes] + moved, patient=True)
-
-    def _sizes(self, paths: list[Paths]) -> FloatArray:
-        """Give the sizes of the outputs, of all lanes together."""
-        outputs = self.data if self.data is not None else paths[0].y[paths[0].good]
-        return np.asarray(np.sqrt(np.mean(outputs**2, axis=(0, 1))) + 1e-300) if len(outputs) else self.size
+        return self.course.follow(mine, guess, self.stop)
 
     def _misfit(self, paths: list[Paths], lanes: IntArray) -> tuple[FloatArray, FloatArray]:
         """Give misfits (lanes, rows), inf without a solution, and slopes (lanes, rows, unknowns), in output sizes."""
@@ -198,16 +190,8 @@ class _LevenbergMarquardt:
         normal += (damping[:, None, None] + 1e-14) * np.eye(normal.shape[1])
         right = -(unit.transpose(0, 2, 1) @ misfit[:, :, None])
         step = np.linalg.solve(normal, right)[:, :, 0] / length * self.active[lanes]
-        longest = np.max(np.abs(step * self._is_value()), axis=1, initial=1e-300)
+        longest = np.max(np.abs(step * self.is_value), axis=1, initial=1e-300)
         return np.asarray(step * np.minimum(1.0, _MOST_STEP / longest)[:, None])
-
-    def _home(self, points: FloatArray, lanes: IntArray, cost: FloatArray) -> BoolArray:
-        """Say which lanes are so near the known values that they end there."""
-        if self.known is None:
-            return np.zeros(len(lanes), dtype=bool)
-        theta, known = self._theta(points[lanes], 0, lanes), self.known[lanes]
-        away = np.abs(theta - known) / np.where(self.course.linear, np.abs(self.course.scale), np.abs(known))
-        return np.asarray((np.max(away, axis=1, initial=0.0) < _HOME) & (cost[lanes] < _FALLING))
 
 
 def _cost(misfit: FloatArray) -> FloatArray:
