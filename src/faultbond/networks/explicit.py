@@ -7,7 +7,7 @@ from math import isfinite
 import sympy as sp
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
-from faultbond.equations.numeric import Value, evaluate, exact
+from faultbond.equations.numeric import Real, exact, numeric_value
 from faultbond.model.expression import Binary, Expression, Name, Negative, names
 from faultbond.networks.polynomial_roots import MAX_POWER, MAX_TERMS, NotPolynomialError
 from faultbond.networks.relations import holds, magnitude
@@ -23,7 +23,7 @@ def is_explicit(network: StaticNetwork, seen: Observation) -> bool:
     return network.is_explicit and all(name in known for item in read for name in item.names)
 
 
-def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Value]) -> bool:
+def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Real]) -> bool:
     """Whether parameters of these values give the readings of an explicit observation."""
     if seen.healthy is None:
         return False
@@ -72,8 +72,8 @@ def _ring(suspects: tuple[str, ...]) -> tuple[PolyRing, ...]:
 
 
 def _image(
-    expression: Expression, values: Mapping[str, Value], images: Mapping[str, Quotient], one: PolyElement
-) -> Quotient | Value:
+    expression: Expression, values: Mapping[str, Real], images: Mapping[str, Quotient], one: PolyElement
+) -> Quotient | Real:
     """Give an expression as a quotient of polynomials in the suspended parameters, or its value without them."""
     match expression:
         case Name(text):
@@ -86,11 +86,11 @@ def _image(
             if isinstance(first, tuple) or isinstance(second, tuple):
                 return _combined(operator, first, second, one)
     if images.keys().isdisjoint(names(expression)):
-        return evaluate(expression, values)
+        return numeric_value(expression, values)
     raise NotPolynomialError
 
 
-def _combined(operator: str, left: Quotient | Value, right: Quotient | Value, one: PolyElement) -> Quotient:
+def _combined(operator: str, left: Quotient | Real, right: Quotient | Real, one: PolyElement) -> Quotient:
     """Apply an operator where at least one side depends on the suspended parameters."""
     if operator != "**":
         return _arithmetic(operator, _quotient(left, one), _quotient(right, one))
@@ -105,7 +105,7 @@ def _combined(operator: str, left: Quotient | Value, right: Quotient | Value, on
     raise NotPolynomialError
 
 
-def _quotient(image: Quotient | Value, one: PolyElement) -> Quotient:
+def _quotient(image: Quotient | Real, one: PolyElement) -> Quotient:
     if isinstance(image, tuple):
         return image
     if not isfinite(image):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from faultbond.arrays import FloatArray
-from faultbond.equations.numeric import Value, slopes
+from faultbond.equations.numeric import Real, slopes
 from faultbond.networks.propagation import Propagated
 from faultbond.networks.relations import holds, magnitude
 
@@ -46,7 +46,7 @@ class _Problem:
 
 
 def search(
-    rows: Sequence[Propagated], nominal: Mapping[str, float], signals: Sequence[Mapping[str, Value]]
+    rows: Sequence[Propagated], nominal: Mapping[str, float], signals: Sequence[Mapping[str, Real]]
 ) -> list[Found]:
     """Give solutions that all rows share, nearest to the first start first.
 
@@ -85,7 +85,7 @@ def same(one: Found, other: Found) -> bool:
 
 
 def _problem(
-    rows: Sequence[Propagated], wanted: tuple[str, ...], signals: Sequence[Mapping[str, Value]]
+    rows: Sequence[Propagated], wanted: tuple[str, ...], signals: Sequence[Mapping[str, Real]]
 ) -> tuple[_Problem, list[float]]:
     """Number the unknowns; give the problem and the start of all signals."""
     rest: list[float] = []

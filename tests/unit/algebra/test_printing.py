@@ -30,7 +30,7 @@ from faultbond.algebra.solving.readable import Formula, common_parts, formulas
 from faultbond.algebra.solving.solution import Line, Solution
 from faultbond.algebra.solving.solve import solve
 from faultbond.equations.component_network import ComponentNetwork
-from faultbond.equations.numeric import evaluate
+from faultbond.equations.numeric import numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Number
 from faultbond.model.parser import parse_expression, to_text
 
@@ -67,7 +67,7 @@ def expected(formula: Formula, values: Mapping[str, float]) -> float:
     """The value of a formula, line by line."""
     known: dict[str, float | Fraction] = {**values}
     for line in formula.lines:
-        known[line.name] = evaluate(line.value, known)
+        known[line.name] = numeric_value(line.value, known)
     return float(known[formula.target])
 
 

@@ -11,7 +11,7 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.fewest import fewest_components
 from faultbond.algebra.routes.matched import alternatives, find_route
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant
 from faultbond.algebra.solving.noise import NoiseGain, noise_gain, nominal_record
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import SolvingLimits, solve_cached
@@ -63,7 +63,11 @@ def _unknown_part(question: Question) -> Question:
 
 
 def choose_route(
-    network: ComponentNetwork, question: Question, preference: Preference, plant: NumericPlant, record: Record | None
+    network: ComponentNetwork,
+    question: Question,
+    preference: Preference,
+    plant: NumericPlant,
+    record: FrameRecord | None,
 ) -> Route:
     """Give the route that is preferred; of a causal question the one along causality, whatever is preferred.
 
@@ -82,7 +86,7 @@ def choose_route(
     return find_route(network, question)
 
 
-def _noise(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record) -> tuple[float, int]:
+def _noise(network: ComponentNetwork, route: Route, plant: NumericPlant, record: FrameRecord) -> tuple[float, int]:
     """Order routes by noise; of equal ones the shorter is better."""
     return noise_gain(network, route, plant, record).worst, len(route.steps)
 
@@ -91,7 +95,7 @@ def answer(
     network: ComponentNetwork,
     question: Question,
     plant: NumericPlant,
-    record: Record | None,
+    record: FrameRecord | None,
     *,
     preference: Preference = Preference.FRAMES,
     cache: Path | None = None,
@@ -113,7 +117,7 @@ def answer(
     )
 
 
-def _gain(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record | None) -> NoiseGain | None:
+def _gain(network: ComponentNetwork, route: Route, plant: NumericPlant, record: FrameRecord | None) -> NoiseGain | None:
     if record is None:
         return None
     try:
@@ -122,7 +126,7 @@ def _gain(network: ComponentNetwork, route: Route, plant: NumericPlant, record: 
         return None
 
 
-def trial_record(network: ComponentNetwork, plant: NumericPlant, largest: int) -> Record | None:
+def trial_record(network: ComponentNetwork, plant: NumericPlant, largest: int) -> FrameRecord | None:
     """Give a record of the nominal plant that is long enough for every route to sets of that size, if there is one."""
     frames = SPARE_FRAMES + len(network.states) + len(network.parameters[:largest])
     try:

@@ -9,7 +9,7 @@ matched. Sources: thesis 4.4.1 (what a route is); Pothen and Fan 1990.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from faultbond.algebra.route import Question, Route, Step, Target
+from faultbond.algebra.route import Question, Route, RouteStep, Target
 from faultbond.algebra.routes.unroll import (
     Place,
     Unrolled,
@@ -274,7 +274,7 @@ def route_of(network: ComponentNetwork, question: Question, found: Frames, match
     order = list(queue)
     for unknown in order:
         name, frame = unrolled.places[matched[unknown]]
-        steps.append(Step(equation=name, frame=frame, finds=unrolled.unknowns[unknown]))
+        steps.append(RouteStep(equation=name, frame=frame, finds=unrolled.unknowns[unknown]))
         for other in unrolled.equations[matched[unknown]]:
             if other not in queue:
                 queue[other] = None
@@ -316,7 +316,7 @@ def earlier(route: Route, frames: int = 1) -> Route:
         route,
         question=shifted,
         steps=tuple(
-            Step(
+            RouteStep(
                 equation=step.equation,
                 frame=step.frame + frames,
                 finds=step.finds if isinstance(step.finds, str) else (step.finds[0], step.finds[1] + frames),

@@ -9,7 +9,7 @@ unknowns become unknowns with a function as equation. Source: thesis 3.7.2 (a sq
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from faultbond.algebra.solving.tidy import ONE, ZERO, difference, negative, replaced
+from faultbond.algebra.solving.tidy import ONE, ZERO, difference, negative, replace_part
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, parts, rename
 from faultbond.model.parser import to_text
 
@@ -107,7 +107,7 @@ def _split(
         value = _on_side(kink, side)
         conditions = case.conditions if condition in case.conditions else (*case.conditions, condition)
         further = Branch(
-            residuals=tuple(replaced(item, kink, value) for item in case.residuals),
+            residuals=tuple(replace_part(item, kink, value) for item in case.residuals),
             conditions=conditions,
             sides={**case.sides, key: sign * side},
         )
@@ -190,7 +190,7 @@ def name_functions(case: Branch, unknown: frozenset[str], fresh: Callable[[str],
             open_.add(item.name)
         else:
             known.append(item)
-        residuals = tuple(replaced(residual, part, Name(item.name)) for residual in residuals)
+        residuals = tuple(replace_part(residual, part, Name(item.name)) for residual in residuals)
     return Branch(
         residuals=residuals,
         conditions=case.conditions,

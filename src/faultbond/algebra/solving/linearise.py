@@ -8,14 +8,14 @@ import numpy as np
 from scipy.linalg.lapack import dgecon, dgetrf
 
 from faultbond.arrays import FloatArray
-from faultbond.equations.numeric import Value, is_nan, slopes, solve_linear
+from faultbond.equations.numeric import Real, is_nan, slopes, solve_linear
 from faultbond.model.expression import Expression
 
 WELL, SINGULAR = 1e-10, 1e-15  # reciprocal conditions of equations with rows and columns scaled
 MAX_EXACT = 60  # equations that are looked at in exact arithmetic
 
 
-def slope_matrix(residuals: Sequence[Expression], columns: Sequence[str], values: Mapping[str, Value]) -> FloatArray:
+def slope_matrix(residuals: Sequence[Expression], columns: Sequence[str], values: Mapping[str, Real]) -> FloatArray:
     """Give the derivatives of residuals by some names; shape (n_residuals, n_columns), nan where there is none."""
     position = {name: k for k, name in enumerate(columns)}
     matrix = np.zeros((len(residuals), len(columns)))
@@ -44,7 +44,7 @@ class Fixed(Enum):
     NOT = "not"
 
 
-def fixes(residuals: Sequence[Expression], unknown: Sequence[str], values: Mapping[str, Value]) -> Fixed:
+def fixes(residuals: Sequence[Expression], unknown: Sequence[str], values: Mapping[str, Real]) -> Fixed:
     """Tell whether equations fix as many unknowns near a solution: exactly where the values are fractions.
 
     In floating point they fix them barely where rounding is amplified beyond use.

@@ -9,7 +9,7 @@ from time import monotonic
 import numpy as np
 
 from faultbond.algebra.route import Route, Target
-from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, random_inputs, simulate_frames
 from faultbond.algebra.solving.linearise import Fixed, fixes, slope_matrix
 from faultbond.equations.component_network import (
     SAMPLE_TIME,
@@ -20,7 +20,7 @@ from faultbond.equations.component_network import (
     in_frame,
 )
 from faultbond.equations.inversion import substitute
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
 
@@ -70,7 +70,7 @@ class Problem:
         """Give a name without its frame."""
         return self.signals[name][0] if self.shared and name in self.signals else name
 
-    def is_met(self, values: Mapping[str, Value]) -> bool:
+    def is_met(self, values: Mapping[str, Real]) -> bool:
         """Whether values satisfy all equations."""
         return misfit(self.residuals, values) < TOLERANCE
 
@@ -82,8 +82,8 @@ class ProofData:
     scales: of each target the size of what it is a sum of; a target that is 0 comes out as rounding of that size.
     """
 
-    known: Mapping[str, Value]
-    true: Mapping[str, Value]
+    known: Mapping[str, Real]
+    true: Mapping[str, Real]
     scales: Mapping[str, float]
 
 
@@ -213,7 +213,7 @@ def _record(
     if seed % 4 >= 2:  # a plant without inputs moves only if it does not begin at rest
         start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
     try:
-        record = simulate(network, values, inputs, plant.sample_time, start, n)
+        record = simulate_frames(network, values, inputs, plant.sample_time, start, n)
     except StructureError:
         return None
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
@@ -222,7 +222,7 @@ def _record(
     return ProofData(known=known, true=true, scales=_scales(problem, known, true))
 
 
-def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Value]) -> dict[str, float]:
+def _scales(problem: Problem, known: Mapping[str, Real], true: Mapping[str, Real]) -> dict[str, float]:
     """Give for each target that is 0 the sum of the sizes of what each known value brings to it, to first order."""
     zero = [name for name in problem.targets if not true[name]]
     if not zero:
@@ -237,7 +237,7 @@ def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Val
     return {name: float(parts[problem.unknown.index(name)]) for name in zero}
 
 
-def without(values: Mapping[str, Value], names_: Iterable[str]) -> dict[str, Value]:
+def without(values: Mapping[str, Real], names_: Iterable[str]) -> dict[str, Real]:
     """Give a mapping without some names."""
     dropped = set(names_)
     return {name: value for name, value in values.items() if name not in dropped}

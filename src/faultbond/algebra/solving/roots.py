@@ -12,16 +12,24 @@ from time import monotonic
 
 from faultbond.algebra.solving.backward_euler import misfit, newton
 from faultbond.algebra.solving.branches import Branch, cases, name_functions
-from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
-from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
+from faultbond.algebra.solving.polynomial import (
+    NotRationalError,
+    Space,
+    TooLargeError,
+    by_power,
+    image,
+    quotient,
+    space_of,
+    specialise,
+)
 from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem, without
-from faultbond.algebra.solving.rational import NotRationalError, quotient, specialise
 from faultbond.algebra.solving.symbols import real_roots
 from faultbond.algebra.solving.systems import Given, NoClosedFormError, Ordered, System, order_systems
-from faultbond.equations.numeric import Value, evaluate
+from faultbond.equations.numeric import Real, numeric_value
 from faultbond.model.expression import Expression, names
 
-Values = dict[str, Value]
+Reals = dict[str, Real]
 
 N_STARTS = 20
 START_SPREAD = 0.7  # of the logarithm of a start
@@ -38,7 +46,7 @@ class Count:
     degree: None where Newton's method was used. complete: whether every case was looked at.
     """
 
-    roots: tuple[Values, ...]
+    roots: tuple[Reals, ...]
     degree: int | None
     complete: bool = True
 
@@ -46,7 +54,7 @@ class Count:
 @dataclass(slots=True)
 class _Walk:
     problem: Problem
-    guess: Mapping[str, Value]
+    guess: Mapping[str, Real]
     deadline: float
     number: int = 0
     by_newton: bool = False
@@ -58,7 +66,7 @@ class _Walk:
         return f"{word}:{self.number}"
 
 
-def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str, Value], seconds: float = inf) -> Count:
+def find_roots(problem: Problem, known: Mapping[str, Real], guess: Mapping[str, Real], seconds: float = inf) -> Count:
     """Give all real values of the unknowns that satisfy the equations on given samples.
 
     Parameters
@@ -69,7 +77,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
     seconds : after which no further root is looked for
     """
     walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
-    paths: list[Values] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
+    paths: list[Reals] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
     total = 1
     for block in problem.blocks:
         further = [_through(walk, block, values) for values in paths]
@@ -77,7 +85,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
         paths = [values for found, _ in further for values in found]
         walk.cut |= len(paths) > MAX_PATHS
         paths = paths[:MAX_PATHS]
-    roots: list[Values] = []
+    roots: list[Reals] = []
     for values in paths:
         root = {name: values[name] for name in problem.unknown}
         if problem.is_met(_floats(values)) and not any(_same(root, other) for other in roots):
@@ -86,7 +94,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
     return Count(roots=tuple(roots), degree=degree, complete=not walk.cut)
 
 
-def _fraction(value: Value) -> Fraction:
+def _fraction(value: Real) -> Fraction:
     """Give a number as a fraction, rounded where it is long."""
     value = Fraction(value)
     excess = value.denominator.bit_length() - _BITS
@@ -96,18 +104,18 @@ def _fraction(value: Value) -> Fraction:
     return Fraction(round(value * digits), digits)
 
 
-def _floats(values: Mapping[str, Value]) -> dict[str, Value]:
+def _floats(values: Mapping[str, Real]) -> dict[str, Real]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _same(one: Values, two: Values) -> bool:
+def _same(one: Reals, two: Reals) -> bool:
     return all(abs(float(value - two[name])) <= SAME * abs(float(value)) for name, value in one.items())
 
 
-def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], int]:
+def _through(walk: _Walk, block: Block, values: Reals) -> tuple[list[Reals], int]:
     """Give all continuations of one path through a block, and the number of algebraic roots on their own branch."""
     unknown = frozenset(block.unknown)
-    found: list[Values] = []
+    found: list[Reals] = []
     highest = 0
     try:
         for number, case in enumerate(cases(block.residuals, unknown, {}, _as_it_is, _prefer(walk, values))):
@@ -131,17 +139,17 @@ def _as_it_is(name: str) -> str:
     return name
 
 
-def _prefer(walk: _Walk, values: Values) -> Callable[[Expression], bool]:
+def _prefer(walk: _Walk, values: Reals) -> Callable[[Expression], bool]:
     """Whether an expression is positive at the guess."""
     everything = {**walk.guess, **values}
 
     def positive(expression: Expression) -> bool:
-        return not set(names(expression)) <= everything.keys() or not evaluate(expression, everything) < 0
+        return not set(names(expression)) <= everything.keys() or not numeric_value(expression, everything) < 0
 
     return positive
 
 
-def _case_roots(walk: _Walk, block: Block, case: Branch, values: Values) -> tuple[list[Values], int]:
+def _case_roots(walk: _Walk, block: Block, case: Branch, values: Reals) -> tuple[list[Reals], int]:
     """Give the roots in one case; none where it is singular."""
     try:
         ordered = order_systems(case, block.unknown, walk.fresh)
@@ -150,11 +158,11 @@ def _case_roots(walk: _Walk, block: Block, case: Branch, values: Values) -> tupl
         return [], 0
 
 
-def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) -> tuple[list[Values], int]:
+def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Reals) -> tuple[list[Reals], int]:
     paths, total = [values], 1
     for part in ordered.parts:
         if isinstance(part, Given):
-            done = [{**path, part.name: evaluate(part.value, path)} for path in paths]
+            done = [{**path, part.name: numeric_value(part.value, path)} for path in paths]
             paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
             continue
         further = [_system_roots(walk, part, block.parameters, path) for path in paths]
@@ -163,20 +171,20 @@ def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) 
     return paths, total
 
 
-def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], values: Values) -> tuple[list[Values], int]:
+def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], values: Reals) -> tuple[list[Reals], int]:
     every = space_of(dict.fromkeys((*system.unknown, *values)))
     into = space_of(system.unknown)
     fractions = {name: Fraction(value) for name, value in values.items()}
     polynomials = [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals]
     signals = [name for name in system.unknown if name not in parameters]
-    reduced = eliminate(
+    reduced = reduce_system(
         polynomials, signals, [name for name in system.unknown if name in parameters], into, walk.deadline
     )
     lasts, degree = _last_roots(reduced, into)
     return [found for last in lasts if (found := _back(reduced, into, {**values, **last})) is not None], degree
 
 
-def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Values], int]:
+def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Reals], int]:
     if not reduced.rest:
         return [{}], 1
     if len(reduced.rest) > 1:
@@ -186,37 +194,29 @@ def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Values], int
     degree = max(parts)
     if degree > MAX_DEGREE:
         raise TooLargeError
-    coefficients = [parts.get(power, {}).get(0, 0) for power in range(degree, -1, -1)]
+    coefficients = [int(parts[power].LC) if power in parts else 0 for power in range(degree, -1, -1)]
     repeated = max(min(parts) - 1, 0)  # of the root 0; a division by the unknown as a rule
     return [{name: root} for root in real_roots(coefficients)], degree - repeated
 
 
-def _back(reduced: ReducedSystem, space: Space, values: Values) -> Values | None:
+def _back(reduced: ReducedSystem, space: Space, values: Reals) -> Reals | None:
     """Compute the eliminated unknowns; None where a denominator is zero."""
     found = dict(values)
+    here: dict[str, Fraction] = {}
     for pivot in reversed(reduced.pivots):
-        below = _value(pivot.denominator, space, found)
+        here |= {name: Fraction(found[name]) for name in space.place if name in found}
+        above, below = (sum(image(item, space, here).values()) for item in (pivot.numerator, pivot.denominator))
         if not below:
             return None
-        found[pivot.unknown] = _fraction(_value(pivot.numerator, space, found) / below)
+        found[pivot.unknown] = _fraction(Fraction(above) / below)
     return found
 
 
-def _value(polynomial: Polynomial, space: Space, values: Mapping[str, Value]) -> Fraction:
-    total = Fraction(0)
-    for monomial, coefficient in polynomial.items():
-        term = Fraction(coefficient)
-        for name, power in space.powers(monomial).items():
-            term *= Fraction(values[name]) ** power
-        total += term
-    return total
-
-
-def _newton_roots(walk: _Walk, block: Block, values: Values) -> list[Values]:
+def _newton_roots(walk: _Walk, block: Block, values: Reals) -> list[Reals]:
     """Start near the guess, and at multiples of it; every start that ends somewhere new gives a root."""
     rng = Random(0)  # noqa: S311 - starting points, no secret
     known = _floats(values)
-    roots: list[Values] = []
+    roots: list[Reals] = []
     for attempt in range(N_STARTS):
         if monotonic() > walk.deadline:
             break

@@ -19,9 +19,8 @@ from faultbond.algebra.solving.branches import Condition
 from faultbond.algebra.solving.closed import FormCandidate, FormSearch, find_candidates
 from faultbond.algebra.solving.elimination import SingularError
 from faultbond.algebra.solving.linearise import Fixed
-from faultbond.algebra.solving.polynomial import TooLargeError
+from faultbond.algebra.solving.polynomial import Ratio, TooLargeError, quotient_expression
 from faultbond.algebra.solving.problem import TOLERANCE, Problem, ProofData, prepare, trials_of
-from faultbond.algebra.solving.rational import Quotient, quotient_expression
 from faultbond.algebra.solving.roots import Count, find_roots
 from faultbond.algebra.solving.solution import (
     VERSION,
@@ -30,8 +29,8 @@ from faultbond.algebra.solving.solution import (
     Singular,
     Solution,
     SolutionKind,
+    conditions_hold,
     evaluate_root,
-    holds,
     read_cached,
     write_cached,
 )
@@ -40,7 +39,7 @@ from faultbond.algebra.solving.systems import NoClosedFormError
 from faultbond.algebra.solving.tidy import fold
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.equations.inversion import substitute
-from faultbond.equations.numeric import Value, evaluate, is_nan
+from faultbond.equations.numeric import Real, is_nan, numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Number, names, walk
 from faultbond.model.parser import to_text
 
@@ -183,13 +182,13 @@ def _unchecked(problem: Problem, fixed: Fixed | None) -> Solution:
     return Solution(targets=problem.targets, kind=kind, degree=None, real_roots=None, remarks=(words,))
 
 
-def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
+def _positive_at(values: Mapping[str, Real]) -> Callable[[Expression], bool]:
     """Whether an expression is positive at the nominal plant; what has no value there counts as positive."""
 
     def positive(expression: Expression) -> bool:
         if not set(names(expression)) <= values.keys():
             return True
-        return not evaluate(expression, values) < 0
+        return not numeric_value(expression, values) < 0
 
     return positive
 
@@ -197,7 +196,7 @@ def _positive_at(values: Mapping[str, Value]) -> Callable[[Expression], bool]:
 def _draft(candidate: FormCandidate) -> Root:
     """Give all lines of a candidate as they are."""
     lines = (
-        Line(name=name, value=quotient_expression(value) if isinstance(value, Quotient) else value)
+        Line(name=name, value=quotient_expression(value) if isinstance(value, Ratio) else value)
         for name, value in candidate.lines
     )
     return Root(lines=tuple(lines), conditions=candidate.conditions)
@@ -207,12 +206,12 @@ def _is_met(root: Root, problem: Problem, record: ProofData) -> bool:
     """Whether a root satisfies the original equations on a record, and its own conditions."""
     values = {**record.known, **evaluate_root(root, record.known)}
     found = all(not is_nan(values[name]) for name in problem.unknown)
-    return found and holds(root, values) and problem.is_met(values)
+    return found and conditions_hold(root, values) and problem.is_met(values)
 
 
 def _is_reached(root: Root, record: ProofData) -> bool:
     """Whether a record lies where a root is said to hold; where cases are left out some do not."""
-    return holds(root, {**evaluate_root(root, record.known), **record.true})
+    return conditions_hold(root, {**evaluate_root(root, record.known), **record.true})
 
 
 def _is_true(root: Root, problem: Problem, record: ProofData) -> bool:
@@ -220,7 +219,7 @@ def _is_true(root: Root, problem: Problem, record: ProofData) -> bool:
     return _agree(evaluate_root(root, record.known), record.true, problem.targets, record)
 
 
-def _agree(found: Mapping[str, Value], other: Mapping[str, Value], names_: Sequence[str], record: ProofData) -> bool:
+def _agree(found: Mapping[str, Real], other: Mapping[str, Real], names_: Sequence[str], record: ProofData) -> bool:
     return all(
         abs(float(found[name]) - float(other[name]))
         <= TOLERANCE * abs(float(other[name])) + _ROUNDING * record.scales.get(name, 0.0) + _TINY
@@ -255,25 +254,25 @@ def _all_names(candidate: FormCandidate) -> tuple[str, ...]:
         dict.fromkeys(
             name
             for _, value in candidate.lines
-            for name in (value.space.names if isinstance(value, Quotient) else names(value))
+            for name in (value.space.place if isinstance(value, Ratio) else names(value))
         )
     )
 
 
-def _lowest(value: Expression | Quotient, outer: Sequence[str]) -> Expression:
-    if not isinstance(value, Quotient):
+def _lowest(value: Expression | Ratio, outer: Sequence[str]) -> Expression:
+    if not isinstance(value, Ratio):
         return value
     above, below = lowest_terms(value.numerator, value.denominator, value.space)
-    return quotient_expression(Quotient(numerator=above, denominator=below, space=value.space), outer)
+    return quotient_expression(Ratio(numerator=above, denominator=below, space=value.space), outer)
 
 
-def _spelled(condition: Expression, values: Mapping[str, Expression | Quotient], problem: Problem) -> Expression:
+def _spelled(condition: Expression, values: Mapping[str, Expression | Ratio], problem: Problem) -> Expression:
     """Give a condition with names of ours replaced where their value is short."""
     for name in names(condition):
         value = values.get(name)
         if name in problem.signals or value is None:
             continue
-        value = quotient_expression(value) if isinstance(value, Quotient) else value
+        value = quotient_expression(value) if isinstance(value, Ratio) else value
         if sum(1 for _ in walk(value)) <= MAX_CONDITION:
             condition = fold(substitute(condition, {name: value}))
     return condition

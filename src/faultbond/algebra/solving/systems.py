@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from faultbond.algebra.solving.branches import Applied, Branch, Condition
-from faultbond.algebra.solving.tidy import replaced
+from faultbond.algebra.solving.tidy import replace_part
 from faultbond.equations.matching import blocks, holdings, match
 from faultbond.model.expression import Binary, Call, Expression, Name, Number, names
 
@@ -90,8 +90,8 @@ def _with_roots(case: Branch) -> tuple[tuple[Expression, ...], list[Applied], li
         root = Name(item.name)
         if exponent.numerator != 1:
             raised = Binary("**", root, Number(float(exponent.numerator)))
-            residuals = [replaced(residual, root, raised) for residual in residuals]
-            functions = [replace(other, argument=replaced(other.argument, root, raised)) for other in functions]
+            residuals = [replace_part(residual, root, raised) for residual in residuals]
+            functions = [replace(other, argument=replace_part(other.argument, root, raised)) for other in functions]
         residuals.append(Binary("-", Binary("**", root, Number(float(exponent.denominator))), item.argument))
         conditions.append(Condition(expression=root))
     return tuple(residuals), functions, conditions
