@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 from benchmarks.ladders import components_of, example, ladder
+from solved import earlier
 
 from faultbond.algebra.route import Question, Route, RouteStep
-from faultbond.algebra.routes.matched import alternatives, earlier, find_route
+from faultbond.algebra.routes.matched import alternatives, find_route
 from faultbond.algebra.routes.questions import outputs, parameter_sets, parameters, states, states_from_rates
 from faultbond.algebra.routes.unroll import assemble, causes, frame_limit, unroll
 from faultbond.equations.component_network import ComponentNetwork

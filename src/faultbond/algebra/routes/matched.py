@@ -300,29 +300,3 @@ def _along_causality(network: ComponentNetwork, question: Question) -> Route | N
 
 def _may_find(caused: frozenset[str], frame: int, unknown: Target) -> bool:
     return isinstance(unknown, str) or (unknown[0] in caused and unknown[1] == frame)
-
-
-def earlier(route: Route, frames: int = 1) -> Route:
-    """Give the same route some frames earlier: what it found then, from what was known then."""
-    question = route.question
-    shifted = replace(
-        question,
-        targets=tuple(t if isinstance(t, str) else (t[0], t[1] + frames) for t in question.targets),
-        known=frozenset((name, frame + frames) for name, frame in question.known),
-        hidden=frozenset((name, frame + frames) for name, frame in question.hidden),
-        newest=question.newest + frames,
-    )
-    return replace(
-        route,
-        question=shifted,
-        steps=tuple(
-            RouteStep(
-                equation=step.equation,
-                frame=step.frame + frames,
-                finds=step.finds if isinstance(step.finds, str) else (step.finds[0], step.finds[1] + frames),
-            )
-            for step in route.steps
-        ),
-        samples=tuple((name, frame + frames) for name, frame in route.samples),
-        known=tuple((name, frame + frames) for name, frame in route.known),
-    )

@@ -80,11 +80,6 @@ class Solution:
     singular: tuple[Singular, ...] = ()
     remarks: tuple[str, ...] = ()
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether there is a closed form."""
-        return bool(self.roots)
-
 
 def evaluate_root(root: Root, values: Mapping[str, Real]) -> dict[str, Real]:
     """Give every name of a closed form its value, exactly where all values are fractions and roots are of squares.
