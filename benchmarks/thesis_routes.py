@@ -13,7 +13,7 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.solving.backward_euler import FrameRecord, simulate_frames
-from faultbond.algebra.solving.printing import to_lines
+from faultbond.algebra.solving.formula import to_lines
 from faultbond.algebra.solving.solution import Solution, closed_form, evaluate_root
 from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.equations.component_network import ComponentNetwork, in_frame

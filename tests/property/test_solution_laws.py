@@ -12,7 +12,6 @@ from sympy.polys.rings import PolyElement
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, plant_of, random_inputs, simulate_frames
-from faultbond.algebra.solving.linearise import Fixed, fixes
 from faultbond.algebra.solving.polynomial import (
     Ratio,
     divide,
@@ -24,7 +23,7 @@ from faultbond.algebra.solving.polynomial import (
     space_of,
     specialise,
 )
-from faultbond.algebra.solving.problem import prepare
+from faultbond.algebra.solving.problem import Fixed, fixes, prepare
 from faultbond.algebra.solving.roots import find_roots
 from faultbond.algebra.solving.solution import SolutionKind, conditions_hold, evaluate_root, solve_samples
 from faultbond.algebra.solving.solve import SolvingLimits, solve

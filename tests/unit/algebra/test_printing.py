@@ -16,17 +16,19 @@ import pytest
 from solved import example, route_to, static
 
 from faultbond.algebra.solving.branches import Condition
-from faultbond.algebra.solving.latex import condition_latex, expression_latex, name_latex, to_latex
-from faultbond.algebra.solving.printing import (
+from faultbond.algebra.solving.formula import (
     C_HEADER,
     PYTHON_HEADER,
+    Formula,
+    common_parts,
+    formulas,
     identifiers,
     to_c,
     to_lines,
     to_one_line,
     to_python,
 )
-from faultbond.algebra.solving.readable import Formula, common_parts, formulas
+from faultbond.algebra.solving.latex import condition_latex, expression_latex, name_latex, to_latex
 from faultbond.algebra.solving.solution import Line, Solution
 from faultbond.algebra.solving.solve import solve
 from faultbond.equations.component_network import ComponentNetwork

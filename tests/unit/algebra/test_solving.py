@@ -11,7 +11,7 @@ from solved import example, route_to, static
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of, random_inputs, simulate_frames
-from faultbond.algebra.solving.printing import to_one_line
+from faultbond.algebra.solving.formula import to_one_line
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.roots import find_roots
 from faultbond.algebra.solving.solution import (

@@ -6,7 +6,16 @@ from time import monotonic
 
 from sympy.polys.rings import PolyElement
 
-from faultbond.algebra.solving.branches import Branch, Condition, cases, name_functions
+from faultbond.algebra.solving.branches import (
+    Branch,
+    Condition,
+    Given,
+    NoClosedFormError,
+    System,
+    cases,
+    name_functions,
+    order_systems,
+)
 from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
 from faultbond.algebra.solving.polynomial import (
     NotRationalError,
@@ -21,7 +30,6 @@ from faultbond.algebra.solving.polynomial import (
 )
 from faultbond.algebra.solving.problem import Block, Problem
 from faultbond.algebra.solving.symbols import factors_with
-from faultbond.algebra.solving.systems import Given, NoClosedFormError, System, order_systems
 from faultbond.algebra.solving.tidy import ONE, ZERO, fold, negative
 from faultbond.equations.component_network import SAMPLE_TIME
 from faultbond.equations.inversion import collect

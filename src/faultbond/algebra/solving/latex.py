@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from faultbond.algebra.solving.branches import Condition
-from faultbond.algebra.solving.readable import readable_lines, shown_conditions
+from faultbond.algebra.solving.formula import readable_lines, shown_conditions
 from faultbond.algebra.solving.solution import Root
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import number_text

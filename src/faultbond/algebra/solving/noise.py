@@ -14,8 +14,7 @@ import numpy as np
 
 from faultbond.algebra.route import Route
 from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant, random_inputs, simulate_frames
-from faultbond.algebra.solving.linearise import SINGULAR, reciprocal_condition, slope_matrix
-from faultbond.algebra.solving.problem import Problem, prepare
+from faultbond.algebra.solving.problem import SINGULAR, Problem, prepare, reciprocal_condition, slope_matrix
 from faultbond.arrays import FloatArray
 from faultbond.equations.component_network import SAMPLE_TIME, ComponentNetwork
 from faultbond.equations.numeric import Real

@@ -3,7 +3,7 @@
 Where that is no way, Newton's method from several starts, which finds roots near the start only.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import exp, inf, isfinite
@@ -11,7 +11,16 @@ from random import Random
 from time import monotonic
 
 from faultbond.algebra.solving.backward_euler import misfit, newton
-from faultbond.algebra.solving.branches import Branch, cases, name_functions
+from faultbond.algebra.solving.branches import (
+    Branch,
+    Given,
+    NoClosedFormError,
+    System,
+    cases,
+    name_functions,
+    order_systems,
+    positive_at,
+)
 from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
 from faultbond.algebra.solving.polynomial import (
     NotRationalError,
@@ -23,11 +32,9 @@ from faultbond.algebra.solving.polynomial import (
     space_of,
     specialise,
 )
-from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem, without
+from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem
 from faultbond.algebra.solving.symbols import real_roots
-from faultbond.algebra.solving.systems import Given, NoClosedFormError, Ordered, System, order_systems
 from faultbond.equations.numeric import Real, numeric_value
-from faultbond.model.expression import Expression, names
 
 Reals = dict[str, Real]
 
@@ -77,7 +84,7 @@ def find_roots(problem: Problem, known: Mapping[str, Real], guess: Mapping[str, 
     seconds : after which no further root is looked for
     """
     walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
-    paths: list[Reals] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
+    paths: list[Reals] = [{name: _fraction(value) for name, value in known.items() if name not in problem.unknown}]
     total = 1
     for block in problem.blocks:
         further = [_through(walk, block, values) for values in paths]
@@ -115,10 +122,11 @@ def _same(one: Reals, two: Reals) -> bool:
 def _through(walk: _Walk, block: Block, values: Reals) -> tuple[list[Reals], int]:
     """Give all continuations of one path through a block, and the number of algebraic roots on their own branch."""
     unknown = frozenset(block.unknown)
+    prefer = positive_at({**walk.guess, **values})
     found: list[Reals] = []
     highest = 0
     try:
-        for number, case in enumerate(cases(block.residuals, unknown, {}, _as_it_is, _prefer(walk, values))):
+        for number, case in enumerate(cases(block.residuals, unknown, {}, str, prefer)):
             if number == MAX_PATHS:
                 walk.cut = True
                 break
@@ -135,39 +143,20 @@ def _through(walk: _Walk, block: Block, values: Reals) -> tuple[list[Reals], int
     return found, highest
 
 
-def _as_it_is(name: str) -> str:
-    return name
-
-
-def _prefer(walk: _Walk, values: Reals) -> Callable[[Expression], bool]:
-    """Whether an expression is positive at the guess."""
-    everything = {**walk.guess, **values}
-
-    def positive(expression: Expression) -> bool:
-        return not set(names(expression)) <= everything.keys() or not numeric_value(expression, everything) < 0
-
-    return positive
-
-
 def _case_roots(walk: _Walk, block: Block, case: Branch, values: Reals) -> tuple[list[Reals], int]:
-    """Give the roots in one case; none where it is singular."""
+    """Give the roots in one case, and the number of algebraic ones; none where it is singular."""
+    paths, total = [values], 1
     try:
-        ordered = order_systems(case, block.unknown, walk.fresh)
-        return _ordered_roots(walk, block, ordered, values)
+        for part in order_systems(case, block.unknown, walk.fresh).parts:
+            if isinstance(part, Given):
+                done = [{**path, part.name: numeric_value(part.value, path)} for path in paths]
+                paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
+            else:
+                further = [_system_roots(walk, part, block.parameters, path) for path in paths]
+                total *= max((degree for _, degree in further), default=0)
+                paths = [path for found, _ in further for path in found]
     except SingularError:
         return [], 0
-
-
-def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Reals) -> tuple[list[Reals], int]:
-    paths, total = [values], 1
-    for part in ordered.parts:
-        if isinstance(part, Given):
-            done = [{**path, part.name: numeric_value(part.value, path)} for path in paths]
-            paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
-            continue
-        further = [_system_roots(walk, part, block.parameters, path) for path in paths]
-        total *= max((degree for _, degree in further), default=0)
-        paths = [path for found, _ in further for path in found]
     return paths, total
 
 
@@ -175,37 +164,34 @@ def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], value
     every = space_of(dict.fromkeys((*system.unknown, *values)))
     into = space_of(system.unknown)
     fractions = {name: Fraction(value) for name, value in values.items()}
-    polynomials = [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals]
-    signals = [name for name in system.unknown if name not in parameters]
     reduced = reduce_system(
-        polynomials, signals, [name for name in system.unknown if name in parameters], into, walk.deadline
+        [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals],
+        [name for name in system.unknown if name not in parameters],
+        [name for name in system.unknown if name in parameters],
+        into,
+        walk.deadline,
     )
-    lasts, degree = _last_roots(reduced, into)
-    return [found for last in lasts if (found := _back(reduced, into, {**values, **last})) is not None], degree
-
-
-def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Reals], int]:
-    if not reduced.rest:
-        return [{}], 1
+    lasts: list[dict[str, Fraction]] = [{}]
+    degree = 1
     if len(reduced.rest) > 1:
         raise NoClosedFormError("more than one unknown is left")
-    (name,), (polynomial,) = reduced.unknown, reduced.rest
-    parts = by_power(polynomial, name, space)
-    degree = max(parts)
-    if degree > MAX_DEGREE:
-        raise TooLargeError
-    coefficients = [int(parts[power].LC) if power in parts else 0 for power in range(degree, -1, -1)]
-    repeated = max(min(parts) - 1, 0)  # of the root 0; a division by the unknown as a rule
-    return [{name: root} for root in real_roots(coefficients)], degree - repeated
+    if reduced.rest:
+        (name,), (polynomial,) = reduced.unknown, reduced.rest
+        parts = by_power(polynomial, name, into)
+        degree = max(parts)
+        if degree > MAX_DEGREE:
+            raise TooLargeError
+        coefficients = [int(parts[power].LC) if power in parts else 0 for power in range(degree, -1, -1)]
+        lasts = [{name: root} for root in real_roots(coefficients)]
+        degree -= max(min(parts) - 1, 0)  # repeated roots 0, of a division by the unknown as a rule
+    return [{**values, **found} for last in lasts if (found := _back(reduced, into, last)) is not None], degree
 
 
-def _back(reduced: ReducedSystem, space: Space, values: Reals) -> Reals | None:
+def _back(reduced: ReducedSystem, space: Space, last: Mapping[str, Fraction]) -> dict[str, Fraction] | None:
     """Compute the eliminated unknowns; None where a denominator is zero."""
-    found = dict(values)
-    here: dict[str, Fraction] = {}
+    found = dict(last)
     for pivot in reversed(reduced.pivots):
-        here |= {name: Fraction(found[name]) for name in space.place if name in found}
-        above, below = (sum(image(item, space, here).values()) for item in (pivot.numerator, pivot.denominator))
+        above, below = (sum(image(item, space, found).values()) for item in (pivot.numerator, pivot.denominator))
         if not below:
             return None
         found[pivot.unknown] = _fraction(Fraction(above) / below)
