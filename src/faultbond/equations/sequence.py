@@ -44,6 +44,7 @@ class Loop:
 Step = Assignment | Loop
 
 _MAX_TRIALS = 500  # sets of tears tried one by one; beyond that a greedy choice
+_MAX_INSERTED = 40  # signals of a loop that are inserted to isolate its tear
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +70,10 @@ def sequence(network: ConstraintNetwork, file: str = "model") -> tuple[Step, ...
         Where constraints and signals do not balance; names the undetermined signals and the superfluous constraints.
     """
     signals = frozenset(network.signals)
-    plain = [_equation(constraint, signals) for constraint in network.constraints]
+    plain = [
+        _Equation(constraint=item, unknowns=frozenset(names(item.residual)) & signals, needs=frozenset())
+        for item in network.constraints
+    ]
     if not network.dependent:
         return tuple(_steps(plain, network, file))
     # First as if the rates of dependent stores were given: this shows on which states their quantities depend.
@@ -77,10 +81,6 @@ def sequence(network: ConstraintNetwork, file: str = "model") -> tuple[Step, ...
     sources = _sources(tuple(_steps([*plain, *free], network, file)), network)
     rates = [_rate_equation(store, sources[store.name], signals) for store in network.dependent]
     return tuple(_steps([*plain, *rates], network, file))
-
-
-def _equation(constraint: Constraint, signals: frozenset[str]) -> _Equation:
-    return _Equation(constraint=constraint, unknowns=frozenset(names(constraint.residual)) & signals, needs=frozenset())
 
 
 def _rate_equation(store: Store, states: tuple[Store, ...], signals: frozenset[str]) -> _Equation:
@@ -140,18 +140,18 @@ def _steps(equations: list[_Equation], network: ConstraintNetwork, file: str) ->
 
 def _tear(equations: list[_Equation], signals: list[str], preferred: set[str]) -> Loop:
     """Choose the tears of a loop: as few as possible, signals with a slow error and closed forms first."""
+
+    def rank(loop: Loop) -> tuple[bool, bool, int]:
+        occurrences = sum(names(residual).count(tear) for residual in loop.residuals for tear in loop.tears)
+        return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, occurrences)
+
     for size in range(1, len(signals) + 1):
         few = comb(len(signals), size) <= _MAX_TRIALS
         options = combinations(signals, size) if few else [_greedy(equations, signals, size)]
         loops = [loop for tears in options if (loop := _loop(equations, signals, tears)) is not None]
         if loops:
-            return min(loops, key=lambda loop: _rank(loop, preferred))
+            return min(loops, key=rank)
     raise AssertionError("all signals torn is always a loop")
-
-
-def _rank(loop: Loop, preferred: set[str]) -> tuple[bool, bool, int]:
-    occurrences = sum(names(residual).count(tear) for residual in loop.residuals for tear in loop.tears)
-    return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, occurrences)
 
 
 def _greedy(equations: list[_Equation], signals: list[str], size: int) -> tuple[str, ...]:
@@ -192,20 +192,16 @@ def _follow(
 
 
 def _loop(equations: list[_Equation], signals: list[str], tears: tuple[str, ...]) -> Loop | None:
+    """Give the loop with these tears, in closed form where one tear can be isolated; None where too few follow."""
     inner, rest = _follow(equations, signals, tears)
     if len(rest) != len(tears):
         return None
     residuals = tuple(equations[k].constraint.residual for k in rest)
-    closed = _closed_form(tears[0], inner, residuals[0]) if len(tears) == 1 else None
+    closed = None
+    if len(tears) == 1 and len(inner) <= _MAX_INSERTED:
+        values: dict[str, Expression] = {}
+        for part in inner:
+            values[part.signal] = substitute(part.expression, values)
+        closed = isolate(substitute(residuals[0], values), tears[0])
     owners = tuple(sorted({equation.constraint.owner for equation in equations}))
     return Loop(tears=tears, inner=tuple(inner), residuals=residuals, owners=owners, closed=closed)
-
-
-def _closed_form(tear: str, inner: list[Assignment], residual: Expression) -> Expression | None:
-    """Insert what follows from the tear and isolate it; None if the sum grows too large or has no closed form."""
-    values: dict[str, Expression] = {}
-    for part in inner:
-        values[part.signal] = substitute(part.expression, values)
-        if len(values) > 40:
-            return None
-    return isolate(substitute(residual, values), tear)

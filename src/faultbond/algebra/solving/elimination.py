@@ -127,7 +127,8 @@ def _row(work: _Work, polynomial: PolyElement) -> _Row:
     """Free a polynomial of known factors, and find what it is linear in."""
     places = {name: work.space.place[name] for name in work.unknown}
     polynomial = primitive(polynomial, work.space, work.space.place.keys() - places.keys())
-    parts = {tuple(powers[k] for k in places.values()) for powers in polynomial}  # products of unknowns
+    columns = tuple(zip(*polynomial, strict=True))
+    parts = set(zip(*(columns[k] for k in places.values() if columns), strict=True))  # products of unknowns
     found = {name: powers for name, *powers in zip(places, *parts, strict=True) if any(powers)}
     if not found:
         raise SingularError("the equations of a block contradict each other, or one follows from the others")
