@@ -30,7 +30,7 @@ _UNARY: dict[str, Callable[[ca.SX], ca.SX]] = {
 
 
 def evaluate(expression: Expression, values: Mapping[str, ca.SX]) -> ca.SX:
-    """Give the SX graph of an expression; `values` maps every name to its graph."""
+    """Give the SX graph of an expression, (1, 1), SI; `values` maps every name to its graph, (1, 1) too."""
     match expression:
         case Number(value):
             return ca.SX(value)

@@ -28,7 +28,7 @@ def eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def triangle(matrix: ca.SX) -> Triangle:
-    """Bring a square matrix to triangular form."""
+    """Bring a matrix (n, n) to triangular form."""
     n = matrix.shape[0]
     rows = [_entries(row) for row in _rows(matrix)]
     moves: list[tuple[int, int, ca.SX | None]] = []

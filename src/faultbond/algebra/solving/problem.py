@@ -50,14 +50,6 @@ def slope_matrix(residuals: Sequence[Expression], columns: Sequence[str], values
     return matrix
 
 
-def scaled(matrix: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Give a matrix with columns in units of their sizes and rows of largest entry 1."""
-    in_units = matrix * np.where(sizes == 0.0, 1.0, np.abs(sizes))
-    largest = np.abs(in_units).max(axis=1, keepdims=True, initial=0.0)
-    result: FloatArray = in_units / np.where(largest == 0.0, 1.0, largest)
-    return result
-
-
 class Fixed(Enum):
     """How well equations fix their unknowns near a solution."""
 
@@ -79,14 +71,17 @@ def fixes(residuals: Sequence[Expression], unknown: Sequence[str], values: Mappi
     matrix = slope_matrix(residuals, unknown, values)
     if not np.all(np.isfinite(matrix)):
         return Fixed.NOT
-    closeness = reciprocal_condition(scaled(matrix, np.array([float(values[name]) for name in unknown])))
+    sizes = np.array([abs(float(values[name])) or 1.0 for name in unknown])
+    in_units = matrix * sizes  # columns in units of the unknowns, rows of largest entry 1
+    largest = np.abs(in_units).max(axis=1, keepdims=True, initial=0.0)
+    closeness = reciprocal_condition(in_units / np.where(largest == 0.0, 1.0, largest))
     if closeness > WELL:
         return Fixed.WELL
     return Fixed.BARELY if closeness > SINGULAR else Fixed.NOT
 
 
 def reciprocal_condition(matrix: FloatArray) -> float:
-    """Give an estimate of how far a square matrix is from singular ones, 1 being far and 0 singular.
+    """Give an estimate of how far a matrix (n, n) is from singular ones, 1 being far and 0 singular.
 
     Source: Higham 1988 (LAPACK's gecon), on the factors of an LU decomposition.
     """
