@@ -152,21 +152,13 @@ def _sqrt(value: Real, sloped: bool) -> tuple[Real, Real]:
     return root, (1 / (2 * root) if sloped else 0)
 
 
-def _sign(value: Real, sloped: bool) -> tuple[Real, Real]:
-    return Fraction((value > 0) - (value < 0)), 0
-
-
-def _abs(value: Real, sloped: bool) -> tuple[Real, Real]:
-    return (-value if value < 0 else value), Fraction(-1 if value < 0 else 1)
-
-
 def _plain(function: Callable[[float], float], slope: Callable[[float], float]) -> Callable[[Real, bool], Any]:
     return lambda value, sloped: (function(float(value)), slope(float(value)) if sloped else 0)
 
 
 FUNCTIONS: dict[str, Callable[[Real, bool], tuple[Real, Real]]] = {  # value and slope
-    "abs": _abs,
-    "sign": _sign,
+    "abs": lambda value, _: (-value, Fraction(-1)) if value < 0 else (value, Fraction(1)),
+    "sign": lambda value, _: (Fraction((value > 0) - (value < 0)), 0),
     "sqrt": _sqrt,
     "exp": _plain(math.exp, math.exp),
     "log": _plain(math.log, lambda value: 1.0 / value),

@@ -16,13 +16,14 @@ from faultbond.equations.matching import blocks, holdings, match
 from faultbond.equations.numeric import NAN, Real, Slopes, exact, is_nan, numeric_value, slopes, solve_linear
 from faultbond.errors import StructureError
 from faultbond.model.expression import Expression, names
-from faultbond.model.graph import BondGraph, Input
+from faultbond.model.graph import BondGraph
 
 FrameRecord = dict[str, tuple[Real, ...]]  # each signal over time, the oldest value first
 
 PERCENT_RANGE = (20.0, 80.0)
 USUAL_RANGE = (1.0, 10.0)  # of an input, in its own unit
 _MAX_STEPS = 60
+_MAX_HALVINGS = 30
 _MAX_STARTS = 12
 _TOLERANCE = 1e-11
 _MAX_EXACT = 1500  # equations times samples; fractions grow from sample to sample
@@ -55,22 +56,21 @@ def plant_of(graph: BondGraph, sample_time: float | None = None) -> NumericPlant
     graph : a bond graph, or the blocks of a network
     sample_time : s; default that of the model, 1 s where it has none
     """
-    numbers = [*((item.name, item.nominal) for item in graph.parameters)]
+    numbers = [(item.name, item.nominal) for item in graph.parameters]
     numbers += [(item.name, item.value) for item in graph.constants]
     time = sample_time or graph.sample_time or 1.0
+    inputs = {}
+    for item in graph.inputs:
+        lower, upper = PERCENT_RANGE if item.unit.text == "percent" else USUAL_RANGE
+        inputs[item.name] = exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
     return NumericPlant(
         values={name: exact(value) for name, value in numbers},
-        changes={item.name: exact(item.change) for item in graph.parameters},
+        changes={parameter.name: exact(parameter.change) for parameter in graph.parameters},
         sample_time=exact(time),
-        inputs={item.name: _range(item) for item in graph.inputs},
+        inputs=inputs,
         one_sided=frozenset(item.name for item in graph.inputs if item.unit.text == "percent" or item.unit.offset),
         sds={item.name: item.noise for item in graph.inputs} | {item.name: item.noise for item in graph.sensors},
     )
-
-
-def _range(item: Input) -> tuple[Fraction, Fraction]:
-    lower, upper = PERCENT_RANGE if item.unit.text == "percent" else USUAL_RANGE
-    return exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
 
 
 def random_inputs(plant: NumericPlant, n: int, seed: int, *, signed: bool = False) -> dict[str, tuple[Fraction, ...]]:
@@ -243,8 +243,13 @@ def newton(
         step = _step(rows, right) if size < float("inf") else None
         if step is None:
             return None
-        moved = _damped(residuals, known, point, dict(zip(unknown, step, strict=True)), size)
-        if moved is None:
+        for halvings in range(_MAX_HALVINGS):  # whole, half, quarter, ... steps
+            moved: dict[str, Real] = {
+                name: point[name] + 0.5**halvings * change for name, change in zip(unknown, step, strict=True)
+            }
+            if misfit(residuals, {**known, **moved}) < size:
+                break
+        else:
             return point if size < _TOLERANCE else None
         done = all(abs(float(moved[key] - point[key])) <= _TOLERANCE * abs(float(moved[key])) for key in unknown)
         if done and size < _TOLERANCE:
@@ -292,23 +297,6 @@ def _step(rows: Sequence[Mapping[int, Real]], right: Sequence[Real]) -> list[flo
     except np.linalg.LinAlgError:
         return None
     return [float(value) for value in found] if np.all(np.isfinite(found)) else None
-
-
-def _damped(
-    residuals: Sequence[Expression],
-    known: Mapping[str, Real],
-    point: Mapping[str, Real],
-    step: Mapping[str, Real],
-    size: float,
-) -> dict[str, Real] | None:
-    """Give the first of whole, half, quarter, ... steps that lowers the residuals."""
-    part = 1.0
-    for _ in range(30):
-        moved: dict[str, Real] = {name: value + part * step[name] for name, value in point.items()}
-        if misfit(residuals, {**known, **moved}) < size:
-            return moved
-        part = part / 2
-    return None
 
 
 def misfit(residuals: Sequence[Expression], values: Mapping[str, Real]) -> float:

@@ -52,10 +52,11 @@ def formulas(solution: Solution, parameters: Sequence[str]) -> tuple[Formula, ..
     for target in solution.targets:
         for number, root in enumerate(solution.roots, start=1):
             lines = readable_lines(root, (target,))
+            used = {name for line in lines for name in names(line.value)} - {line.name for line in lines}
             found.append(
                 Formula(
                     target=target,
-                    arguments=_arguments(lines, set(parameters)),
+                    arguments=tuple(sorted(used, key=lambda name: (name in parameters, name == SAMPLE_TIME, name))),
                     lines=lines,
                     conditions=shown_conditions(root, lines),
                     number=number,
@@ -63,12 +64,6 @@ def formulas(solution: Solution, parameters: Sequence[str]) -> tuple[Formula, ..
                 )
             )
     return tuple(found)
-
-
-def _arguments(lines: Sequence[Line], parameters: set[str]) -> tuple[str, ...]:
-    own = {line.name for line in lines}
-    used = {name for line in lines for name in names(line.value)} - own
-    return tuple(sorted(used, key=lambda name: (name in parameters, name == SAMPLE_TIME, name)))
 
 
 def readable_lines(root: Root, targets: Sequence[str]) -> tuple[Line, ...]:
@@ -215,12 +210,11 @@ def to_one_line(solution: Solution) -> str | None:
     """
     if not solution.roots:
         return None
-    return " or ".join(_one_root(root, solution.targets) for root in solution.roots)
-
-
-def _one_root(root: Root, targets: Sequence[str]) -> str:
-    conditions = conditions_text(shown_conditions(root, readable_lines(root, targets)))
-    return "; ".join(to_lines(root, targets)) + (f" where {conditions}" if conditions else "")
+    found = []
+    for root in solution.roots:
+        conditions = conditions_text(shown_conditions(root, readable_lines(root, solution.targets)))
+        found.append("; ".join(to_lines(root, solution.targets)) + (f" where {conditions}" if conditions else ""))
+    return " or ".join(found)
 
 
 def conditions_text(conditions: Sequence[Condition]) -> str:
