@@ -308,15 +308,27 @@ def order_systems(case: Branch, unknown: tuple[str, ...], fresh: Callable[[str],
         return Ordered(parts=(*given, System(residuals=residuals, unknown=unknown)), conditions=case.conditions)
     every = (*unknown, *(item.name for item in case.unknown))
     equations: list[Expression | Applied] = [*residuals, *functions]
+    used = [*map(names, residuals), *((item.name, *names(item.argument)) for item in functions)]
     position = {name: k for k, name in enumerate(every)}
-    rows = [[position[name] for name in _used(equation) if name in position] for equation in equations]
+    rows = [[position[name] for name in row if name in position] for row in used]
     matched = match(rows, len(every))
     if -1 in matched:
         raise NoClosedFormError("its equations do not fix it in this case")
     held = holdings(rows, matched)
     parts: list[Given | System] = [*given]
     for block in blocks(rows, matched):
-        parts += _parts([equations[k] for k in block], tuple(every[held[k]] for k in block), fresh)
+        found = tuple(every[held[k]] for k in block)
+        plain = tuple(part for k in block if not isinstance(part := equations[k], Applied))
+        item = next((part for k in block if isinstance(part := equations[k], Applied)), None)
+        if item is None:
+            parts.append(System(residuals=plain, unknown=found))
+        elif len(block) > 1:
+            raise NoClosedFormError(f"{item.function or 'a function'} has to be solved together with other equations")
+        elif found == (item.name,):
+            parts.append(Given(name=item.name, value=item.value))
+        else:
+            inner = Given(name=fresh("inverse"), value=_inverse(item))
+            parts += [inner, System(residuals=(Binary("-", item.argument, Name(inner.name)),), unknown=found)]
     return Ordered(parts=tuple(parts), conditions=(*case.conditions, *conditions))
 
 
@@ -339,26 +351,6 @@ def _with_roots(case: Branch) -> tuple[tuple[Expression, ...], list[Applied], li
         residuals.append(Binary("-", Binary("**", root, Number(float(exponent.denominator))), item.argument))
         conditions.append(Condition(expression=root))
     return tuple(residuals), functions, conditions
-
-
-def _used(equation: Expression | Applied) -> tuple[str, ...]:
-    return (equation.name, *names(equation.argument)) if isinstance(equation, Applied) else names(equation)
-
-
-def _parts(
-    equations: list[Expression | Applied], unknown: tuple[str, ...], fresh: Callable[[str], str]
-) -> tuple[Given | System, ...]:
-    applied = [equation for equation in equations if isinstance(equation, Applied)]
-    if not applied:
-        plain = tuple(equation for equation in equations if not isinstance(equation, Applied))
-        return (System(residuals=plain, unknown=unknown),)
-    (item, *more) = applied
-    if more or len(equations) > 1:
-        raise NoClosedFormError(f"{item.function or 'a function'} has to be solved together with other equations")
-    if unknown == (item.name,):
-        return (Given(name=item.name, value=item.value),)
-    inner = Given(name=fresh("inverse"), value=_inverse(item))
-    return inner, System(residuals=(Binary("-", item.argument, Name(inner.name)),), unknown=unknown)
 
 
 def _inverse(item: Applied) -> Expression:

@@ -87,7 +87,12 @@ def noise_gain(
     chosen = range(length - 1, max(length - 1 - instants, problem.frames - 2), -1)
     if not chosen:
         raise StructureError(f"{problem.name}: a record of {length} samples is too short for {problem.frames} frames")
-    parts = [_contributions(problem, plant, _values(problem, plant, record, position)) for position in chosen]
+    parts = []
+    for position in chosen:
+        values: dict[str, Real] = {name: float(value) for name, value in plant.values.items()}
+        values[SAMPLE_TIME] = float(plant.sample_time)
+        values |= {name: record[signal][position - frame] for name, (signal, frame) in problem.signals.items()}
+        parts.append(_contributions(problem, plant, values))
     deviations, main = {}, {}
     for row, target in enumerate(problem.targets):
         squares = np.array([part[row] ** 2 for part in parts])
@@ -96,14 +101,6 @@ def noise_gain(
         main[target] = problem.samples[int(typical.argmax())] if typical.any() else ""
     relative = frozenset(name for name in problem.targets if name not in problem.signals and plant.values[name])
     return NoiseGain(deviations=deviations, main=main, relative=relative)
-
-
-def _values(problem: Problem, plant: NumericPlant, record: FrameRecord, position: int) -> dict[str, Real]:
-    values: dict[str, Real] = {name: float(value) for name, value in plant.values.items()}
-    values[SAMPLE_TIME] = float(plant.sample_time)
-    for name, (signal, frame) in problem.signals.items():
-        values[name] = record[signal][position - frame]
-    return values
 
 
 def _contributions(problem: Problem, plant: NumericPlant, values: Mapping[str, Real]) -> FloatArray:

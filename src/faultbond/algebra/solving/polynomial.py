@@ -19,7 +19,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 from faultbond.equations.numeric import exact
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number
 
-Monomial = tuple[int, ...]  # powers, in the order of the names of a space
+Powers = tuple[int, ...]  # powers, in the order of the names of a space
 N = TypeVar("N", int, Fraction)
 
 _MAX_EXPONENT = 16
@@ -85,7 +85,7 @@ def limited_power(base: PolyElement, exponent: int, space: Space) -> PolyElement
 def by_power(polynomial: PolyElement, name: str, space: Space) -> dict[int, PolyElement]:
     """Give the coefficients of a polynomial in one name: power -> polynomial in the others."""
     k = space.place[name]
-    found: dict[int, dict[Monomial, int]] = {}
+    found: dict[int, dict[Powers, int]] = {}
     for powers, coefficient in polynomial.items():
         found.setdefault(powers[k], {})[*powers[:k], 0, *powers[k + 1 :]] = coefficient
     return {power: polynomial.new(terms) for power, terms in found.items()}
@@ -97,7 +97,7 @@ def degree(polynomial: PolyElement, name: str, space: Space) -> int:
     return max((powers[k] for powers in polynomial), default=0)
 
 
-def common_monomial(polynomial: Collection[Monomial], places: Iterable[int]) -> Monomial:
+def common_monomial(polynomial: Collection[Powers], places: Iterable[int]) -> Powers:
     """Give the largest monomial with powers at some places that divides every term, of which there is one at least."""
     shared = list(places)
     for powers in polynomial:
@@ -129,7 +129,7 @@ def divide(polynomial: PolyElement, divisor: PolyElement, space: Space) -> PolyE
     work = dict(polynomial)
     queue = [tuple(map(neg, powers)) for powers in work]  # the leading one first
     heapify(queue)
-    result: dict[Monomial, int] = {}
+    result: dict[Powers, int] = {}
     while queue:
         powers = tuple(map(neg, heappop(queue)))
         coefficient = work.pop(powers, 0)
@@ -148,11 +148,11 @@ def divide(polynomial: PolyElement, divisor: PolyElement, space: Space) -> PolyE
     return polynomial.new(result)
 
 
-def image(polynomial: PolyElement, space: Space, values: Mapping[str, N]) -> dict[Monomial, N]:
+def image(polynomial: PolyElement, space: Space, values: Mapping[str, N]) -> dict[Powers, N]:
     """Give a polynomial with numbers for some names: powers of the other names, in their order, -> coefficient."""
     given = [(k, values[name]) for name, k in space.place.items() if name in values]
     kept = [k for name, k in space.place.items() if name not in values]
-    sums: dict[Monomial, N] = {}
+    sums: dict[Powers, N] = {}
     for powers, coefficient in polynomial.items():
         total = prod((value ** powers[k] for k, value in given if powers[k]), start=coefficient)
         key = tuple(powers[k] for k in kept)
@@ -226,7 +226,7 @@ def quotient_expression(value: Ratio, outer: Collection[str] = ()) -> Expression
     return Negative(result) if sign * sign_below < 0 else result
 
 
-def _signed(polynomial: Mapping[Monomial, int], names: Sequence[str], outer: frozenset[int]) -> tuple[int, Expression]:
+def _signed(polynomial: Mapping[Powers, int], names: Sequence[str], outer: frozenset[int]) -> tuple[int, Expression]:
     """Give the sign of an expression and the rest of it; the sign is negative where all terms are."""
     if not polynomial:
         return 1, Number(0.0)
@@ -242,9 +242,9 @@ def _signed(polynomial: Mapping[Monomial, int], names: Sequence[str], outer: fro
     return sign, Binary("*", _term(abs(content), common, names), body)
 
 
-def _sum(polynomial: Mapping[Monomial, int], names: Sequence[str], outer: frozenset[int]) -> Expression:
+def _sum(polynomial: Mapping[Powers, int], names: Sequence[str], outer: frozenset[int]) -> Expression:
     """Give a sum of two or more terms, higher powers of earlier names first, unless one that is added must begin."""
-    groups: dict[Monomial, dict[Monomial, int]] = {}
+    groups: dict[Powers, dict[Powers, int]] = {}
     for powers, coefficient in sorted(polynomial.items(), reverse=True):
         key = tuple(power if k in outer else 0 for k, power in enumerate(powers))
         groups.setdefault(key, {})[tuple(map(sub, powers, key))] = coefficient
@@ -274,7 +274,7 @@ def _folded(parts: Sequence[tuple[int, Expression]]) -> Expression:
     return result
 
 
-def _term(coefficient: int, powers: Monomial, names: Sequence[str]) -> Expression:
+def _term(coefficient: int, powers: Powers, names: Sequence[str]) -> Expression:
     """Give coefficient * monomial, coefficient above 0."""
     result: Expression | None = None if coefficient == 1 and any(powers) else Number(float(coefficient))
     for name, power in zip(names, powers, strict=True):

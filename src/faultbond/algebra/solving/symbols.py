@@ -21,7 +21,7 @@ from sympy.polys.rootisolation import dup_isolate_real_roots_sqf
 from sympy.polys.sqfreetools import dup_sqf_part
 
 from faultbond.algebra.solving.polynomial import (
-    Monomial,
+    Powers,
     Space,
     common_monomial,
     degree,
@@ -122,7 +122,7 @@ def _coprime(one: PolyElement, two: PolyElement, space: Space) -> bool:
     return True
 
 
-def _dense(coefficients: Mapping[Monomial, int]) -> list[int]:
+def _dense(coefficients: Mapping[Powers, int]) -> list[int]:
     """Give the coefficients in one name, the highest first."""
     return [coefficients.get((power,), 0) for power in range(max(coefficients)[0], -1, -1)]
 
