@@ -51,11 +51,7 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     (Models of more than 20 000 entries are matched in C without this preference.)
     """
     if sum(map(len, equations)) > _LARGE:
-        starts = np.cumsum([0, *map(len, equations)])
-        entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
-        table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))
-        table.sum_duplicates()
-        return tuple(int(equation) for equation in maximum_bipartite_matching(table, perm_type="row"))
+        return match_any(equations, n_variables)
     matched = [*start, *[-1] * (n_variables - len(start))]
     held = holdings(equations, matched)
     lost: set[int] = set()  # variables from which no path leads to a free one, now and later
@@ -69,6 +65,15 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
         else:
             augment(equation, equations, matched, held, lost)
     return tuple(matched)
+
+
+def match_any(equations: Equations, n_variables: int) -> tuple[int, ...]:
+    """Give for each variable the equation that determines it, or -1: as many as possible, none preferred; in C."""
+    starts = np.cumsum([0, *map(len, equations)])
+    entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
+    table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))
+    table.sum_duplicates()
+    return tuple(int(equation) for equation in maximum_bipartite_matching(table, perm_type="row"))
 
 
 def augment(equation: int, equations: Equations, matched: list[int], held: list[int], lost: set[int]) -> bool:
