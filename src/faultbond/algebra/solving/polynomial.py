@@ -19,7 +19,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 from faultbond.equations.numeric import exact
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number
 
-Powers = tuple[int, ...]  # powers, in the order of the names of a space
+Powers = tuple[int, ...]  # a monomial, in the order of the names of a space
 N = TypeVar("N", int, Fraction)
 
 _MAX_EXPONENT = 16
@@ -154,7 +154,7 @@ def image(polynomial: PolyElement, space: Space, values: Mapping[str, N]) -> dic
     kept = [k for name, k in space.place.items() if name not in values]
     sums: dict[Powers, N] = {}
     for powers, coefficient in polynomial.items():
-        total = prod((value ** powers[k] for k, value in given if powers[k]), start=coefficient)
+        total = prod((value ** powers[k] for k, value in given if powers[k]), start=int(coefficient))
         key = tuple(powers[k] for k in kept)
         sums[key] = sums.get(key, 0) + total
     return sums
