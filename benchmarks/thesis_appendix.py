@@ -16,7 +16,7 @@ from faultbond.algebra.routes.unroll import contained
 from faultbond.algebra.solving.solution import closed_form, solve_samples
 from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.equations.component_network import ComponentNetwork, frame_name
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.search import Passage, RouteSearch, search_route
@@ -177,10 +177,10 @@ def closed_forms() -> Table:
         gap = sp.nan if form is None else sp.cancel(sp.together(to_sympy(form) - printed))
         text = {"L": "A/B", "R": "C/D"}[name]
         lines.append(equal(f"{name}: the printed formula less ours", "0", str(gap), f"{text}, to the last term"))
-    exact: dict[str, Value] = {**NOMINAL, "dt": HALF, **samples(record_of(NOMINAL))}
+    exact: dict[str, Real] = {**NOMINAL, "dt": HALF, **samples(record_of(NOMINAL))}
     (found,) = solve_samples(solution, exact)
     record = at_50_hz((10.0, 10.0, 12.0, 7.0, 11.0))
-    fifty: dict[str, Value] = {**NOMINAL, "dt": 0.02, **{name: float(x) for name, x in samples(record).items()}}
+    fifty: dict[str, Real] = {**NOMINAL, "dt": 0.02, **{name: float(x) for name, x in samples(record).items()}}
     (floating,) = solve_samples(solution, fifty)
     for name in ("L", "R"):
         values = [_value(printed_forms()[name], exact), Fraction(found[name])]
@@ -199,7 +199,7 @@ def closed_forms() -> Table:
     )
 
 
-def _value(form: sp.Expr, known: Mapping[str, Value]) -> sp.Expr:
+def _value(form: sp.Expr, known: Mapping[str, Real]) -> sp.Expr:
     """Evaluate a formula in fractions."""
     return form.subs({symbol: sp.Rational(Fraction(known[str(symbol)])) for symbol in form.free_symbols})
 

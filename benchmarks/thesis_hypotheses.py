@@ -12,7 +12,7 @@ from faultbond.analysis.ranks import ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.solutions import OtherSolutions, other_solutions
 from faultbond.analysis.testable import SetVerdict, generic_run, judge
 from faultbond.analysis.twins import twins
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.text import load_model
@@ -171,10 +171,10 @@ def _roots(names: tuple[str, ...], printed: str, remark: str) -> Line:
 
 def _solutions(
     names: tuple[str, ...], faulty: Mapping[str, Fraction], volts: tuple[int, ...] = VOLTS, back: int = 0
-) -> list[dict[str, Value]]:
+) -> list[dict[str, Real]]:
     """Give what a record says of a set of parameters, the true values first."""
     _, solution = system("motor").parameters(names)
-    known: dict[str, Value] = {**NOMINAL, "dt": HALF, **samples(record_of(faulty, volts), back)}
+    known: dict[str, Real] = {**NOMINAL, "dt": HALF, **samples(record_of(faulty, volts), back)}
     found = solve_samples(solution, known)
     return sorted(found, key=lambda root: sum(abs(float(root[name] - faulty[name])) for name in names))
 
@@ -193,7 +193,7 @@ def _windows() -> Line:
     )
 
 
-def _values(names: Iterable[str], root: Mapping[str, Value]) -> str:
+def _values(names: Iterable[str], root: Mapping[str, Real]) -> str:
     return f"({', '.join(f'{float(root[name]):.5g}' for name in names)})"
 
 

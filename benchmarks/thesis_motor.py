@@ -10,14 +10,14 @@ from pathlib import Path
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.routes.questions import parameters
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record, plant_of, simulate
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant, plant_of, simulate_frames
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import solve
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, Equation, build_components, frame_name
 from faultbond.equations.constraint_network import build_network
 from faultbond.equations.inversion import substitute
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
@@ -94,12 +94,12 @@ def system(name: str) -> System:
     return System(network=network, plant=plant_of(graph))
 
 
-def record_of(values: Mapping[str, Fraction], volts: Sequence[int] = VOLTS) -> Record:
+def record_of(values: Mapping[str, Fraction], volts: Sequence[int] = VOLTS) -> FrameRecord:
     """Give the exact backward-Euler record of a motor at rest, two samples a second."""
-    return simulate(system("motor").network, values, {"V": tuple(map(Fraction, volts))}, HALF)
+    return simulate_frames(system("motor").network, values, {"V": tuple(map(Fraction, volts))}, HALF)
 
 
-def samples(record: Record, back: int = 0, frames: int = 4) -> dict[str, Value]:
+def samples(record: FrameRecord, back: int = 0, frames: int = 4) -> dict[str, Real]:
     """Give what is measured in the newest frames of a record, or of it some samples earlier."""
     end = len(record["omega"]) - 1 - back
     return {frame_name((name, k)): record[name][end - k] for name in ("V", "omega") for k in range(frames)}

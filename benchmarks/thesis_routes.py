@@ -12,13 +12,13 @@ from benchmarks.thesis_page import Line, Table, equal, number, words
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import Record, simulate
-from faultbond.algebra.solving.printing import to_lines
+from faultbond.algebra.solving.backward_euler import FrameRecord, simulate_frames
+from faultbond.algebra.solving.formula import to_lines
 from faultbond.algebra.solving.solution import Solution, closed_form, evaluate_root
 from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.equations.component_network import ComponentNetwork, in_frame
 from faultbond.equations.inversion import linear_solution
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.expression import Expression
@@ -95,7 +95,7 @@ def _recorded(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _follow(solution: Solution, target: str, **values: float) -> float:
     plant = system("fig_3_18").plant
-    known: dict[str, Value] = {**plant.values, "dt": plant.sample_time, **values}
+    known: dict[str, Real] = {**plant.values, "dt": plant.sample_time, **values}
     return float(evaluate_root(solution.roots[0], known)[target])
 
 
@@ -324,8 +324,8 @@ def section_4_3() -> Table:
     )
 
 
-def at_50_hz(volts: Sequence[float]) -> Record:
+def at_50_hz(volts: Sequence[float]) -> FrameRecord:
     """Give the exact backward-Euler record of the motor at 50 samples a second, from rest."""
     motor = system("motor")
     inputs = {"V": tuple(Fraction(value) for value in volts)}
-    return simulate(motor.network, motor.plant.values, inputs, motor.plant.sample_time)
+    return simulate_frames(motor.network, motor.plant.values, inputs, motor.plant.sample_time)

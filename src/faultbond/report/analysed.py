@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from faultbond.algebra.routes.functions import Function, components_passed, equations_passed
-from faultbond.algebra.solving.printing import to_one_line
+from faultbond.algebra.solving.formula import to_one_line
 from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus

@@ -12,9 +12,19 @@ from rich.padding import Padding
 from rich.text import Text
 
 from faultbond.algebra.routes.functions import Function, equations_passed
+from faultbond.algebra.solving.formula import (
+    C_HEADER,
+    PYTHON_HEADER,
+    Formula,
+    conditions_text,
+    formulas,
+    readable_lines,
+    shown_conditions,
+    to_c,
+    to_lines,
+    to_python,
+)
 from faultbond.algebra.solving.latex import to_latex
-from faultbond.algebra.solving.printing import C_HEADER, PYTHON_HEADER, conditions_text, to_c, to_lines, to_python
-from faultbond.algebra.solving.readable import Formula, formulas, readable_lines, shown_conditions
 from faultbond.algebra.solving.solution import Solution
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.parser import to_text

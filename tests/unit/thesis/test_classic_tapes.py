@@ -5,7 +5,7 @@ import pytest
 
 from faultbond.algebra.solving.branches import Condition
 from faultbond.algebra.solving.solution import Line, Root
-from faultbond.equations.numeric import evaluate as plainly
+from faultbond.equations.numeric import numeric_value as plainly
 from faultbond.model.expression import Binary, Name, Number
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.offline.tapes import compile_roots

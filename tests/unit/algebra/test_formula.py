@@ -16,21 +16,23 @@ import pytest
 from solved import example, route_to, static
 
 from faultbond.algebra.solving.branches import Condition
-from faultbond.algebra.solving.latex import condition_latex, expression_latex, name_latex, to_latex
-from faultbond.algebra.solving.printing import (
+from faultbond.algebra.solving.formula import (
     C_HEADER,
     PYTHON_HEADER,
+    Formula,
+    common_parts,
+    formulas,
     identifiers,
     to_c,
     to_lines,
     to_one_line,
     to_python,
 )
-from faultbond.algebra.solving.readable import Formula, common_parts, formulas
+from faultbond.algebra.solving.latex import condition_latex, expression_latex, name_latex, to_latex
 from faultbond.algebra.solving.solution import Line, Solution
 from faultbond.algebra.solving.solve import solve
 from faultbond.equations.component_network import ComponentNetwork
-from faultbond.equations.numeric import evaluate
+from faultbond.equations.numeric import numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Number
 from faultbond.model.parser import parse_expression, to_text
 
@@ -67,7 +69,7 @@ def expected(formula: Formula, values: Mapping[str, float]) -> float:
     """The value of a formula, line by line."""
     known: dict[str, float | Fraction] = {**values}
     for line in formula.lines:
-        known[line.name] = evaluate(line.value, known)
+        known[line.name] = numeric_value(line.value, known)
     return float(known[formula.target])
 
 
