@@ -63,7 +63,7 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     out.record(decision_record(rejected, rejected=True))
     out.record(diagnosis_record(left))
     if out.text is not None:
-        from faultbond.report.decided import ranking_text, rejected_sentence  # noqa: PLC0415 - loads rich
+        from faultbond.report.verdict import ranking_text, rejected_sentence  # noqa: PLC0415 - loads rich
 
         out.say(rejected_sentence(opened.graph, rejected))
         out.say(ranking_text(opened.graph, left))
