@@ -57,13 +57,14 @@ def add_check(verbs: Subparsers) -> None:
 
     example = "faultbond check examples/tank/model.yaml"
     parser = _add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "--data",
         metavar="REC",
         nargs="+",
         help="healthy recordings: tell what the model gets wrong there, and what it must declare",
     )
-    parser.add_argument(
+    add(
         "--promise",
         metavar="TIME",
         type=duration,
@@ -95,11 +96,10 @@ def add_analyse(verbs: Subparsers) -> None:
     example = "faultbond analyse model.yaml --data healthy.csv"
     summary = "tell which faults can be found and told apart, how small, and what would help"
     parser = _add_verb(verbs, "analyse", call, summary, example)
-    parser.add_argument("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
-    parser.add_argument(
-        "--within", metavar="TIME", type=duration, help="find the smallest faults within '60 s' (default: 300 samples)"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
+    add("--within", metavar="TIME", type=duration, help="find the smallest faults within '60 s' (default: 300 samples)")
+    add(
         "--separate",
         metavar="SET",
         nargs="+",
@@ -108,14 +108,14 @@ def add_analyse(verbs: Subparsers) -> None:
         help="find the input that best separates these sets, such as K4 K6,K1 "
         "(default: those alike at rest, or in the recording)",
     )
-    parser.add_argument(
+    add(
         "--closed",
         metavar="N",
         type=_number("--closed", 0, MAX_CLOSED),
         default=1,
         help="solve sets of up to N parameters in closed form (default: %(default)s; 0 none)",
     )
-    parser.add_argument(
+    add(
         "--patience",
         metavar="TIME",
         type=duration,
@@ -127,12 +127,8 @@ def add_analyse(verbs: Subparsers) -> None:
         summary = f"take routes with the {value}, not with the fewest samples"
         routes.add_argument(option, dest="preference", action="store_const", const=value, help=summary)
     parser.set_defaults(preference="fewest frames")
-    parser.add_argument(
-        "--code", choices=["python", "c", "latex"], help="print the closed forms as functions, and nothing else"
-    )
-    parser.add_argument(
-        "--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step"
-    )
+    add("--code", choices=["python", "c", "latex"], help="print the closed forms as functions, and nothing else")
+    add("--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step")
 
 
 def add_fit(verbs: Subparsers) -> None:
@@ -161,37 +157,34 @@ def add_fit(verbs: Subparsers) -> None:
     example = "faultbond fit model.yaml healthy.csv -o fitted.yaml --report fit.html"
     summary = "find parameters and noise from healthy recordings, and write them into a model file"
     parser = _add_verb(verbs, "fit", call, summary, example)
-    parser.add_argument("recordings", metavar="REC", nargs="+", help="healthy recording; several are fitted together")
-    parser.add_argument("-o", "--output", metavar="MODEL2", type=Path, help="model file to write")
-    parser.add_argument("--report", metavar="FILE.html", type=Path, help=REPORT)
-    parser.add_argument(
-        "--fixed", metavar="NAMES", type=_names, default=(), help="parameters that are known: G,K_meter"
-    )
-    parser.add_argument("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("recordings", metavar="REC", nargs="+", help="healthy recording; several are fitted together")
+    add("-o", "--output", metavar="MODEL2", type=Path, help="model file to write")
+    add("--report", metavar="FILE.html", type=Path, help=REPORT)
+    add("--fixed", metavar="NAMES", type=_names, default=(), help="parameters that are known: G,K_meter")
+    add("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
+    add(
         "--per-recording",
         metavar="NAMES",
         type=_names,
         default=(),
         help="parameters that each recording has for itself, such as a temperature at its start",
     )
-    parser.add_argument(
+    add(
         "--prior",
         choices=["widened", "declared", "none"],
         default="widened",
         help="what declared accuracies count for: widened where the data contradict them, as declared, or nothing "
         "(default: %(default)s)",
     )
-    parser.add_argument(
+    add(
         "--starts",
         metavar="N",
         type=_number("--starts", 1, MOST_STARTS),
         default=4,
         help="begin the search at N places (default: %(default)s)",
     )
-    parser.add_argument(
-        "--seed", metavar="N", type=_seed, default=0, help="choose the other places (default: %(default)s)"
-    )
+    add("--seed", metavar="N", type=_seed, default=0, help="choose the other places (default: %(default)s)")
     _add_engine(parser)
 
 
@@ -213,10 +206,9 @@ def add_simulate(verbs: Subparsers) -> None:
 
     example = "faultbond simulate model.yaml --inputs healthy.csv --fault K1=x1.85@2460 --seed 1 -o faulty.csv"
     parser = _add_verb(verbs, "simulate", call, "make a recording of the plant, healthy or faulty", example)
-    parser.add_argument(
-        "--inputs", metavar="REC", required=True, help="recording with the time and input columns; - is standard input"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--inputs", metavar="REC", required=True, help="recording with the time and input columns; - is standard input")
+    add(
         "--fault",
         metavar="FAULT",
         action="append",
@@ -225,8 +217,8 @@ def add_simulate(verbs: Subparsers) -> None:
         "SIGNAL.bias, .gain, .noise or .stuck, such as flow.bias=1.4e-5@1500 or flow.stuck@1500; @TIME..TIME for a "
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
-    parser.add_argument("--seed", metavar="N", type=_seed, help="make the noise repeatable")
-    parser.add_argument(
+    add("--seed", metavar="N", type=_seed, help="make the noise repeatable")
+    add(
         "--start",
         metavar="STATE=VALUE",
         action="append",
@@ -240,8 +232,8 @@ def add_simulate(verbs: Subparsers) -> None:
         ("--lag", "TIME", duration, "inputs that settle lag behind by '3 s'"),
         ("--curve", "PART", _part, "inputs in percent act wrongly by up to '3 %%'"),
     ):
-        parser.add_argument(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
-    parser.add_argument("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
+        add(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
+    add("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
 
 
 def add_run(verbs: Subparsers) -> None:
@@ -260,18 +252,17 @@ def add_run(verbs: Subparsers) -> None:
     example = "faultbond run model.yaml faulty.csv --report report.html"
     summary = "watch a recording, detect a fault and diagnose it; exit code 1: there is one, 4: no verdict"
     parser = _add_verb(verbs, "run", call, summary, example)
-    parser.add_argument("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")
-    parser.add_argument(
+    add = parser.add_argument
+    add("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")
+    add(
         "--method",
         choices=[method.value for method in Method],
         default=Method.BANK.value,
         help="how to detect and diagnose (default: %(default)s)",
     )
-    parser.add_argument("--report", metavar="FILE.html", type=Path, help=REPORT)
-    parser.add_argument(
-        "--state", metavar="STATE", type=Path, help="go on from the run kept in this file, if it exists, and keep this"
-    )
-    parser.add_argument(
+    add("--report", metavar="FILE.html", type=Path, help=REPORT)
+    add("--state", metavar="STATE", type=Path, help="go on from the run kept in this file, if it exists, and keep this")
+    add(
         "--accept",
         metavar="LEVEL",
         type=_level,
@@ -294,9 +285,9 @@ def add_decisions(verbs: Subparsers) -> None:
         ("accept", "*", "take a diagnosis of a kept run as the new normal", " (default: the best)"),
         ("reject", "+", "rule a diagnosis of a kept run out; the others share its probability", ""),
     ):
-        parser = _add_verb(verbs, verb, call, summary, f"faultbond {verb} model.yaml plant.state K1")
-        parser.add_argument("state", metavar="STATE", type=Path, help="file that `run --state` wrote")
-        parser.add_argument("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
+        add = _add_verb(verbs, verb, call, summary, f"faultbond {verb} model.yaml plant.state K1").add_argument
+        add("state", metavar="STATE", type=Path, help="file that `run --state` wrote")
+        add("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
 
 
 def add_demo(verbs: Subparsers) -> None:
@@ -307,7 +298,8 @@ def add_demo(verbs: Subparsers) -> None:
         return DONE
 
     parser = _add_verb(verbs, "demo", call, "find a fault in the built-in water tank", "faultbond demo", model=False)
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "--report",
         metavar="FILE.html",
         type=Path,

@@ -27,7 +27,7 @@ _HEADER = re.compile(rb"\{'descr': '<(f8|U\d{1,9})', 'fortran_order': False, 'sh
 
 
 def write_archive(stream: IO[bytes], about: Mapping[str, Any], arrays: Mapping[str, FloatArray]) -> None:
-    """Write a JSON text and arrays of floats by name, with their checksum."""
+    """Write a JSON text and arrays of floats by name, of any shape, with their checksum."""
     text = json.dumps(about, default=_word)
     floats = {name: np.array(values, dtype="<f8", order="C") for name, values in arrays.items()}
     texts = {ABOUT: np.array(text), CHECKSUM: np.array(_checksum(text, floats))}

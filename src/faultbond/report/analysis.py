@@ -21,7 +21,7 @@ from faultbond.contract.records import Record
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
 from faultbond.report.console import lines, table, title, under
-from faultbond.report.numbers import Notation, duration_text, figure, join, unit_text, with_noun, with_unit
+from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
 
 LISTED = 12  # groups, near groups and the like that are listed
 LISTED_SENSORS = 4
@@ -282,11 +282,11 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
         parameter = graph.parameter(item.parameter)
         change, part, effects = "not found", "", item.reason
         if item.value is not None:
-            change = figure(parameter.unit.difference_from_si(item.value), digits=3).number(Notation.FILE)
+            change = figure(parameter.unit.difference_from_si(item.value), digits=3).number()
             part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
             sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
             effects = ", ".join(sizes)
-        rows.append((item.parameter, change, unit_text(parameter.unit.text, Notation.FILE), part, effects))
+        rows.append((item.parameter, change, unit_text(parameter.unit.text), part, effects))
     table(console, ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd"), rows)
 
 

@@ -22,7 +22,7 @@ Json = dict[str, object]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChartLine:
-    """One line of a chart; `sd` draws a band of `factor` standard deviations about it."""
+    """One line of a chart, `values` (n,); `sd` (n,) draws a band of `factor` standard deviations about it."""
 
     label: str
     values: FloatArray
@@ -35,7 +35,7 @@ class ChartLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chart:
-    """Lines over a time axis; `level` is a horizontal line with a name, `limits` are further ones."""
+    """Lines over a time axis, `time` (n,), s; `level` is a horizontal line with a name, `limits` are further ones."""
 
     title: str
     unit: str
@@ -142,7 +142,7 @@ def thin(traces: Sequence[FloatArray], limit: int) -> NDArray[np.int64]:
 
     Returns
     -------
-    int array, increasing
+    int array, (n_kept,), increasing
     """
     size = len(traces[0]) if traces else 0
     if size <= limit:

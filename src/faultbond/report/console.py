@@ -23,6 +23,13 @@ def headline(console: Console, name: str, file: str) -> None:
     console.print(Text.assemble((name, "bold"), (f"  {file}", "dim")))
 
 
+def facts(console: Console, items: Iterable[tuple[str, str]]) -> None:
+    """Print what was watched: labels of the same width, and texts."""
+    for label, text in items:
+        console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
+    console.print()
+
+
 def title(console: Console, text: str, note: str = "") -> None:
     """Print the heading of a section."""
     console.print()

@@ -11,21 +11,13 @@ from rich.text import Text
 from faultbond.contract.records import Record
 from faultbond.errors import ModelError
 from faultbond.fit.identification import Fit
-from faultbond.fit.outcome import (
-    Estimate,
-    NoiseFound,
-    Silence,
-    estimates_of,
-    noises_of,
-    residual_sizes,
-    silences_of,
-)
+from faultbond.fit.outcome import Estimate, NoiseFound, Silence, estimates_of, noises_of, residual_sizes, silences_of
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.numbers import MINUS, Notation, change_text, clock_text, duration_text, figure, join, unit_text
+from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
 
 _ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
@@ -212,9 +204,7 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     """
     graph, found = fitted.graph, fitted.found
     headline(console, graph.name, graph.file)
-    spans = [duration_text(float(record.time[-1] - record.time[0])) for record in found.records]
-    read = [f"{x.name}: {len(x.time)} samples, {span}" for x, span in zip(found.records, spans, strict=True)]
-    data = under("recordings", read)
+    data = under("recordings", [recording_text(item.name, item.time) for item in found.records])
     if wide := [f"{name} {times:.1f} times" for name, times in found.contradicted.items()]:
         told = f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
         data.append(("accuracies", told))
@@ -244,9 +234,9 @@ def parameter_row(item: Estimate) -> tuple[str, ...]:
     return (
         parameter.name,
         parameter.owner,
-        figure(unit.from_si(parameter.nominal)).number(Notation.FILE),
-        figure(value, sd).both(Notation.FILE),
-        unit_text(unit.text, Notation.FILE),
+        figure(unit.from_si(parameter.nominal)).number(),
+        figure(value, sd).both(),
+        unit_text(unit.text),
         change_text(parameter.nominal, item.value, item.sd),
         _accuracy_text(item),
         "at the end of its range" if item.at_end else "yes" if item.determined else "not alone",
@@ -283,14 +273,14 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
         unit = item.of.unit if is_sensor or item.of.unit.text else Unit("SI")
         if isinstance(item.of, SlowError) and item.of.relative:
             unit = Unit("%", 0.01)
-        declared = figure(item.declared / unit.factor, digits=3).number(Notation.FILE)
-        both = figure(item.found / unit.factor, item.sd / unit.factor).both(Notation.FILE)
+        declared = figure(item.declared / unit.factor, digits=3).number()
+        both = figure(item.found / unit.factor, item.sd / unit.factor).both()
         if item.found > AT_MOST * item.declared and not is_sensor:
             both = f"{declared} or more"
         elif not item.is_known:
-            both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number(Notation.FILE)}"
+            both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
         name = item.name if is_sensor else f"slow error of {item.name}"
-        yield name, declared, both, unit_text(unit.text, Notation.FILE), tests[item.name] if is_sensor else ""
+        yield name, declared, both, unit_text(unit.text), tests[item.name] if is_sensor else ""
 
 
 def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.numbers import MINUS, Notation, clock_text, duration_text, figure, unit_text
+from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
 
 MOST_REGIONS = 6
 YEAR = 365.25 * 86400.0  # s
@@ -73,11 +73,7 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     found : the trial
     """
     headline(console, graph.name, graph.file)
-    recordings = [
-        f"{item.name}: {len(item.time)} samples, {duration_text(float(item.time[-1] - item.time[0]))}"
-        for item in found.records
-    ]
-    lines(console, [("recordings", "\n".join(recordings))])
+    lines(console, under("recordings", [recording_text(item.name, item.time) for item in found.records]))
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")
     rows = []
     for item in found.rates:
@@ -129,8 +125,8 @@ def _region_text(item: Region, units: dict[str, Unit]) -> str:
     if item.after_step:
         return f"{text} soon after a step of {item.of}"
     unit = units[item.of]
-    low, high = (figure(unit.from_si(end), digits=3).number(Notation.FILE) for end in (item.low, item.high))
-    return f"{text} where {item.of} is {low} to {high} {unit_text(unit.text, Notation.FILE)}".rstrip()
+    low, high = (figure(unit.from_si(end), digits=3).number() for end in (item.low, item.high))
+    return f"{text} where {item.of} is {low} to {high} {unit_text(unit.text)}".rstrip()
 
 
 def _needed_texts(found: Health) -> Iterator[str]:

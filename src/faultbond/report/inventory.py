@@ -17,7 +17,7 @@ from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Parameter, Relation, Sensor, Unit
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title
-from faultbond.report.numbers import NO_BREAK, Notation, duration_text, figure, unit_text, with_noun, with_unit
+from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.verdict import step_text, unfalsifiable_text
 from faultbond.runtime import monitor, onsets, packing, ranking, trail, unseen
 from faultbond.synthesis.specify import PROCESS_NOISE
@@ -277,16 +277,14 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
 
 def _parameter_row(item: Parameter) -> tuple[str, ...]:
     unit = item.unit
-    nominal = figure(unit.from_si(item.nominal)).number(Notation.FILE)
-    healthy, faulty = (
-        figure(unit.difference_from_si(sd), digits=3).number(Notation.FILE) for sd in (item.accuracy, item.change)
-    )
+    nominal = figure(unit.from_si(item.nominal)).number()
+    healthy, faulty = (figure(unit.difference_from_si(sd), digits=3).number() for sd in (item.accuracy, item.change))
     shown = faulty if item.suspect else "trusted"
-    return item.name, item.owner, nominal, healthy, shown, _reach(item), unit_text(unit.text, Notation.FILE)
+    return item.name, item.owner, nominal, healthy, shown, _reach(item), unit_text(unit.text)
 
 
 def _reach(item: Parameter | Sensor) -> str:
-    lower, upper = (figure(item.unit.from_si(end)).number(Notation.FILE) for end in (item.lower, item.upper))
+    lower, upper = (figure(item.unit.from_si(end)).number() for end in (item.lower, item.upper))
     match (math.isfinite(item.lower), math.isfinite(item.upper)):
         case (True, True):
             return f"{lower} to {upper}"
@@ -368,7 +366,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     for item, known in zip(graph.inputs, spec.inputs, strict=True):
         steps = [_spread(item.unit, known.step)] if known.step else []
         steps += [f"{100 * known.step_part:g} % of the largest value"] if known.step_part else []
-        unit, noise = unit_text(item.unit.text, Notation.FILE), _spread(item.unit, item.noise)
+        unit, noise = unit_text(item.unit.text), _spread(item.unit, item.noise)
         inputs.append((item.name, item.column, unit, noise, duration_text(item.settling), " and ".join(steps)))
     if inputs:
         header = ("name", "column", "unit", "noise (sd)", "settling", "a step is more than")
@@ -379,7 +377,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     title(console, "Sensors")
     sensors = []
     for sensor, output in zip(graph.sensors, spec.outputs, strict=True):
-        unit, noise = unit_text(sensor.unit.text, Notation.FILE), _spread(sensor.unit, sensor.noise)
+        unit, noise = unit_text(sensor.unit.text), _spread(sensor.unit, sensor.noise)
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
@@ -401,7 +399,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
 def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:
     """Give what is known of sensors and inputs as instruments."""
     ranges = [
-        f"{item.name} {_reach(item)} {unit_text(item.unit.text, Notation.FILE)}"
+        f"{item.name} {_reach(item)} {unit_text(item.unit.text)}"
         for item in graph.sensors
         if math.isfinite(item.lower) or math.isfinite(item.upper)
     ]

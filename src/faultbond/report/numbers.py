@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
 
+from faultbond.arrays import FloatArray
+
 TIMES, MINUS, NO_BREAK = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
@@ -34,11 +36,11 @@ class Figure:
     sd: str
     exponent: int
 
-    def number(self, notation: Notation) -> str:
+    def number(self, notation: Notation = Notation.FILE) -> str:
         """Give the value alone; zero has no power of ten."""
         return self.value.strip("-") if not self.value.strip("-0.") else with_power(self.value, self.exponent, notation)
 
-    def both(self, notation: Notation) -> str:
+    def both(self, notation: Notation = Notation.FILE) -> str:
         """Give value ± standard deviation."""
         if not self.sd:
             return self.number(notation)
@@ -112,7 +114,7 @@ def _exact(value: float, digits: int) -> Figure:
     return Figure(format(float(text), "f").rstrip("0").rstrip(".") if "e" in text else text, "", exponent)
 
 
-def unit_text(unit: str, notation: Notation) -> str:
+def unit_text(unit: str, notation: Notation = Notation.FILE) -> str:
     """Give a unit as it is spelled in that notation; empty where there is none."""
     if unit in ("", "1", "dimensionless"):
         return ""
@@ -133,6 +135,11 @@ def with_unit(
 def with_noun(number: int, noun: str) -> str:
     """Give a number with its noun: `1 set`, `2 sets`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def recording_text(name: str, time: FloatArray) -> str:
+    """Say how long a recording is: number of samples at `time` (n,), s, and how long they take."""
+    return f"{name}: {len(time)} samples, {duration_text(float(time[-1] - time[0]))}"
 
 
 def join(words: Sequence[str]) -> str:
@@ -211,9 +218,9 @@ def clock_text(time: float) -> str:
     if not math.isfinite(time):
         return "an unknown time"
     if abs(time) >= NO_DATE:
-        return f"{figure(time).number(Notation.FILE)} s"
+        return f"{figure(time).number()} s"
     if not is_unix(time):
-        return f"{figure(time, digits=9).number(Notation.FILE)} s" if time < 1e5 else f"{time:.12g} s"
+        return f"{figure(time, digits=9).number()} s" if time < 1e5 else f"{time:.12g} s"
     moment = datetime.fromtimestamp(round(time, 3), UTC)
     text = moment.strftime("%Y-%m-%d %H:%M:%S")
     return text + (f".{moment.microsecond // 1000:03d}" if moment.microsecond >= 1000 else "") + " UTC"

@@ -9,8 +9,8 @@ from rich.text import Text
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import bare_table, set_width
-from faultbond.report.numbers import Notation, figure, join, unit_text, with_noun
+from faultbond.report.console import bare_table, facts, set_width
+from faultbond.report.numbers import figure, join, unit_text, with_noun
 from faultbond.report.suspects import unit_of
 
 SHOWN_SETS = 20  # candidates shown; the records hold all
@@ -36,9 +36,7 @@ def print_observed(console: Console, seen: Observed) -> None:
     """Print what was found; a console that is no terminal is set to `console.PLAIN_WIDTH` columns."""
     set_width(console)
     observations = with_noun(seen.rows, "observation")
-    for label, text in (("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)):
-        console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
-    console.print()
+    facts(console, [("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)])
     if not seen.watched:
         console.print(Text("No verdict: no row has a value of a sensor.", style="bold yellow"))
         return
@@ -75,9 +73,9 @@ def _cells(graph: BondGraph, suspect: Suspect) -> tuple[str, ...]:
     if isinf(suspect.sd):
         text = f"not determined, such as {text}"
     elif suspect.sd > 0.0:
-        text = figure(value, unit.difference_from_si(suspect.sd)).both(Notation.FILE)
+        text = figure(value, unit.difference_from_si(suspect.sd)).both()
     nominal = f"{unit.from_si(suspect.nominal or 0.0):.6g}"
-    return suspect.component, suspect.parameter, nominal, text, unit_text(unit.text, Notation.FILE)
+    return suspect.component, suspect.parameter, nominal, text, unit_text(unit.text)
 
 
 def sets_verdict(candidates: Sequence[Candidate]) -> str:

@@ -8,7 +8,7 @@ from rich.text import Text
 
 from faultbond.contract.findings import History
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import bare_table, set_width
+from faultbond.report.console import bare_table, facts, set_width
 from faultbond.report.numbers import Notation
 from faultbond.report.verdict import RunCounts, TableRow, view_of
 
@@ -38,10 +38,8 @@ def print_diagnosis(
     view = view_of(graph, history, counts, Notation.FILE)
     span = f", {view.period} ({view.span})" if view.period else ""
     samples = f"{counts.samples}{span}" + (f"; {view.defects}" if view.defects else "")
-    facts = {"Model": graph.name, "Sensors": f"{view.sensors}; {view.step}", "Engine": engine_title, "Samples": samples}
-    for label, text in facts.items():
-        console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
-    console.print()
+    watched = [("Model", graph.name), ("Sensors", f"{view.sensors}; {view.step}")]
+    facts(console, [*watched, ("Engine", engine_title), ("Samples", samples)])
     for text, alarm in view.events:
         console.print(Text(text, style="bold red" if alarm else ""))
     if view.diagnosis:

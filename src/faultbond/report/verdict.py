@@ -18,15 +18,7 @@ from faultbond.contract.findings import (
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
-from faultbond.report.numbers import (
-    Notation,
-    certainty_text,
-    clock_text,
-    duration_text,
-    figure,
-    join,
-    probability_text,
-)
+from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, join, probability_text
 from faultbond.report.suspects import (
     OTHERWISE,
     SuspectRow,
@@ -270,7 +262,7 @@ def _certainty(diagnosis: Diagnosis) -> str:
 
 def unexplained_sentence(found: Unexplained) -> str:
     """Say that no candidate fits, and where the best one is off."""
-    size = figure(found.sd, digits=2).number(Notation.FILE)
+    size = figure(found.sd, digits=2).number()
     return (
         f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
         f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
