@@ -138,7 +138,7 @@ def test_everything_can_be_told(history: History) -> None:
         assert verdict.startswith("None of the modelled faults") is (last.unexplained is not None)
         assert len(table_rows(GRAPH, last, notation)) == len(last.candidates)
     charts = [chart for part in chart_sections(GRAPH, history) for chart in part.charts]
-    json.dumps(payload(history, charts), allow_nan=False)
+    json.dumps(payload(history.time, (), charts), allow_nan=False)
     assert len(diagnosis_record(last)) > 3
 
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from faultbond.errors import FaultbondError
-from faultbond.io.times import number, parse_time
+from faultbond.io.times import finite_number, parse_time
 from faultbond.types import FaultKind
 
 FORM = re.compile(
@@ -56,7 +56,7 @@ def parse_fault(text: str) -> FaultRequest:
         grows = "; a drift is a bias that grows, .bias=VALUE@FROM..TO" if kind == FaultKind.DRIFT.value else ""
         known = ", ".join(OF_INSTRUMENTS)
         raise FaultbondError(f"--fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {known}{grows}.")
-    amount = None if match["amount"] is None else number(match["amount"])
+    amount = None if match["amount"] is None else finite_number(match["amount"])
     if amount is not None and math.isnan(amount):
         advice = "Give the value in the model's unit, or x2 for a factor."
         raise FaultbondError(f"--fault {text!r}: {match['amount']!r} is not a number. {advice}")
@@ -82,7 +82,7 @@ def _length(text: str | None, fault: str) -> float | None:
     """Read a length of time in seconds."""
     if text is None:
         return None
-    seconds = number(text)
+    seconds = finite_number(text)
     if not seconds > 0.0:
         raise FaultbondError(f"--fault {fault!r}: {text!r} is not a length of time. Give seconds, as in @1500,300/600.")
     return seconds
@@ -90,7 +90,7 @@ def _length(text: str | None, fault: str) -> float | None:
 
 def _moment(text: str, fault: str) -> float:
     """Read a time in seconds or ISO 8601."""
-    seconds = number(text)
+    seconds = finite_number(text)
     if not math.isnan(seconds):
         return seconds
     with suppress(ValueError, OverflowError):

@@ -25,7 +25,7 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Row
-from faultbond.io.times import number, parse_time, unix_seconds
+from faultbond.io.times import finite_number, parse_time, unix_seconds
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
 MAX_LINE = 200_000  # characters
@@ -177,7 +177,9 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
 def _numbers(values: Sequence[object], places: Sequence[int], columns: tuple[Column, ...]) -> FloatArray:
     """Give the SI values at some places of a record."""
     pairs = zip(places, columns, strict=True)
-    return np.array([column.unit.to_si(number(_field(values, place))) for place, column in pairs], dtype=np.float64)
+    return np.array(
+        [column.unit.to_si(finite_number(_field(values, place))) for place, column in pairs], dtype=np.float64
+    )
 
 
 def _field(values: Sequence[object], place: int) -> object:
@@ -189,7 +191,7 @@ def _moment(value: object, unit: Unit) -> float:
     """Give the time of a row in seconds; nan where it cannot be read."""
     if isinstance(value, datetime):
         return unix_seconds(value)
-    found = number(value)
+    found = finite_number(value)
     if math.isnan(found) and isinstance(value, str):
         with suppress(ValueError, OverflowError):
             return parse_time(value)
@@ -209,7 +211,7 @@ def _no_column(column: Column, header: list[str], title: str) -> str:
     """Say that a column is not there, or is there twice, and what is there."""
     if column.header in header:
         return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
-    if all(not math.isnan(number(name)) for name in header):
+    if all(not math.isnan(finite_number(name)) for name in header):
         return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
     found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""

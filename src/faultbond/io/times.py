@@ -4,7 +4,7 @@ import math
 from datetime import UTC, datetime
 
 
-def number(value: object) -> float:
+def finite_number(value: object) -> float:
     """Give a number, also of a text; nan where there is none, or none that is finite."""
     try:
         found = float(value)  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
 """A chart as plain data: numbers in the model file's units, thinned to fewer points that show the same, for JSON."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import History
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import exponent_of, is_unix, power_of_ten
 
@@ -64,23 +63,23 @@ def in_unit(values: FloatArray, unit: Unit) -> FloatArray:
     return (values - unit.offset) / unit.factor
 
 
-def payload(history: History, charts: Sequence[Chart]) -> Json:
-    """Give everything that the page's script draws, fit for `json.dumps` without nan."""
-    start = float(history.time[0]) if len(history.time) else 0.0
-    end = float(history.time[-1]) if len(history.time) else 1.0
+def payload(time: FloatArray, marks: Iterable[tuple[float, str]], charts: Sequence[Chart]) -> Json:
+    """Give everything that the page's script draws, fit for `json.dumps` without nan.
+
+    Parameters
+    ----------
+    time : (n,), s, on the clock of the recording
+    marks : moments on that clock, s, and their labels
+    charts : all charts of the page
+    """
+    start, end = (float(time[0]), float(time[-1])) if len(time) else (0.0, 1.0)
     arrays = sum(len(chart.traces) + sum(trace.sd is not None for trace in chart.traces) + 1 for chart in charts)
     points = max(200, min(POINTS, ALL_POINTS // max(arrays, 1)))
-    marks = [
-        {"x": _number(moment - start), "label": label}
-        for detection in history.detections
-        for moment, label in ((detection.change_time, "onset"), (detection.time, "alarm"))
-    ]
-    marks += [{"x": _number(item.time - start), "label": "accepted"} for item in history.accepted if item.time >= start]
     return {
         "start": start,
         "length": end - start,
         "calendar": is_unix(start),
-        "marks": marks,
+        "marks": [{"x": _number(moment - start), "label": label} for moment, label in marks],
         "charts": [_chart_json(chart, start, points) for chart in charts],
     }
 

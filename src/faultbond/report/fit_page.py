@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import History
 from faultbond.fit.whiteness import Whiteness
 from faultbond.report.chart import Chart, ChartLine, ChartSection, in_unit, payload
 from faultbond.report.fitted import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
@@ -20,23 +19,8 @@ def render_fit(fitted: Fitted) -> str:
     found, records = fitted.found, fitted.found.records
     time, begins = _times(fitted)
     sections = _sections(fitted, time)
-    nothing = np.zeros((len(time), 0))
-    history = History(
-        time=time,
-        measured=nothing,
-        expected=nothing,
-        expected_sd=nothing,
-        inputs=nothing,
-        cusum=nothing,
-        slow=nothing,
-        cusum_limit=1.0,
-        slow_limit=1.0,
-        slow_names=(),
-        detections=(),
-        diagnoses=(),
-    )
+    data = payload(time, (), [chart for section in sections for chart in section.charts])
     marks = [{"x": begin - float(time[0]), "label": str(r)} for r, begin in enumerate(begins, start=1)]
-    data = payload(history, [chart for section in sections for chart in section.charts])
     known, white = sum(item.determined for item in fitted.estimates), sum(item.white for item in found.whiteness)
     span = sum(float(item.time[-1] - item.time[0]) for item in records)
     return render_page(

@@ -46,10 +46,13 @@ def render_report(
     facts |= {"Rejected": decided_text(graph, history.rejected)}
     always = ("Sensors", "Sampled", "Engine", "Made by")
     sections = chart_sections(graph, history)
+    start = float(history.time[0]) if len(history.time) else 0.0
+    marks = [mark for item in history.detections for mark in ((item.change_time, "onset"), (item.time, "alarm"))]
+    marks += [(item.time, "accepted") for item in history.accepted if item.time >= start]
     return render_page(
         "report.html.j2",
         sections,
-        payload(history, [chart for section in sections for chart in section.charts]),
+        payload(history.time, marks, [chart for section in sections for chart in section.charts]),
         {
             "name": graph.name,
             "view": view,

@@ -54,7 +54,7 @@ def test_instruments_have_charts(
     assert (chart.title, chart.unit) == (title, unit)
     assert chart.traces[0].values == pytest.approx([value] * 3)
     assert (None if chart.level is None else chart.level[0]) == level
-    assert payload(RUN, [chart])["charts"]
+    assert payload(RUN.time, (), [chart])["charts"]
 
 
 def test_other_kinds_of_an_instrument_are_not_mixed_in() -> None:
@@ -101,7 +101,7 @@ def test_a_forecast_goes_from_now_to_the_limit() -> None:
         assert np.isnan(lines[label][0])
         assert np.isnan(lines[label][end + 1 :]).all()
     assert np.isnan(lines["estimate"][2:]).all()
-    drawn = payload(RUN, [chart])["charts"]
+    drawn = payload(RUN.time, (), [chart])["charts"]
     assert isinstance(drawn, list)
     assert drawn[0]["now"] == 1180
 
@@ -149,5 +149,5 @@ def test_a_spread_beyond_all_numbers() -> None:
     """Beside a value that is next to nothing, a spread may be too large for any number; it is left out."""
     trace = ChartLine(label="estimate", values=np.full(3, 1e-297), color="line0", sd=np.full(3, 1e12))
     chart = Chart(title="K1", unit="", time=np.arange(3.0), traces=(trace,))
-    text = json.dumps(payload(RUN, [chart])["charts"], allow_nan=False)
+    text = json.dumps(payload(RUN.time, (), [chart])["charts"], allow_nan=False)
     assert '"y": [1, 1, 1], "sd": [null, null, null]' in text
