@@ -194,13 +194,9 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
 
 
 def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
-    """Print what a fit found.
+    """Print what a fit found; a console that is no terminal gets `console.PLAIN_WIDTH` columns.
 
-    Parameters
-    ----------
-    console : where to print; one that is no terminal is set to `console.PLAIN_WIDTH` columns
-    fitted : the fit
-    output : the model file that was written, if any
+    output: the model file that was written, if any.
     """
     graph, found = fitted.graph, fitted.found
     headline(console, graph.name, graph.file)

@@ -64,14 +64,7 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
 
 
 def print_health(console: Console, graph: BondGraph, found: Health) -> None:
-    """Print what came of a trial.
-
-    Parameters
-    ----------
-    console : where to print; one that is no terminal is set to `console.PLAIN_WIDTH` columns
-    graph : the plant
-    found : the trial
-    """
+    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
     headline(console, graph.name, graph.file)
     lines(console, under("recordings", [recording_text(item.name, item.time) for item in found.records]))
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")

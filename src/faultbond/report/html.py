@@ -55,6 +55,7 @@ def render_report(
         payload(history.time, marks, [chart for section in sections for chart in section.charts]),
         {
             "name": graph.name,
+            "state": view.state,
             "view": view,
             "verdict": _unbroken(view.verdict),
             "cards": _cards(history, view, counts),

@@ -236,13 +236,7 @@ def _set_sizes(spec: EngineSpec) -> dict[int, int]:
 
 
 def print_check(console: Console, seen: Inventory) -> None:
-    """Print what was understood of a model.
-
-    Parameters
-    ----------
-    console : where to print; one that is no terminal is set to `console.PLAIN_WIDTH` columns
-    seen : the model and what was made of it
-    """
+    """Print what was understood of a model; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
     headline(console, seen.graph.name, seen.graph.file)
     _print_plant(console, seen.graph)
     _print_structure(console, seen)

@@ -33,7 +33,7 @@ class Observed:
 
 
 def print_observed(console: Console, seen: Observed) -> None:
-    """Print what was found; a console that is no terminal is set to `console.PLAIN_WIDTH` columns."""
+    """Print what was found; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
     set_width(console)
     observations = with_noun(seen.rows, "observation")
     facts(console, [("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)])
