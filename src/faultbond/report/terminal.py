@@ -50,7 +50,7 @@ def print_diagnosis(
         console.width = width
         alike = f"{GROUP_MARK} not yet distinguishable from the best" if view.several else ""
         doubt = CONTRADICTED if view.contradicted else ""
-        for note in filter(None, (view.remainder, alike, doubt, view.untested)):
+        for note in filter(None, (view.remainder, alike, doubt, view.left_out)):
             console.print(Text(note, style="dim"))
         console.print()
         if untested:

@@ -81,8 +81,8 @@ class RunView:
 
     state: `fault`, `open` or `healthy`. period, span: first and last time, and how long that is. events: alarms, and
     what was accepted or rejected, in the order of time; True: an alarm. diagnosis: of the fault that is open, with its
-    rows and checks. several: whether candidates cannot be told from the best. remainder, untested: what the rows leave
-    out.
+    rows and checks. several: whether candidates cannot be told from the best. remainder, left_out: candidates that the
+    rows leave out, and sets that were not tested.
     """
 
     state: str
@@ -98,7 +98,7 @@ class RunView:
     rows: tuple[TableRow, ...] = ()
     several: bool = False
     remainder: str = ""
-    untested: str = ""
+    left_out: str = ""
     contradicted: bool = False
     checks: tuple[CheckRow, ...] = ()
 
@@ -124,7 +124,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        untested=untested_sentence(diagnosis) if diagnosis else "",
+        left_out=untested_sentence(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
     )
