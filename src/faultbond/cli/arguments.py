@@ -44,7 +44,13 @@ class Parser(argparse.ArgumentParser):
 Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
-def add_check(verbs: Subparsers) -> None:
+def add_verbs(verbs: Subparsers) -> None:
+    """Add all verbs, in the order in which the help shows them."""
+    for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_demo):
+        add(verbs)
+
+
+def _add_check(verbs: Subparsers) -> None:
     """Add `check`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -73,7 +79,7 @@ def add_check(verbs: Subparsers) -> None:
     _add_engine(parser)
 
 
-def add_analyse(verbs: Subparsers) -> None:
+def _add_analyse(verbs: Subparsers) -> None:
     """Add `analyse`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -131,7 +137,7 @@ def add_analyse(verbs: Subparsers) -> None:
     add("--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step")
 
 
-def add_fit(verbs: Subparsers) -> None:
+def _add_fit(verbs: Subparsers) -> None:
     """Add `fit`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -188,7 +194,7 @@ def add_fit(verbs: Subparsers) -> None:
     _add_engine(parser)
 
 
-def add_simulate(verbs: Subparsers) -> None:
+def _add_simulate(verbs: Subparsers) -> None:
     """Add `simulate`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -236,7 +242,7 @@ def add_simulate(verbs: Subparsers) -> None:
     add("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
 
 
-def add_run(verbs: Subparsers) -> None:
+def _add_run(verbs: Subparsers) -> None:
     """Add `run`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -271,7 +277,7 @@ def add_run(verbs: Subparsers) -> None:
     _add_engine(parser)
 
 
-def add_decisions(verbs: Subparsers) -> None:
+def _add_decisions(verbs: Subparsers) -> None:
     """Add `accept` and `reject`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
@@ -290,7 +296,7 @@ def add_decisions(verbs: Subparsers) -> None:
         add("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
 
 
-def add_demo(verbs: Subparsers) -> None:
+def _add_demo(verbs: Subparsers) -> None:
     """Add `demo`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:

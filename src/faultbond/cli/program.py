@@ -13,20 +13,7 @@ from typing import Never
 
 from faultbond import app
 from faultbond.app.signals import Stopped, Stopping
-from faultbond.cli.arguments import (
-    DONE,
-    FAULT_DETECTED,
-    NO_VERDICT,
-    Parser,
-    VerbCall,
-    add_analyse,
-    add_check,
-    add_decisions,
-    add_demo,
-    add_fit,
-    add_run,
-    add_simulate,
-)
+from faultbond.cli.arguments import DONE, FAULT_DETECTED, NO_VERDICT, Parser, VerbCall, add_verbs
 from faultbond.cli.outputs import check_outputs
 from faultbond.errors import FaultbondError, NoVerdictError, one_line
 from faultbond.io.files import STANDARD_INPUT
@@ -63,9 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
-    verbs = parser.add_subparsers(title="verbs", metavar="VERB", dest="verb")
-    for add in (add_check, add_analyse, add_fit, add_simulate, add_run, add_decisions, add_demo):
-        add(verbs)
+    add_verbs(parser.add_subparsers(title="verbs", metavar="VERB", dest="verb"))
     return parser
 
 
