@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.report.thin import thin
+from faultbond.report.chart import thin
 
 INK, PALE, GRID = "#222222", "#b8bec6", "#e4e7ea"
 COLORS = ("#1f5fa8", "#c4541a", "#2e8540", "#8250a0", "#a07000", "#0f8a94", "#c0357f")

@@ -14,8 +14,6 @@ from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 
-PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
-
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     """Tell what can be found and told apart, how small, by which routes, and what would help; False: nothing."""
@@ -27,8 +25,6 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     console = None if out.text is None else Console(file=out.text)
     record = plant_record(graph, network)
     if console is not None:
-        if not console.is_terminal:
-            console.width = PLAIN_WIDTH
         print_plant(console, graph, network)
         console.file.flush()
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone

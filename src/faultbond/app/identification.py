@@ -41,7 +41,7 @@ def fit(
 
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
-    from faultbond.report.fitted import Fitted, fit_record, print_fit  # noqa: PLC0415 - loads rich
+    from faultbond.report.fitted import fit_record, fitted_model, print_fit  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
@@ -53,7 +53,7 @@ def fit(
         found = fit_plant(
             plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
         )
-    fitted = Fitted(graph=graph, found=found, version=spec.version)
+    fitted = fitted_model(graph, found, spec.version)
     refused: OSError | None = None
     try:
         if output is not None:

@@ -1,17 +1,17 @@
-"""Routes and closed forms, as text for people and as code."""
+"""Routes and closed forms: as keys of the record of an analysis, as text for people, and as code."""
 
 import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from enum import Enum
-from itertools import count
+from itertools import chain, count
 
 from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from faultbond.algebra.routes.functions import Function, equations_passed
+from faultbond.algebra.routes.functions import Function, components_passed, equations_passed
 from faultbond.algebra.solving.formula import (
     C_HEADER,
     PYTHON_HEADER,
@@ -22,15 +22,18 @@ from faultbond.algebra.solving.formula import (
     shown_conditions,
     to_c,
     to_lines,
+    to_one_line,
     to_python,
 )
 from faultbond.algebra.solving.latex import to_latex
 from faultbond.algebra.solving.solution import Solution
-from faultbond.equations.component_network import ComponentNetwork
+from faultbond.contract.records import Record
+from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
+from faultbond.report.numbers import with_noun
 
-LISTED = 24  # sets of several parameters without a closed form that are listed
+UNSOLVED = 24  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal
 
 
@@ -45,63 +48,92 @@ class CodeForm(Enum):
 _REMARKS = {CodeForm.LATEX: "% {}", CodeForm.PYTHON: "# {}", CodeForm.C: "/* {} */"}
 
 
+def routes_record(network: ComponentNetwork, found: Sequence[Function], late: int) -> Record:
+    """Give the route of each function, and its closed form where it was asked for, in time, and there is one."""
+    routes = []
+    for item in found:
+        targets = [target if isinstance(target, str) else frame_name(target) for target in item.question.targets]
+        record: Record = {"target": ", ".join(targets), "question": item.question.title}
+        route, solution = item.route, item.solution
+        if route is None:
+            record |= {"components": [], "observations": None, "equations": None, "closed_form": None}
+            routes.append(record | {"refusal": item.refusal})
+            continue
+        steps = list(equations_passed(network, route))
+        record |= {
+            "components": list(components_passed(network, route)),
+            "observations": route.observations,
+            "equations": len(steps),
+            "closed_form": None if solution is None else to_one_line(solution),
+            "steps": steps,
+            "samples": [frame_name(sample) for sample in route.samples],
+            "frames": route.frames,
+            "largest_block": route.largest_block,
+            "noise": None if item.gain is None else dict(item.gain.deviations),
+        }
+        if solution is not None:
+            record |= {
+                "kind": solution.kind.value,
+                "degree": solution.degree,
+                "real_roots": solution.real_roots,
+                "singular": [singular.words for singular in solution.singular],
+                "remarks": list(solution.remarks),
+            }
+        routes.append(record)
+    return {"routes": routes, "closed_forms_left_out": late}
+
+
 def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
     """Print a line for each function, then the closed forms; `late` of them there was no time for."""
-    title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
-    kept = [item for item in found if not _is_of_several(item) or item.solution is not None]
-    several = [item for item in found if item not in kept]
-    shown = [*kept, *several[:LISTED]]
-    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in shown])
-    if len(several) > LISTED:
-        text = f"... and {len(several) - LISTED} more sets of parameters; --json writes all"
+
+    def remark(text: str) -> None:
         console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
+
+    title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
+    several = [item for item in found if _is_unsolved_set(item)]
+    shown = [*(item for item in found if not _is_unsolved_set(item)), *several[:UNSOLVED]]
+    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in shown])
+    if len(several) > UNSOLVED:
+        remark(f"... and {len(several) - UNSOLVED} more sets of parameters; --json writes all")
     for item in found:
         if item.solution is not None and item.solution.roots:
             console.print(Text(f" {item.question.title}", style="bold"))
             for line in _closed(item.solution):
                 console.print(Padding(Text(line), (0, 0, 0, 3)))
     if late:
-        console.print(Padding(Text(_left_out(late), style="dim"), (0, 0, 0, 1)))
+        remark(_left_out(late))
 
 
-def _is_of_several(item: Function) -> bool:
-    """Whether several parameters were asked for."""
-    return sum(isinstance(target, str) for target in item.question.targets) > 1
+def _is_unsolved_set(item: Function) -> bool:
+    """Whether several parameters were asked for, and there is no closed form."""
+    return item.solution is None and sum(isinstance(target, str) for target in item.question.targets) > 1
 
 
 def _left_out(late: int) -> str:
-    return f"{late} closed form{'s'[: late != 1]} left out, the time was over; `--patience` gives more"
+    return f"{with_noun(late, 'closed form')} left out, the time was over; `--patience` gives more"
 
 
 def _row(network: ComponentNetwork, item: Function) -> tuple[str, ...]:
+    """Give a line of the table; the noise of a parameter that is not 0 is in per cent of its value."""
     if item.route is None:
         return (item.question.title, "no route", "", "", "")
+    gain = item.gain
+    noises = [_noise(value, name in gain.relative) for name, value in gain.deviations.items()] if gain else []
+    solved = ""
+    if item.solution is not None:
+        n_roots = len(item.solution.roots)
+        roots = "" if n_roots == 1 else f", {n_roots} closed forms"
+        solved = f"{item.solution.kind.value}{roots}" if n_roots else "no closed form"
     passed = str(len(equations_passed(network, item.route)))
-    return (item.question.title, passed, str(item.route.observations), _noise(item), _solved(item.solution))
+    return item.question.title, passed, str(item.route.observations), ", ".join(noises), solved
 
 
-def _noise(item: Function) -> str:
-    """The noise of each target; of a parameter that is not 0 in per cent of its value."""
-    if item.gain is None:
-        return ""
-    return ", ".join(_gain(value, name in item.gain.relative) for name, value in item.gain.deviations.items())
-
-
-def _gain(value: float, relative: bool) -> str:
+def _noise(value: float, relative: bool) -> str:
     if math.isinf(value):
         return "singular"
     if not relative:
         return f"{value:.2g}"
     return f"{100 * value:.2g} %" if value < 1.0 else f"{value:.2g} times its value"
-
-
-def _solved(solution: Solution | None) -> str:
-    if solution is None:
-        return ""
-    if not solution.roots:
-        return "no closed form"
-    roots = "" if len(solution.roots) == 1 else f", {len(solution.roots)} closed forms"
-    return f"{solution.kind.value}{roots}"
 
 
 def _closed(solution: Solution) -> Iterator[str]:
@@ -140,18 +172,8 @@ def _named(solved: Sequence[tuple[str, Solution]], parameters: Sequence[str]) ->
     for question, solution in solved:
         before = frozenset(taken)
         for formula in formulas(solution, parameters):
-            origin = next(item for item in _origins(question) if _word(formula.target, item) not in before)
-            taken.add(_word(formula.target, origin))
+            origins = chain(("", question), (f"{question} {number}" for number in count(2)))  # the shortest first
+            names = ((origin, re.sub(r"[\W_]+", "_", f"{formula.target} of {origin}").strip("_")) for origin in origins)
+            origin, name = next(item for item in names if item[1] not in before)
+            taken.add(name)
             yield replace(formula, origin=origin)
-
-
-def _origins(question: str) -> Iterator[str]:
-    """Give words on where a formula comes from, the shortest first."""
-    yield ""
-    yield question
-    yield from (f"{question} {number}" for number in count(2))
-
-
-def _word(target: str, origin: str) -> str:
-    """Give what is left of a target and its origin in the name of a function."""
-    return re.sub(r"[\W_]+", "_", f"{target} of {origin}").strip("_")

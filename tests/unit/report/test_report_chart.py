@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from faultbond.report.thin import thin
+from faultbond.report.chart import thin
 
 
 def test_extremes_survive() -> None:

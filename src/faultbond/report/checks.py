@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from faultbond.contract.findings import Advice, Diagnosis
 from faultbond.model.graph import BondGraph
-from faultbond.report.numbers import Notation, duration_text, figure, unit_text
+from faultbond.report.numbers import Notation, duration_text, with_unit
 from faultbond.report.suspects import instrument_title, with_article
 from faultbond.types import CheckKind
 
-LISTED = 4  # checks shown
+SHOWN_CHECKS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +27,11 @@ def check_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
     return tuple(
         CheckRow(
             action=action(graph, item, notation),
-            parts=parts(graph, item),
+            parts=partition(graph, item),
             gain=f"{item.gain:.2f} bits",
             cost="" if same else f"{item.cost:g}",
         )
-        for item in diagnosis.advice[:LISTED]
+        for item in diagnosis.advice[:SHOWN_CHECKS]
     )
 
 
@@ -44,27 +44,16 @@ def action(graph: BondGraph, item: Advice, notation: Notation) -> str:
         case CheckKind.SIGNAL:
             return f"measure {item.target} by hand"
         case CheckKind.INPUT:
-            return _move(graph, item, notation)
+            unit = graph.input(item.target).unit
+            value = None if item.value is None else with_unit(unit.from_si(item.value), unit.text, notation, digits=3)
+            wait = "" if item.within is None else f" and wait {duration_text(item.within, digits=2)}"
+            return f"move {item.target}{'' if value is None else f' to {value}'}{wait}"
 
 
-def parts(graph: BondGraph, item: Advice) -> str:
+def partition(graph: BondGraph, item: Advice) -> str:
     """Say what a check would tell apart: `pipe from valve or leak`."""
-    groups = [" or ".join(_set(graph, components) for components in group) for group in item.separates]
-    return " from ".join(groups)
-
-
-def _move(graph: BondGraph, item: Advice, notation: Notation) -> str:
-    unit = graph.input(item.target).unit
-    to = ""
-    if item.value is not None:
-        label = unit_text(unit.text, notation)
-        to = f" to {figure(unit.from_si(item.value), digits=3).number(notation)}" + (f" {label}" if label else "")
-    wait = "" if item.within is None else f" and wait {duration_text(item.within, digits=2)}"
-    return f"move {item.target}{to}{wait}"
-
-
-def _set(graph: BondGraph, components: tuple[str, ...]) -> str:
-    return " with ".join(_owner(graph, name) for name in components)
+    groups = [[" with ".join(_owner(graph, name) for name in chosen) for chosen in group] for group in item.separates]
+    return " from ".join(" or ".join(group) for group in groups)
 
 
 def _owner(graph: BondGraph, name: str) -> str:

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from fake import TANK_STROKES, counts_of, suspect, tank_graph, tank_history, with_last, wrong
 from faultbond.contract.findings import Advice, Candidate, Diagnosis, History
-from faultbond.report.advising import LISTED, action, check_rows, parts
+from faultbond.report.checks import SHOWN_CHECKS, action, check_rows, partition
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
@@ -44,13 +44,13 @@ def test_actions() -> None:
 
 def test_what_a_check_parts() -> None:
     """Groups that would be left are set against each other, sets by their parts."""
-    assert parts(GRAPH, LOOK) == "pipe from flow sensor or pipe with leak"
+    assert partition(GRAPH, LOOK) == "pipe from flow sensor or pipe with leak"
 
 
 def test_costs_are_told_where_they_differ() -> None:
     """Only a few checks are listed, and a cost only where it tells something."""
     told = Diagnosis(time=0.0, candidates=(), advice=(LOOK,) * 9)
-    assert len(check_rows(GRAPH, told, Notation.FILE)) == LISTED
+    assert len(check_rows(GRAPH, told, Notation.FILE)) == SHOWN_CHECKS
     assert {row.cost for row in check_rows(GRAPH, told, Notation.FILE)} == {""}
     dear = replace(told, advice=(LOOK, replace(MOVE, cost=2.5)))
     assert [row.cost for row in check_rows(GRAPH, dear, Notation.FILE)] == ["1", "2.5"]

@@ -9,8 +9,7 @@ import pytest
 from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
 from faultbond.contract.findings import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
 from faultbond.report.chart import Chart, ChartLine, payload
-from faultbond.report.charts import sections
-from faultbond.report.tracks import estimate_charts, forecast_charts
+from faultbond.report.charts import chart_sections, estimate_charts, forecast_charts
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa
@@ -55,7 +54,7 @@ def test_instruments_have_charts(
     assert (chart.title, chart.unit) == (title, unit)
     assert chart.traces[0].values == pytest.approx([value] * 3)
     assert (None if chart.level is None else chart.level[0]) == level
-    assert payload(RUN, [chart])["charts"]
+    assert payload(RUN.time, (), [chart])["charts"]
 
 
 def test_other_kinds_of_an_instrument_are_not_mixed_in() -> None:
@@ -102,7 +101,7 @@ def test_a_forecast_goes_from_now_to_the_limit() -> None:
         assert np.isnan(lines[label][0])
         assert np.isnan(lines[label][end + 1 :]).all()
     assert np.isnan(lines["estimate"][2:]).all()
-    drawn = payload(RUN, [chart])["charts"]
+    drawn = payload(RUN.time, (), [chart])["charts"]
     assert isinstance(drawn, list)
     assert drawn[0]["now"] == 1180
 
@@ -132,7 +131,7 @@ def test_limits_are_drawn_with_the_estimate_of_a_drift() -> None:
     """The limit is a line of the chart of estimates, where there is a forecast for it."""
     drift = kind_of(moving(GRAPH, "K1", 1.82, 7.5e7, LIMIT), (FaultKind.DRIFT, 1.0))
     assert only(estimate_charts(GRAPH, run_of(drift))).limits == (4.8e11,)
-    assert sections(GRAPH, run_of(drift))[-1].title == "Forecast"
+    assert chart_sections(GRAPH, run_of(drift))[-1].title == "Forecast"
 
 
 def test_time_that_nothing_explains_is_shaded() -> None:
@@ -141,14 +140,14 @@ def test_time_that_nothing_explains_is_shaded() -> None:
     run = run_of(drift)
     off = Unexplained(signal="pressure", sd=3.0, since=1000.0, until=1180.0)
     run = replace(run, diagnoses=(replace(run.diagnoses[0], unexplained=off),))
-    shades = [chart.shade for chart in sections(GRAPH, run)[0].charts]
+    shades = [chart.shade for chart in chart_sections(GRAPH, run)[0].charts]
     assert shades == [None, (1000.0, 1180.0, "not explained")]
-    assert [chart.shade for chart in sections(GRAPH, run_of(drift))[0].charts] == [None, None]
+    assert [chart.shade for chart in chart_sections(GRAPH, run_of(drift))[0].charts] == [None, None]
 
 
 def test_a_spread_beyond_all_numbers() -> None:
     """Beside a value that is next to nothing, a spread may be too large for any number; it is left out."""
     trace = ChartLine(label="estimate", values=np.full(3, 1e-297), color="line0", sd=np.full(3, 1e12))
     chart = Chart(title="K1", unit="", time=np.arange(3.0), traces=(trace,))
-    text = json.dumps(payload(RUN, [chart])["charts"], allow_nan=False)
+    text = json.dumps(payload(RUN.time, (), [chart])["charts"], allow_nan=False)
     assert '"y": [1, 1, 1], "sd": [null, null, null]' in text
