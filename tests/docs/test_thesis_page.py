@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from functools import cache
 
 import pytest
-from benchmarks.thesis import PAGE, PARTS, SUMMARY, summary
-from benchmarks.thesis_figure import FOLDER, Figure, row
-from benchmarks.thesis_page import Table, as_text, equal, is_printed, number, printed_value
-from benchmarks.thesis_reach import exact_count, is_possible
+from benchmarks.thesis.chapters import PAGE, PARTS, SUMMARY, summary
+from benchmarks.thesis.figure import FOLDER, Figure, row
+from benchmarks.thesis.page import Table, as_text, equal, is_printed, number, printed_value
+from benchmarks.thesis.reach import exact_count, is_possible
 
 NUMBER = re.compile(r"(?<![A-Za-z_])-?\d+\.?\d*(?:e-?\d+)?")
 PRINTED, PIXELS = 1.0, 2.0  # units of the last digit by which a number of the text may differ, and pixels of a picture

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from benchmarks.watersafe import Hidden, Results, exceptions, tables
+from benchmarks.peers.watersafe import Hidden, Results, exceptions, tables
 
 from faultbond.cli import DONE, FAULT_DETECTED, main
 from faultbond.model.text import load_model

@@ -10,9 +10,9 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of what it imports
     pytest.importorskip("filterpy")
 
-from benchmarks import filterpy_bank, rivals
-from benchmarks.plants import case
-from benchmarks.play import Outcome, Reading, engine_of, watch
+from benchmarks.peers import filterpy_bank, rivals
+from benchmarks.shared.plants import case
+from benchmarks.shared.play import Outcome, Reading, engine_of, watch
 
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.simulate import Fault, Simulation

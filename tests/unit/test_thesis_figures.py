@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from benchmarks import thesis_chapter5 as circuit
-from benchmarks import thesis_chapter6_exact as exact
-from benchmarks.thesis_chart import LEFT, POINTS, TOP, WIDTH, Curve, Panel, draw
-from benchmarks.thesis_figure import Figure, row
+from benchmarks.thesis import chapter5 as circuit
+from benchmarks.thesis import chapter6_exact as exact
+from benchmarks.thesis.chart import LEFT, POINTS, TOP, WIDTH, Curve, Panel, draw
+from benchmarks.thesis.figure import Figure, row
 
 X = np.array([0.0, 1.0, 2.0])
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from benchmarks.ladders import components_of, example, ladder
+from benchmarks.shared.ladders import components_of, example, ladder
 
 from faultbond.algebra.route import Question, Route, Step
 from faultbond.algebra.routes.matched import alternatives, earlier, find_route

@@ -1,7 +1,7 @@
 """The index of models for which it is known."""
 
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.index import low_index, structural_index
 from faultbond.diagnosability.overdetermined import minimal_sets

@@ -1,0 +1,109 @@
+"""Whether a large bank keeps up in real time: 20 parameters, sets of up to three, ten samples a second.
+
+    python -m benchmarks.speed.large_bank [--markdown FILE]
+
+Six tanks in a row with three sensors; a pipe is restricted. Each sample takes a call of `step`, whose wall time is what
+counts here. How long samples would wait if ten of them came each second is worked out from that.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.shared.clock import samples
+from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.speed.equations import six_tanks
+from faultbond.arrays import FloatArray
+from faultbond.contract.spec import EngineSpec
+from faultbond.model.text import parse_model
+from faultbond.runtime.bank import no_bank
+from faultbond.runtime.monitor import step
+from faultbond.runtime.state import init
+from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.synthesis.engine import build_engine
+
+PERIOD = 0.1  # s between samples as they come
+ROWS, SEED = 2000, 3
+FAULT = Fault(parameter="R3", factor=2.0, start=700.0)
+LATE = 0.5  # s
+HEADER = ("what", "got")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """What each sample took, s, and the number of the sample of the alarm."""
+
+    taken: FloatArray
+    alarm: int
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(description="Whether a large bank keeps up with its plant.")
+    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
+    chosen = parser.parse_args(argv)
+    spec, played = play()
+    rows = table(spec, played)
+    note = f"{today()}; {machine()}"
+    print(f"{as_text(HEADER, rows)}\n\n{note}")
+    if chosen.markdown is not None:
+        text = f"`python -m benchmarks.speed.large_bank`\n\n{note}.\n\n{as_markdown(HEADER, rows)}"
+        write_part(chosen.markdown, "large_bank", text)
+
+
+def play() -> tuple[EngineSpec, Played]:
+    """Pass the samples of a run with a fault through the monitor."""
+    graph = parse_model(f"{six_tanks()}max_faults: 3\n")
+    spec, engine = build_engine(graph)
+    moments: FloatArray = np.arange(ROWS, dtype=np.float64)
+    opening = np.where(moments // 200.0 % 2 == 0, 40.0, 60.0)
+    recording = simulate(graph, Inputs(time=moments, values=opening[:, None]), [FAULT], seed=SEED)
+    state, taken = init(spec), []
+    for sample in samples(recording):
+        begin = time.perf_counter()
+        state, _ = step(spec, engine, state, sample)
+        taken.append(time.perf_counter() - begin)
+    if state.alarm < 0:
+        raise RuntimeError("no alarm was raised, so nothing was measured")
+    return spec, Played(taken=np.array(taken), alarm=state.alarm)
+
+
+def waits(taken: FloatArray, period: float) -> FloatArray:
+    """Give how long after each sample, s, the work on it ends, if one comes every `period` seconds."""
+    arrived: FloatArray = period * np.arange(len(taken), dtype=np.float64)
+    ends = accumulate(zip(arrived, taken, strict=True), lambda end, item: max(end, item[0]) + item[1], initial=0.0)
+    return np.array(list(ends)[1:], dtype=np.float64) - arrived
+
+
+def table(spec: EngineSpec, played: Played) -> list[tuple[str, str]]:
+    """Give the lines of the table."""
+    late = waits(played.taken, PERIOD)
+    begun, watched = played.alarm, spec.thresholds.warm_up_samples
+    return [
+        ("parameters; sets tested from the alarm on; in reserve", _counts(spec)),
+        ("filters", f"{len(no_bank(spec).likelihoods)}"),
+        ("a sample before the alarm, median", _milli(float(np.median(played.taken[watched:begun])))),
+        ("a sample after the alarm, median", _milli(float(np.median(played.taken[begun + 1 :])))),
+        ("the sample of the alarm", f"{played.taken[begun]:.2g} s"),
+        ("the slowest later sample, at which filters begin again", f"{played.taken[begun + 1 :].max():.2g} s"),
+        ("ten samples a second: the latest is worked on so long after it came", f"{late.max():.2g} s"),
+        (f"time in which samples are more than {LATE} s late", f"{PERIOD * np.sum(late > LATE):.2g} s"),
+        (f"of all {PERIOD * ROWS:.0f} s, the processor works", f"{played.taken.sum():.2g} s"),
+    ]
+
+
+def _counts(spec: EngineSpec) -> str:
+    return f"{len(spec.parameters)}; {len(spec.hypotheses)}; {len(spec.reserve)}"
+
+
+def _milli(seconds: float) -> str:
+    return f"{1e3 * seconds:.2g} ms"
+
+
+if __name__ == "__main__":
+    main()
