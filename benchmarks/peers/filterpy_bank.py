@@ -22,17 +22,16 @@ import casadi as ca
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from benchmarks.shared.play import Watched
+from benchmarks.shared.play import EPSILON, passed, samples
+from benchmarks.trust.figures import Watched
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
-from faultbond.runtime.monitor import DIAGNOSIS_EVERY, START_SAMPLES, step
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.monitor import DIAGNOSIS_EVERY, START_SAMPLES
 from faultbond.simulate import Simulation
 
 CHANGE_PART = 0.25  # sd of a suspected parameter, of its declared change
-_EPSILON = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +115,7 @@ def watch(
         signals=alarm.signals,
     )
     bank, diagnoses = begin(model, spec, alarm.before, alarm.usual), []
-    last = int(np.searchsorted(recording.time, detection.time + until + _EPSILON)) - 1
+    last = int(np.searchsorted(recording.time, detection.time + until + EPSILON)) - 1
     for k in range(alarm.change, last + 1):
         bank, _, _ = advance(bank, readings[k])
         if k == last or (k >= alarm.sample and (k - alarm.sample) % DIAGNOSIS_EVERY == 0):
@@ -263,26 +262,22 @@ def readings_of(spec: EngineSpec, recording: Simulation) -> list[Reading]:
     settling = np.array([item.settling for item in spec.inputs])
     since, peak, made = np.full(len(spec.inputs), np.inf), np.zeros(len(spec.inputs)), []
     before = recording.inputs[0]
-    times = np.diff(recording.time, prepend=recording.time[0])
-    for dt, u, y in zip(times, recording.inputs, recording.outputs, strict=True):
+    for sample in samples(recording):
+        u, dt = sample.u, sample.dt
         peak = np.maximum(peak, np.abs(u))
         least = np.array([max(item.step, item.step_part * peak[k]) for k, item in enumerate(spec.inputs)])
         since = np.where(np.abs(u - before) > least, 0.0, since + dt)
         moving = since < settling
         unsettled = [bool(moving[list(item.direct_inputs)].any()) for item in spec.outputs]
         scale = np.where(unsettled, spec.thresholds.blank_factor, 1.0)
-        made.append(Reading(dt=float(dt), before=before, u=u, y=y, scale=scale))
+        made.append(Reading(dt=dt, before=before, u=u, y=sample.y, scale=scale))
         before = u
     return made
 
 
 def start_of(spec: EngineSpec, engine: Engine, recording: Simulation) -> Snapshot:
     """Give the healthy filter after the first samples, as our monitor finds it."""
-    state = init(spec)
-    steps = np.diff(recording.time[:START_SAMPLES], prepend=recording.time[0])
-    for k, dt in enumerate(steps):
-        sample = Sample(time=float(recording.time[k]), dt=float(dt), u=recording.inputs[k], y=recording.outputs[k])
-        state, _ = step(spec, engine, state, sample)
+    state = passed(spec, engine, samples(recording)[:START_SAMPLES])
     lane, loops = state.lane[:, 0], spec.n_joint + spec.n_packed
     return Snapshot(
         mean=lane[: spec.n_joint],

@@ -1,34 +1,26 @@
 """The table of figures with a bank of FilterPy's filters beside faultbond, on the same recordings.
 
-    python -m benchmarks.peers.rivals [--seeds 10] [--first-seed 700] [--only ROW,...] [--json FILE] [--markdown FILE]
+    python -m benchmarks.peers.rivals [--seeds 10] [--first-seed 700] [--only ROW,...] [--markdown FILE]
 
 How the bank is built, and with which settings, is said in `benchmarks.peers.filterpy_bank`. Its alarm is calibrated
 first: the limit is `MARGIN` times the largest CUSUM in healthy runs with seeds of their own. FilterPy comes with the
 dependency group `bench`.
 """
 
-import argparse
-import json
-import math
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import cache, partial
 from multiprocessing import Pool
 from multiprocessing.pool import Pool as Processes
-from pathlib import Path
-
-import numpy as np
 
 from benchmarks.peers import filterpy_bank
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
-from benchmarks.shared.plants import EXAMPLES, case
-from benchmarks.shared.play import Outcome, engine_of, play, watch
-from benchmarks.trust.figures import rows_of
-from benchmarks.trust.scenarios import SCENARIOS, Scenario
+from benchmarks.shared.page import arguments, note, publish, seeds_of, selected
+from benchmarks.shared.plants import case, graph_of
+from benchmarks.shared.play import engine_of
+from benchmarks.trust.figures import Outcome, play, rows_of, watch
+from benchmarks.trust.scenarios import SCENARIOS
 from faultbond.equations.step import StepModel
-from faultbond.model.text import load_model
 from faultbond.simulate import Fault
 from faultbond.synthesis.engine import build_model
 
@@ -39,20 +31,13 @@ KEYS = (*HEALTHY.values(), *FAULTY)
 CALIBRATION_SEEDS = range(200_000, 200_100)  # fewer allow limits that some of the 300 healthy runs asked of us pass
 MARGIN = 1.15
 HEADER = ("figure", "asked", "faultbond", "FilterPy bank", "faultbond is")
-HEADING = """## Beside a bank of FilterPy's filters
-
-The same recordings, watched by a bank of extended Kalman filters that has our model, our noise and our priors. What it
-has and has not is said in `benchmarks/peers/filterpy_bank.py`. Its alarm is our CUSUM with a limit of its own for each
-plant, 15 % above the largest sum in a hundred healthy runs; ours is the same for all plants. So where nothing but the
-limit counts, it is a little sooner."""
-
 Pair = tuple[Outcome, Outcome]
 
 
 @cache
 def model_of(folder: str) -> StepModel:
     """Give the step model of an example, built once per process."""
-    return build_model(load_model(EXAMPLES / folder / "model.yaml"))
+    return build_model(graph_of(folder))
 
 
 def largest_sum(job: tuple[str, int]) -> float:
@@ -86,16 +71,8 @@ def rows_of_both(key: str, pairs: Sequence[Pair]) -> list[tuple[str, ...]]:
     """Give the lines of one scenario."""
     scenario = SCENARIOS[key]
     ours, theirs = ([pair[k] for pair in pairs] for k in (0, 1))
-    lines = [
-        (a.figure, a.asked, a.got, b.got, _compared(x, y))
-        for a, b, x, y in zip(
-            rows_of(scenario, ours),
-            rows_of(scenario, theirs),
-            _costs(scenario, ours),
-            _costs(scenario, theirs),
-            strict=True,
-        )
-    ]
+    both = zip(rows_of(scenario, ours), rows_of(scenario, theirs), strict=True)
+    lines = [(a.figure, a.asked, a.got, b.got, _compared(a.cost, b.cost)) for a, b in both]
     if not scenario.faults:
         return list(lines)
     early = [sum(outcome.early for outcome in outcomes) for outcomes in (ours, theirs)]
@@ -104,28 +81,6 @@ def rows_of_both(key: str, pairs: Sequence[Pair]) -> list[tuple[str, ...]]:
 
 def _compared(ours: float, theirs: float) -> str:
     return "equal" if ours == theirs else "better" if ours < theirs else "worse"
-
-
-def _costs(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[float]:
-    """Give the number behind each line of `rows_of`; less is better."""
-    if not scenario.faults:
-        return [sum(outcome.early for outcome in outcomes)]
-    costs = []
-    if scenario.delay is not None:
-        delays = [math.inf if outcome.delay is None else outcome.delay for outcome in outcomes]
-        costs.append(_quantile(delays, 0.95))
-    for part, best in ((scenario.first, 1), (scenario.three, 3)):
-        if part is not None:
-            costs.append(-sum(bool(outcome.readings) and outcome.readings[0].rank <= best for outcome in outcomes))
-    if scenario.error is not None:
-        for look in dict.fromkeys((0, int(np.argmax(scenario.looks)))):
-            errors = [outcome.readings[look].error if outcome.readings else math.inf for outcome in outcomes]
-            costs.append(_quantile(errors, 0.9))
-    return costs
-
-
-def _quantile(values: Sequence[float], part: float) -> float:
-    return float(np.quantile(values, part, method="inverted_cdf"))
 
 
 def times(key: str, seed: int, limit: float) -> tuple[str, ...]:
@@ -147,18 +102,11 @@ def times(key: str, seed: int, limit: float) -> tuple[str, ...]:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="The table of figures, with a bank of FilterPy's filters beside us.")
-    parser.add_argument("--seeds", type=int, default=10, help="number of seeds (default %(default)s)")
-    parser.add_argument("--first-seed", type=int, default=700, help="the first of them (default %(default)s)")
-    parser.add_argument("--only", metavar="ROW,...", default="", help="scenarios, or the first words of their names")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write every run to FILE")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    names = [name for name in chosen.only.split(",") if name]
-    keys = [key for key in KEYS if not names or any(key == name or key.startswith(f"{name}.") for name in names)]
+    words = "The table of figures, with a bank of FilterPy's filters beside us."
+    chosen = arguments(words, argv, seeds=10, first_seed=700, only="")
+    keys, seeds = selected(KEYS, chosen.only), seeds_of(chosen)
     if not keys:
-        parser.error(f"--only {chosen.only}: no such row; there are {', '.join(KEYS)}")
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
+        sys.exit(f"--only {chosen.only}: no such row; there are {', '.join(KEYS)}")
     with Pool(PROCESSES) as pool:
         limits = calibrated(pool, list(dict.fromkeys(SCENARIOS[key].folder for key in keys)))
         jobs = [(key, seed, limits[SCENARIOS[key].folder]) for key in keys for seed in seeds]
@@ -171,16 +119,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     firsts = {SCENARIOS[key].folder: key for key in reversed(keys) if key in FAULTY}
     rows += [times(key, seeds[0], limits[folder]) for folder, key in reversed(firsts.items())]
     told = ", ".join(f"{folder} {limit:.1f}" for folder, limit in limits.items())
-    note = f"Seeds {seeds[0]} to {seeds[-1]}; limits of the bank's CUSUM: {told}; {today()}; {machine()}."
-    print(as_text(HEADER, rows), "", note, sep="\n")
-    if chosen.json is not None:
-        runs = {key: [[asdict(one) for one in pair] for pair in pairs[key]] for key in keys}
-        chosen.json.write_text(json.dumps({"note": note, "runs": runs}, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        command = f"python -m benchmarks.peers.rivals --seeds {chosen.seeds} --first-seed {chosen.first_seed}"
-        command += f" --only {chosen.only}" if names else ""
-        text = f"{HEADING}\n\n`{command}`\n\n{note}\n\n{as_markdown(HEADER, rows)}"
-        write_part(chosen.markdown, "rivals", text)
+    told = note(f"Seeds {seeds[0]} to {seeds[-1]}", f"limits of the bank's CUSUM: {told}")
+    publish("peers.rivals", chosen, told, (HEADER, rows))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """A valve closes on a real water loop: when the alarm comes, and whether it is told what cannot be told.
 
-    FAULTBOND_DATA=FOLDER python -m benchmarks.peers.skab [--json FILE] [--markdown FILE]
+    FAULTBOND_DATA=FOLDER python -m benchmarks.peers.skab [--markdown FILE]
 
 FOLDER/skab/ holds the recordings and `labels.csv`; see examples/skab/README.md.
 
@@ -10,20 +10,18 @@ The labels say when the valve was first turned. For most of a minute its turning
 are also counted from when the flow gave way: where the straight ramp that fits its fall best begins.
 """
 
-import argparse
 import csv
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
 import numpy as np
 
-from benchmarks.peers.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.peers.recordings import Rig, build_rig, data_folder
+from benchmarks.shared.page import arguments, note, publish
+from benchmarks.shared.plants import EXAMPLES
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import Diagnosis
 from faultbond.io.grid import GridPoint
 
 MODEL = EXAMPLES / "skab" / "model.yaml"
@@ -84,28 +82,16 @@ class Run:
         return self.delay + self.label.begin - self.gives_way
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MadeDrop:
-    """A drop that takes so many seconds, put into each run: seconds from when it began to the alarm, None without."""
-
-    takes: float
-    delays: tuple[float | None, ...]
-
-
 def read_labels(path: Path) -> tuple[Label, ...]:
     """Read what is known of the recordings."""
+    labels = []
     with path.open(encoding="utf-8", newline="") as stream:
-        return tuple(_label(row) for row in csv.DictReader(stream))
-
-
-def _label(row: dict[str, str]) -> Label:
-    *_, closed, opening, _ = [row["t_on_s"], *(text for text in row["changepoints_s"].strip("[]").split(","))]
-    return Label(
-        name=f"{row['group']}_{row['file']}",
-        begin=float(row["t_on_s"]),
-        dwell=(float(closed), float(opening)),
-        drop=float(row["flow_drop_pct"]),
-    )
+        for row in csv.DictReader(stream):
+            moments: list[str] = [row["t_on_s"], *row["changepoints_s"].strip("[]").split(",")]
+            closed, opening, _ = moments[-3:]
+            name, begin, drop = f"{row['group']}_{row['file']}", float(row["t_on_s"]), float(row["flow_drop_pct"])
+            labels.append(Label(name=name, begin=begin, dwell=(float(closed), float(opening)), drop=drop))
+    return tuple(labels)
 
 
 def gives_way(times: FloatArray, flow: FloatArray, label: Label) -> float | None:
@@ -136,16 +122,17 @@ def measure(rig: Rig, recording: Path, label: Label) -> Run:
     """Run one recording."""
     points = rig.read(recording)
     start = points[0].time
-    before = [point for point in points if point.time - start < label.begin]
     found = rig.watch(points)
+    closed = [item for item in found.diagnoses if item.time < start + label.dwell[1]]
+    groups = [frozenset(c for item in told.candidates if item.group for c in item.components) for told in closed]
     return Run(
         label=label,
         gives_way=gives_way(np.array([point.time - start for point in points]), _flow(points), label),
         alarm=None if found.alarm is None else found.alarm - start,
-        cusum=float(rig.watch(before).cusum.max()),
+        cusum=float(rig.watch([point for point in points if point.time - start < label.begin]).cusum.max()),
         limit=rig.spec.thresholds.cusum_limit,
-        group=_group(found, start + label.dwell[1]),
-        shared=_shared(found, start + label.dwell[1]),
+        group=tuple(sorted(groups[-1])) if groups else (),
+        shared=float(np.mean([group >= SUSPECTS for group in groups])) if groups else None,
     )
 
 
@@ -153,35 +140,13 @@ def _flow(points: Sequence[GridPoint]) -> FloatArray:
     return np.array([point.y[0] for point in points])
 
 
-def _group(found: Outcome, end: float) -> tuple[str, ...]:
-    """Give the components in the group of the last diagnosis before `end`."""
-    before = [diagnosis for diagnosis in found.diagnoses if diagnosis.time < end]
-    return tuple(sorted(_components(before[-1]))) if before else ()
-
-
-def _shared(found: Outcome, end: float) -> float | None:
-    before = [diagnosis for diagnosis in found.diagnoses if diagnosis.time < end]
-    return float(np.mean([_components(diagnosis) >= SUSPECTS for diagnosis in before])) if before else None
-
-
-def _components(diagnosis: Diagnosis) -> frozenset[str]:
-    return frozenset(name for item in diagnosis.candidates if item.group for name in item.components)
-
-
-def measure_all(rig: Rig, folder: Path) -> tuple[Run, ...]:
-    """Run every recording that has a label."""
-    return tuple(measure(rig, folder / f"{label.name}.csv", label) for label in read_labels(folder / "labels.csv"))
-
-
-def made_drops(rig: Rig, folder: Path) -> tuple[MadeDrop, ...]:
-    """Put drops into the healthy part of every run."""
-    healthy = []
-    for label in read_labels(folder / "labels.csv"):
-        points = rig.read(folder / f"{label.name}.csv")
-        healthy.append([point for point in points if point.time - points[0].time < label.begin - MARGIN])
-    return tuple(
-        MadeDrop(takes=takes, delays=tuple(_made(rig, points, takes) for points in healthy)) for takes in MADE_TAKES
-    )
+def made_drop(rig: Rig, healthy: Sequence[Sequence[GridPoint]], takes: float) -> tuple[str, ...]:
+    """Put a drop that takes so many seconds into the healthy part of every run; give a row of the second table."""
+    delays = [_made(rig, points, takes) for points in healthy]
+    found = [delay for delay in delays if delay is not None and delay >= 0.0]
+    early = sum(delay is not None and delay < 0.0 for delay in delays)
+    slowest = _seconds(max(found, default=None))
+    return _seconds(takes), f"{len(found)} of {len(delays)}", str(early), _median(found), slowest
 
 
 def _made(rig: Rig, points: Sequence[GridPoint], takes: float) -> float | None:
@@ -195,19 +160,6 @@ def _made(rig: Rig, points: Sequence[GridPoint], takes: float) -> float | None:
     ]
     alarm = rig.watch(changed, to_alarm=True).alarm
     return None if alarm is None else alarm - begin
-
-
-def made_cells(made: MadeDrop) -> tuple[str, ...]:
-    """Give a row of the second table."""
-    found = [delay for delay in made.delays if delay is not None and delay >= 0.0]
-    early = sum(delay is not None and delay < 0.0 for delay in made.delays)
-    return (
-        _seconds(made.takes),
-        f"{len(found)} of {len(made.delays)}",
-        str(early),
-        _median(found),
-        _seconds(max(found, default=None)),
-    )
 
 
 def cells(run: Run) -> tuple[str, ...]:
@@ -254,29 +206,17 @@ def _seconds(value: float | None) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="A closing valve found in a real water loop.")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write all results to FILE")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    folder = data_folder()
-    if folder is None:
+    chosen, data = arguments("A closing valve found in a real water loop.", argv), data_folder()
+    if data is None:
         return
-    rig = build_rig(MODEL)
-    runs, made = measure_all(rig, folder / "skab"), made_drops(rig, folder / "skab")
-    rows, made_rows, note = [cells(run) for run in runs], [made_cells(row) for row in made], f"{today()}; {machine()}"
-    print(f"{as_text(HEADER, rows)}\n\n{summary(runs)}\n\n{as_text(MADE_HEADER, made_rows)}\n\n{note}")
-    if chosen.json is not None:
-        report = {"note": note, "runs": [asdict(run) for run in runs], "made": [asdict(row) for row in made]}
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        parts = (
-            "`python -m benchmarks.peers.skab`",
-            f"{note}.",
-            as_markdown(HEADER, rows),
-            fill(summary(runs), WIDTH),
-            as_markdown(MADE_HEADER, made_rows),
-        )
-        write_part(chosen.markdown, "skab", "\n\n".join(parts))
+    rig, folder = build_rig(MODEL), data / "skab"
+    labels = read_labels(folder / "labels.csv")
+    runs = [measure(rig, folder / f"{label.name}.csv", label) for label in labels]
+    whole = [(label, rig.read(folder / f"{label.name}.csv")) for label in labels]
+    healthy = [[row for row in rows if row.time - rows[0].time < label.begin - MARGIN] for label, rows in whole]
+    made = [made_drop(rig, healthy, takes) for takes in MADE_TAKES]
+    told = (HEADER, [cells(run) for run in runs])
+    publish("peers.skab", chosen, note(), told, fill(summary(runs), WIDTH), (MADE_HEADER, made))
 
 
 if __name__ == "__main__":

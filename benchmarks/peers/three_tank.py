@@ -1,6 +1,6 @@
 """Three tanks in a row, the example of the Fault Diagnosis Toolbox: how soon each of its six faults is found.
 
-    python -m benchmarks.peers.three_tank [--seeds 100] [--first-seed 700] [--json FILE] [--markdown FILE]
+    python -m benchmarks.peers.three_tank [--seeds 100] [--first-seed 700] [--markdown FILE]
 
 The plant, its controller, its noise and its faults are those of the toolbox (see examples/three_tank), and so are the
 three residuals beside which we stand: an equation that the others leave over, in derivative, integral and mixed
@@ -9,25 +9,22 @@ one of them are an alarm; the residuals know their true start and do not count b
 enter the same equation and cannot be told apart by anybody, but a ramp in V2 is seen at once and so differs from both.
 """
 
-import argparse
-import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from multiprocessing import Pool
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.shared.page import arguments, note, publish, quantile, seeds_of
 from benchmarks.shared.plants import case
-from benchmarks.shared.play import engine_of
+from benchmarks.shared.play import EPSILON, engine_of, samples, watched
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Diagnosis
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.monitor import finish
+from faultbond.runtime.state import init
 from faultbond.simulate import Fault, Simulation
 
 # Median delays, s, after the start of the ramp: the residuals of the toolbox, measured with 20 seeds of another stream.
@@ -38,26 +35,9 @@ ROWS, LONG_ROWS = 201, 6001  # 20 s as in the toolbox; 10 minutes of healthy run
 LONG_RUNS = 10
 CALIBRATION_SEEDS = range(100_000, 100_100)
 QUANTILE, IN_A_ROW = 0.99, 3
-HEADER = (
-    "fault",
-    "asked",
-    "faultbond: median, 95 %",
-    "missed",
-    "verdict",
-    "residuals: median, 95 %",
-    "missed",
-    "truth in the group at 10 s",
-    "at 20 s",
-    "groups at 20 s",
-)
-HEADING = """## Three tanks of the Fault Diagnosis Toolbox
-
-The toolbox' own example: three tanks in a row under feedback, noise of 0.01 on level p1 and flow q2, six faults that
-grow to 0.3 from 6 s to 10 s. Delays count from the start of the ramp. Beside ours stand the three residuals of the
-toolbox on the same data, with thresholds at the 99 % quantile of healthy runs and three samples in a row for an alarm.
-V3 and T3 enter the same equation and cannot be told apart. The ramps stop at 10 s."""
+HEADER = "fault | asked | faultbond: median, 95 % | missed | verdict | residuals: median, 95 % | missed"
+HEADER += " | truth in the group at 10 s | at 20 s | groups at 20 s"
 PROCESSES = 2
-_EPSILON = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,12 +71,11 @@ def watch(recording: Simulation) -> tuple[float | None, tuple[str, ...], tuple[s
     """Give the alarm of faultbond, and its groups when the ramp ends and at the end."""
     spec, engine = engine_of("three_tank")
     state, alarm, early = init(spec), None, None
-    steps = np.diff(recording.time, prepend=recording.time[0])
-    for time, dt, u, y in zip(recording.time, steps, recording.inputs, recording.outputs, strict=True):
-        state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
+    for sample, after, report in watched(spec, engine, samples(recording)):
+        state = after
         if report.detection is not None and alarm is None:
             alarm = report.detection.time
-        if report.diagnosis is not None and time < END + _EPSILON:
+        if report.diagnosis is not None and sample.time < END + EPSILON:
             early = report.diagnosis
     return alarm, _group(early), _group(finish(spec, state))
 
@@ -129,7 +108,7 @@ def residuals(recording: Simulation) -> FloatArray:
 @cache
 def limits() -> tuple[float, ...]:
     """Give the threshold of each residual, from healthy runs that are not otherwise used."""
-    seen = [np.abs(residuals(run)[run.time >= BEGIN - _EPSILON]) for run in map(_healthy, CALIBRATION_SEEDS)]
+    seen = [np.abs(residuals(run)[run.time >= BEGIN - EPSILON]) for run in map(_healthy, CALIBRATION_SEEDS)]
     return tuple(float(value) for value in np.quantile(np.concatenate(seen), QUANTILE, axis=0))
 
 
@@ -139,7 +118,7 @@ def _healthy(seed: int) -> Simulation:
 
 def judge(recording: Simulation) -> float | None:
     """Give the moment at which one residual was beyond its limit three times in a row."""
-    counts = recording.time[:, None] >= BEGIN - _EPSILON
+    counts = recording.time[:, None] >= BEGIN - EPSILON
     beyond = (np.abs(residuals(recording)) > limits()) & counts
     held = np.logical_and.reduce([beyond[k : beyond.shape[0] - IN_A_ROW + 1 + k] for k in range(IN_A_ROW)]).any(axis=1)
     return float(recording.time[np.argmax(held) + IN_A_ROW - 1]) if held.any() else None
@@ -164,7 +143,7 @@ def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
         f"{ASKED[fault]:g} s, none missed",
         _delays(ours),
         str(missed),
-        "met" if _quantile(ours, 0.5) <= ASKED[fault] + _EPSILON and not missed else "falls short",
+        "met" if quantile(ours, 0.5) <= ASKED[fault] + EPSILON and not missed else "falls short",
         _delays(theirs),
         str(sum(map(math.isinf, theirs))),
         _percent([fault in outcome.early for outcome in outcomes]),
@@ -173,12 +152,8 @@ def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     )
 
 
-def _quantile(values: Sequence[float], part: float) -> float:
-    return float(np.quantile(values, part, method="inverted_cdf"))
-
-
 def _delays(values: Sequence[float]) -> str:
-    both = (_quantile(values, part) for part in (0.5, 0.95))
+    both = (quantile(values, part) for part in (0.5, 0.95))
     return ", ".join("never" if math.isinf(value) else f"{value:.2f} s" for value in both)
 
 
@@ -195,33 +170,22 @@ def false_alarms(title: str, outcomes: Sequence[Outcome]) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="Three tanks in a row: how soon each fault is found.")
-    parser.add_argument("--seeds", type=int, default=100, help="number of seeds (default %(default)s)")
-    parser.add_argument("--first-seed", type=int, default=700, help="the first of them (default %(default)s)")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write every run to FILE")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
+    words = "Three tanks in a row: how soon each fault is found."
+    chosen = arguments(words, argv, seeds=100, first_seed=700)
+    seeds = seeds_of(chosen)
     limits()  # before there are other processes
     with Pool(PROCESSES) as pool:
         outcomes = {fault: pool.map(play, [(fault, seed, ROWS) for seed in seeds]) for fault in ("", *ASKED)}
         long = pool.map(play, [("", seed, LONG_ROWS) for seed in seeds[:LONG_RUNS]])
-    rows = [row(fault, outcomes[fault]) for fault in ASKED]
     early = sum(o.alarm is not None and o.alarm < BEGIN for fault in ASKED for o in outcomes[fault])
     notes = (
         false_alarms("Healthy, 20 s", outcomes[""]),
         false_alarms("Healthy, 10 min", long),
         f"With a fault, {early} of {len(ASKED) * len(seeds)} alarms came before it.",
-        f"Seeds {seeds[0]} to {seeds[-1]}; {today()}; {machine()}.",
+        note(f"Seeds {seeds[0]} to {seeds[-1]}"),
     )
-    print(as_text(HEADER, rows), "", *notes, sep="\n")
-    if chosen.json is not None:
-        runs = [asdict(outcome) for fault in outcomes for outcome in outcomes[fault]]
-        chosen.json.write_text(json.dumps({"notes": notes, "runs": runs}, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        command = f"python -m benchmarks.peers.three_tank --seeds {chosen.seeds} --first-seed {chosen.first_seed}"
-        text = f"{HEADING}\n\n`{command}`\n\n{as_markdown(HEADER, rows)}\n\n" + " ".join(notes)
-        write_part(chosen.markdown, "three_tank", text)
+    rows = [row(fault, outcomes[fault]) for fault in ASKED]
+    publish("peers.three_tank", chosen, (HEADER.split(" | "), rows), " ".join(notes))
 
 
 if __name__ == "__main__":

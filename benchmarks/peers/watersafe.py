@@ -3,25 +3,27 @@
 Nobody made faults on this rig, but its demand valves switch at known times. Where the model is not told of a switching,
 the switching is a leak (or the end of one) of known time, place and size.
 
-    FAULTBOND_DATA=FOLDER python -m benchmarks.peers.watersafe [--json FILE] [--markdown FILE]
+    FAULTBOND_DATA=FOLDER python -m benchmarks.peers.watersafe [--markdown FILE]
 
 FOLDER/watersafe/ holds `watersafe.csv` and `events.csv`; see examples/watersafe/README.md.
 """
 
-import argparse
 import csv
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
 import numpy as np
 
-from benchmarks.peers.recordings import EXAMPLES, Outcome, Rig, build_rig, data_folder
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.peers.recordings import Outcome, Rig, build_rig, data_folder
+from benchmarks.shared.page import arguments, note, publish
+from benchmarks.shared.plants import EXAMPLES
+from benchmarks.shared.play import watched
+from faultbond.app.rows import sample_of
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.io.grid import GridPoint
+from faultbond.runtime.state import init
 
 MODELS = EXAMPLES / "watersafe"
 OUTLETS = ("VA_C1", "VA_C2", "VA_C3", "VA_C4")
@@ -176,7 +178,8 @@ def healthy(rig: Rig, points: Sequence[GridPoint]) -> Iterator[Healthy]:
 def hidden(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Hidden]:
     """Hide each switching of an outlet valve from the model, one at a time."""
     firsts = {rows_of(points, item.time).start for item in switchings}
-    before = {row: state for row, state in enumerate(rig.states(points)) if row in firsts}
+    passing = enumerate(watched(rig.spec, rig.engine, map(sample_of, points)), start=1)
+    before = {0: init(rig.spec)} | {row: state for row, (_, state, _) in passing if row in firsts}
     for item in switchings:
         again = (other.time for other in switchings if other.valve == item.valve and other.time > item.time)
         rows = rows_of(points, item.time, min(item.time + HIDDEN, next(again, np.inf)))
@@ -224,37 +227,26 @@ def measure(folder: Path) -> Results:
 
 def tables(results: Results) -> tuple[tuple[str, Sequence[str], list[tuple[str, ...]]], ...]:
     """Give the tables, each with its title and header."""
-    return (
-        ("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s", WINDOW_HEADER, _window_rows(results)),
-        ("All tanks, nothing hidden: largest CUSUM of each level", HEALTHY_HEADER, _healthy_rows(results)),
-        ("All tanks, one switching hidden", HIDDEN_HEADER, _hidden_rows(results)),
-    )
-
-
-def _window_rows(results: Results) -> list[tuple[str, ...]]:
-    return [
+    opened: list[tuple[str, ...]] = [
         (
-            f"{row.opening:.0f} s",
-            *(_number(value, 0, " s") for value in (row.delay, row.onset)),
-            ", ".join(row.best) or "-",
-            _number(row.probability, 3),
-            _number(row.outflow, 1, " cm3/s"),
+            *(f"{row.opening:.0f} s", _number(row.delay, 0, " s"), _number(row.onset, 0, " s")),
+            *(", ".join(row.best) or "-", _number(row.probability, 3), _number(row.outflow, 1, " cm3/s")),
             _number(row.undecided_until, 0, " s"),
         )
         for row in results.windows
     ]
-
-
-def _healthy_rows(results: Results) -> list[tuple[str, ...]]:
-    return [
+    quiet = [
         (
-            f"{row.start:.0f} s",
-            *(f"{value:.1f}" for value in row.cusum),
-            f"{results.limit:.3g}",
+            *(f"{row.start:.0f} s", *(f"{value:.1f}" for value in row.cusum), f"{results.limit:.3g}"),
             "none" if row.alarm is None else f"at {row.alarm:.0f} s",
         )
         for row in results.healthy
     ]
+    return (
+        ("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s", WINDOW_HEADER, opened),
+        ("All tanks, nothing hidden: largest CUSUM of each level", HEALTHY_HEADER, quiet),
+        ("All tanks, one switching hidden", HIDDEN_HEADER, _hidden_rows(results)),
+    )
 
 
 def _hidden_rows(results: Results) -> list[tuple[str, ...]]:
@@ -302,27 +294,13 @@ def _number(value: float | None, places: int, unit: str = "") -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="Faults found on the WaterSafe rig.")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write all results to FILE")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the tables into the page FILE")
-    chosen = parser.parse_args(argv)
-    folder = data_folder()
+    chosen, folder = arguments("Faults found on the WaterSafe rig.", argv), data_folder()
     if folder is None:
         return
     results = measure(folder / "watersafe")
-    shown, note = tables(results), f"{today()}; {machine()}"
-    falls = exceptions(results) or ["none"]
-    for title, header, rows in shown:
-        print(f"{title}\n{as_text(header, rows)}\n")
-    print("Not first:", *falls, f"\n{note}", sep="\n")
-    if chosen.json is not None:
-        report = {"note": note} | asdict(results)
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        parts = [f"{title}\n\n{as_markdown(header, rows)}" for title, header, rows in shown]
-        words = fill(f"Not first: {'; '.join(falls)}.", WIDTH)
-        text = "\n\n".join(("`python -m benchmarks.peers.watersafe`", f"{note}.", *parts, words))
-        write_part(chosen.markdown, "watersafe", text)
+    parts = [part for title, header, rows in tables(results) for part in (title, (header, rows))]
+    words = fill(f"Not first: {'; '.join(exceptions(results) or ['none'])}.", WIDTH)
+    publish("peers.watersafe", chosen, note(), *parts, words)
 
 
 if __name__ == "__main__":

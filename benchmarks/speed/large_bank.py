@@ -6,18 +6,15 @@ Six tanks in a row with three sensors; a pipe is restricted. Each sample takes a
 counts here. How long samples would wait if ten of them came each second is worked out from that.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.shared.clock import samples
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
-from benchmarks.speed.equations import six_tanks
+from benchmarks.shared.ladders import six_tanks
+from benchmarks.shared.page import arguments, note, publish
+from benchmarks.shared.play import samples
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.text import parse_model
@@ -31,33 +28,16 @@ PERIOD = 0.1  # s between samples as they come
 ROWS, SEED = 2000, 3
 FAULT = Fault(parameter="R3", factor=2.0, start=700.0)
 LATE = 0.5  # s
-HEADER = ("what", "got")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
-    """What each sample took, s, and the number of the sample of the alarm."""
-
-    taken: FloatArray
-    alarm: int
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="Whether a large bank keeps up with its plant.")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    spec, played = play()
-    rows = table(spec, played)
-    note = f"{today()}; {machine()}"
-    print(f"{as_text(HEADER, rows)}\n\n{note}")
-    if chosen.markdown is not None:
-        text = f"`python -m benchmarks.speed.large_bank`\n\n{note}.\n\n{as_markdown(HEADER, rows)}"
-        write_part(chosen.markdown, "large_bank", text)
+    chosen = arguments("Whether a large bank keeps up with its plant.", argv)
+    publish("speed.large_bank", chosen, note(), (("what", "got"), table(*play())))
 
 
-def play() -> tuple[EngineSpec, Played]:
-    """Pass the samples of a run with a fault through the monitor."""
+def play() -> tuple[EngineSpec, FloatArray, int]:
+    """Pass the samples of a run with a fault through the monitor; give what each took, s, and which had the alarm."""
     graph = parse_model(f"{six_tanks()}max_faults: 3\n")
     spec, engine = build_engine(graph)
     moments: FloatArray = np.arange(ROWS, dtype=np.float64)
@@ -70,7 +50,7 @@ def play() -> tuple[EngineSpec, Played]:
         taken.append(time.perf_counter() - begin)
     if state.alarm < 0:
         raise RuntimeError("no alarm was raised, so nothing was measured")
-    return spec, Played(taken=np.array(taken), alarm=state.alarm)
+    return spec, np.array(taken), state.alarm
 
 
 def waits(taken: FloatArray, period: float) -> FloatArray:
@@ -80,29 +60,21 @@ def waits(taken: FloatArray, period: float) -> FloatArray:
     return np.array(list(ends)[1:], dtype=np.float64) - arrived
 
 
-def table(spec: EngineSpec, played: Played) -> list[tuple[str, str]]:
-    """Give the lines of the table."""
-    late = waits(played.taken, PERIOD)
-    begun, watched = played.alarm, spec.thresholds.warm_up_samples
+def table(spec: EngineSpec, taken: FloatArray, alarm: int) -> list[tuple[str, str]]:
+    """Give the lines of the table; taken : (n_samples,), s."""
+    late, before, after = waits(taken, PERIOD), taken[spec.thresholds.warm_up_samples : alarm], taken[alarm + 1 :]
+    counts = f"{len(spec.parameters)}; {len(spec.hypotheses)}; {len(spec.reserve)}"
     return [
-        ("parameters; sets tested from the alarm on; in reserve", _counts(spec)),
+        ("parameters; sets tested from the alarm on; in reserve", counts),
         ("filters", f"{len(no_bank(spec).likelihoods)}"),
-        ("a sample before the alarm, median", _milli(float(np.median(played.taken[watched:begun])))),
-        ("a sample after the alarm, median", _milli(float(np.median(played.taken[begun + 1 :])))),
-        ("the sample of the alarm", f"{played.taken[begun]:.2g} s"),
-        ("the slowest later sample, at which filters begin again", f"{played.taken[begun + 1 :].max():.2g} s"),
+        ("a sample before the alarm, median", f"{1e3 * np.median(before):.2g} ms"),
+        ("a sample after the alarm, median", f"{1e3 * np.median(after):.2g} ms"),
+        ("the sample of the alarm", f"{taken[alarm]:.2g} s"),
+        ("the slowest later sample, at which filters begin again", f"{after.max():.2g} s"),
         ("ten samples a second: the latest is worked on so long after it came", f"{late.max():.2g} s"),
         (f"time in which samples are more than {LATE} s late", f"{PERIOD * np.sum(late > LATE):.2g} s"),
-        (f"of all {PERIOD * ROWS:.0f} s, the processor works", f"{played.taken.sum():.2g} s"),
+        (f"of all {PERIOD * ROWS:.0f} s, the processor works", f"{taken.sum():.2g} s"),
     ]
-
-
-def _counts(spec: EngineSpec) -> str:
-    return f"{len(spec.parameters)}; {len(spec.hypotheses)}; {len(spec.reserve)}"
-
-
-def _milli(seconds: float) -> str:
-    return f"{1e3 * seconds:.2g} ms"
 
 
 if __name__ == "__main__":

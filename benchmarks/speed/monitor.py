@@ -1,28 +1,24 @@
 """How fast the monitor and the bank are: every example, and ladders of growing size.
 
-    python -m benchmarks.speed [--json FILE] [--markdown FILE]
+    python -m benchmarks.speed [--markdown FILE]
 
 Processor time per sample, so that other work on the machine counts as little as possible. The last columns compare
 with the same filter graph in CasADi's virtual machine, measured in the same run.
 """
 
-import argparse
-import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.shared.clock import alarmed_at_once, fresh_cache, play_through, samples
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
-from benchmarks.shared.plants import EXAMPLES, case
+from benchmarks.shared.clock import alarmed_at_once, fresh_cache
+from benchmarks.shared.page import arguments, note, publish
+from benchmarks.shared.plants import case, graph_of
+from benchmarks.shared.play import passed, samples
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.runtime.bank import Bank, advance_bank, no_bank
 from faultbond.runtime.monitor import step
 from faultbond.runtime.packing import trusted
@@ -37,43 +33,15 @@ WATCHED, DIAGNOSED = 2000, 1000  # samples timed; fewer on the virtual machine
 SLOWER = 10
 MACHINE_SAMPLES = 8
 LADDER_SAMPLES = 200
+LATENCY_HEADER = "example | hypotheses | lanes | watching, median | 99 % | with bank, median | 99 % | bank alone"
+LATENCY_HEADER += " | virtual machine, watching | bank"
+LADDER_HEADER = "components | states | hypotheses | lanes | engine built in | bank per sample"
+LADDER_HEADER += " | hypotheses per second | virtual machine"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Latency:
-    """Processor time per sample, s, and how many times as long the virtual machine takes.
-
-    watching, diagnosing : median and 99 % of `step`, before and after an alarm
-    bank : median of the bank alone
-    """
-
-    model: str
-    hypotheses: int
-    lanes: int
-    watching: tuple[float, float]
-    diagnosing: tuple[float, float]
-    bank: float
-    watching_ratio: float
-    bank_ratio: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ladder:
-    """An RC ladder: its size, and hypotheses per second (each taken one sample further)."""
-
-    components: int
-    states: int
-    hypotheses: int
-    lanes: int
-    build: float  # s of wall time
-    bank: float  # s per sample
-    per_second: float
-    bank_ratio: float
-
-
-def latency(folder: str) -> Latency:
-    """Measure an example."""
-    graph = load_model(EXAMPLES / folder / "model.yaml")
+def latency(folder: str) -> tuple[str, ...]:
+    """Measure an example: median and 99 % of `step` before and after an alarm, median of the bank alone, and ratios."""
+    graph = graph_of(folder)
     spec, compiled = build_engine(graph)
     _, virtual = build_engine(graph, compiled=False)
     rows = spec.thresholds.warm_up_samples + 1 + WATCHED
@@ -82,37 +50,29 @@ def latency(folder: str) -> Latency:
     slow = _latencies(spec, virtual, given[: spec.thresholds.warm_up_samples + WATCHED // SLOWER], Status.WATCHING)
     diagnosing = _latencies(alarmed_at_once(spec), compiled, given[:-DIAGNOSED], Status.DIAGNOSING)
     bank, ratio = _bank(spec, (compiled, virtual), given)
-    return Latency(
-        model=folder,
-        hypotheses=spec.n_hypotheses,
-        lanes=len(no_bank(spec).likelihoods),
-        watching=_middle_and_tail(watching),
-        diagnosing=_middle_and_tail(diagnosing),
-        bank=bank,
-        watching_ratio=float(np.median(slow) / np.median(watching)),
-        bank_ratio=ratio,
+    times = [value for taken in (watching, diagnosing) for value in (np.median(taken), np.quantile(taken, 0.99))]
+    return (
+        *(folder, str(spec.n_hypotheses), str(len(no_bank(spec).likelihoods))),
+        *(_micro(float(value)) for value in (*times, bank)),
+        *(f"x{np.median(slow) / np.median(watching):.1f}", f"x{ratio:.0f}"),
     )
 
 
-def ladder(sections: int) -> Ladder:
-    """Measure an RC ladder."""
+def ladder(sections: int) -> tuple[str, ...]:
+    """Measure an RC ladder: its size, and hypotheses per second (each taken one sample further)."""
     graph = _ladder_graph(sections)
     with fresh_cache():
         begin = time.perf_counter()
         spec, compiled = build_engine(graph)
         built = time.perf_counter() - begin
     _, virtual = build_engine(graph, compiled=False)
-    bank, ratio = _bank(spec, (compiled, virtual), _ladder_samples(graph))
-    return Ladder(
-        components=2 * sections,
-        states=len(spec.states),
-        hypotheses=spec.n_hypotheses,
-        lanes=len(no_bank(spec).likelihoods),
-        build=built,
-        bank=bank,
-        per_second=spec.n_hypotheses / bank,
-        bank_ratio=ratio,
-    )
+    moments: FloatArray = np.arange(LADDER_SAMPLES, dtype=np.float64) * (graph.sample_time or 1.0)
+    voltage = sines(moments, [(5.0, 0.1, 0.0), (2.0, 0.5, 1.0)])
+    given = samples(simulate(graph, Inputs(time=moments, values=voltage[:, None]), seed=SEED))
+    bank, ratio = _bank(spec, (compiled, virtual), given)
+    counts = (2 * sections, len(spec.states), spec.n_hypotheses, len(no_bank(spec).likelihoods))
+    times = (f"{built:.1f} s", _micro(bank), f"{spec.n_hypotheses / bank:,.0f}", f"x{ratio:.0f}")
+    return *(str(value) for value in counts), *times
 
 
 def _ladder_graph(sections: int) -> BondGraph:
@@ -131,12 +91,6 @@ def _ladder_graph(sections: int) -> BondGraph:
     return builder.build()
 
 
-def _ladder_samples(graph: BondGraph) -> list[Sample]:
-    moments: FloatArray = np.arange(LADDER_SAMPLES, dtype=np.float64) * (graph.sample_time or 1.0)
-    voltage = sines(moments, [(5.0, 0.1, 0.0), (2.0, 0.5, 1.0)])
-    return samples(simulate(graph, Inputs(time=moments, values=voltage[:, None]), seed=SEED))
-
-
 def _latencies(spec: EngineSpec, engine: Engine, given: Sequence[Sample], status: Status) -> FloatArray:
     """Give the processor time of each `step` that ends in a status, without the one in which the bank begins."""
     state, taken = init(spec), []
@@ -148,15 +102,12 @@ def _latencies(spec: EngineSpec, engine: Engine, given: Sequence[Sample], status
     return np.array(taken)
 
 
-def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: list[Sample]) -> tuple[float, float]:
+def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: Sequence[Sample]) -> tuple[float, float]:
     """Give the median time per sample of the bank on the first engine, and how many times as long the second takes."""
-    state = play_through(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
-    packed = state.trail_samples[(state.index - 1) % len(state.trail_times)]
-    compiled, virtual = (
-        _rate(spec, engine, state.bank, packed, count)
-        for engine, count in zip(engines, (DIAGNOSED // 2, MACHINE_SAMPLES), strict=True)
-    )
-    return compiled, virtual / compiled
+    begun = passed(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
+    packed = begun.trail_samples[(begun.index - 1) % len(begun.trail_times)]
+    compiled = _rate(spec, engines[0], begun.bank, packed, DIAGNOSED // 2)
+    return compiled, _rate(spec, engines[1], begun.bank, packed, MACHINE_SAMPLES) / compiled
 
 
 def _rate(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, count: int) -> float:
@@ -168,71 +119,13 @@ def _rate(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, coun
     return float(np.median(taken))
 
 
-def _middle_and_tail(taken: FloatArray) -> tuple[float, float]:
-    return float(np.median(taken)), float(np.quantile(taken, 0.99))
-
-
-LATENCY_HEADER = (
-    "example",
-    "hypotheses",
-    "lanes",
-    "watching, median",
-    "99 %",
-    "with bank, median",
-    "99 %",
-    "bank alone",
-    "virtual machine, watching",
-    "bank",
-)
-LADDER_HEADER = (
-    "components",
-    "states",
-    "hypotheses",
-    "lanes",
-    "engine built in",
-    "bank per sample",
-    "hypotheses per second",
-    "virtual machine",
-)
-
-
 def _micro(seconds: float) -> str:
     return f"{1e6 * seconds:.0f} us" if seconds < 0.01 else f"{1e3 * seconds:.0f} ms"
 
 
-def _latency_cells(row: Latency) -> tuple[str, ...]:
-    times = (*row.watching, *row.diagnosing, row.bank)
-    ratios = (f"x{row.watching_ratio:.1f}", f"x{row.bank_ratio:.0f}")
-    return row.model, str(row.hypotheses), str(row.lanes), *(_micro(value) for value in times), *ratios
-
-
-def _ladder_cells(row: Ladder) -> tuple[str, ...]:
-    counts = (row.components, row.states, row.hypotheses, row.lanes)
-    times = (f"{row.build:.1f} s", _micro(row.bank), f"{row.per_second:,.0f}", f"x{row.bank_ratio:.0f}")
-    return *(str(value) for value in counts), *times
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="How fast the monitor and the bank are.")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write all numbers to FILE, in seconds")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the tables into the page FILE")
-    chosen = parser.parse_args(argv)
-    latencies = [latency(folder) for folder in FOLDERS]
-    examples = [_latency_cells(row) for row in latencies]
-    print(as_text(LATENCY_HEADER, examples), flush=True)
+    chosen = arguments("How fast the monitor and the bank are.", argv)
+    examples = [latency(folder) for folder in FOLDERS]
     ladders = [ladder(sections) for sections in SECTIONS]
-    sizes = [_ladder_cells(row) for row in ladders]
-    print(f"\n{as_text(LADDER_HEADER, sizes)}")
-    note = f"{today()}; {machine()}"
-    print(f"\n{note}")
-    if chosen.json is not None:
-        report = {"note": note, "examples": [asdict(row) for row in latencies], "ladders": [asdict(r) for r in ladders]}
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        tables = f"{as_markdown(LATENCY_HEADER, examples)}\n\n{as_markdown(LADDER_HEADER, sizes)}"
-        write_part(chosen.markdown, "speed", f"`python -m benchmarks.speed`\n\n{note}.\n\n{tables}")
-
-
-if __name__ == "__main__":
-    main()
+    publish("speed", chosen, note(), (LATENCY_HEADER.split(" | "), examples), (LADDER_HEADER.split(" | "), ladders))

@@ -1,25 +1,21 @@
 """How fast structural diagnosis is, side by side with the fault diagnosis toolbox, whose core is written in C.
 
-    python -m benchmarks.speed.structure [--json FILE] [--markdown FILE]
+    python -m benchmarks.speed.structure [--markdown FILE]
 
 Processor time, both in turns in the same run; results are compared before they are timed. Without the toolbox only our
 own times are shown. Ratios count, since machines differ.
 """
 
-import argparse
-import json
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.shared import published
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.shared.page import arguments, note, publish
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports
 from faultbond.diagnosability.structural import StructuralModel
@@ -39,21 +35,7 @@ CAUSALITIES = {Interpretation.MIXED: "mixed", Interpretation.INTEGRAL: "int", In
 SEED = 100
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """A piece of work: medians of our processor time and the toolbox', s, and the ratio that is asked for."""
-
-    work: str
-    model: str
-    result: str
-    ours: float
-    toolbox: float | None
-    asked: float | None = None
-
-    @property
-    def ratio(self) -> float | None:
-        """Our time in times the toolbox'."""
-        return None if self.toolbox is None else self.ours / self.toolbox
+Row = tuple[str, ...]  # work, model, result, our time and the toolbox', their ratio, and what is asked of it
 
 
 def random_model(n_equations: int = 100, n_sensors: int = 8, n_states: int = 14, n_faults: int = 11) -> StructuralModel:
@@ -100,15 +82,9 @@ def isolability_row(name: str, model: StructuralModel, interpretation: Interpret
     if toolbox is not None:
         theirs = partial(peer(model).IsolabilityAnalysis, causality=CAUSALITIES[interpretation])
         _agree(np.array_equal(theirs() == 0, found.isolable), name)
-    ours, other = timed(lambda: isolability(model, interpretation), theirs)
-    return Row(
-        work=f"isolability, {interpretation.value}",
-        model=name,
-        result=f"{np.sum(~found.isolable)} pairs alike",
-        ours=ours,
-        toolbox=other,
-        asked=ISOLABILITY_ASKED if interpretation is Interpretation.MIXED else None,
-    )
+    what, asked = f"{np.sum(~found.isolable)} pairs alike", interpretation is Interpretation.MIXED
+    times = timed(lambda: isolability(model, interpretation), theirs, ISOLABILITY_ASKED if asked else None)
+    return f"isolability, {interpretation.value}", name, what, *times
 
 
 def sets_row(name: str, model: StructuralModel, *, asked: float | None) -> Row:
@@ -118,8 +94,8 @@ def sets_row(name: str, model: StructuralModel, *, asked: float | None) -> Row:
     if toolbox is not None:
         theirs = partial(toolbox.dmperm.dmpermlib.MSO, csc_matrix(incidence(model)))
         _agree(len(theirs()) == len(found), name)
-    ours, other = timed(lambda: minimal_sets(model.equations, model.n_variables), theirs)
-    return Row(work="all MSO sets", model=name, result=f"{len(found)} sets", ours=ours, toolbox=other, asked=asked)
+    times = timed(lambda: minimal_sets(model.equations, model.n_variables), theirs, asked)
+    return "all MSO sets", name, f"{len(found)} sets", *times
 
 
 def supports_row(name: str, model: StructuralModel) -> Row:
@@ -129,17 +105,18 @@ def supports_row(name: str, model: StructuralModel) -> Row:
     if toolbox is not None:
         theirs = peer(model).MTES
         _agree(len(theirs()) == len(found), name)
-    ours, other = timed(lambda: minimal_supports(model.equations, model.n_variables, model.faults), theirs)
-    return Row(work="all MTES sets", model=name, result=f"{len(found)} sets", ours=ours, toolbox=other)
+    times = timed(lambda: minimal_supports(model.equations, model.n_variables, model.faults), theirs, None)
+    return "all MTES sets", name, f"{len(found)} sets", *times
 
 
-def timed(ours: Callable[[], object], theirs: Callable[[], object] | None) -> tuple[float, float | None]:
-    """Give the median processor time of a call, s; the two take turns."""
+def timed(ours: Callable[[], object], theirs: Callable[[], object] | None, asked: float | None) -> Row:
+    """Give the median processor times of two calls that take turns, their ratio, and the one that is asked for."""
     works = [work for work in (ours, theirs) if work is not None]
     repeats = [max(1, int(SAMPLE / _reading(work, 1))) for work in works]
     readings = [[_reading(work, count) for work, count in zip(works, repeats, strict=True)] for _ in range(ROUNDS)]
-    medians = np.median(np.array(readings), axis=0)
-    return float(medians[0]), float(medians[1]) if len(works) == 2 else None
+    one, *other = np.median(np.array(readings), axis=0).tolist()
+    ratio = (_milli(other[0]), f"{one / other[0]:.2f}") if other else ("-", "-")
+    return _milli(one), *ratio, "-" if asked is None else f"at most {asked:g}"
 
 
 def _reading(work: Callable[[], object], count: int) -> float:
@@ -171,38 +148,13 @@ def measure() -> list[Row]:
 HEADER = ("work", "model", "result", "faultbond", "toolbox", "ratio", "asked")
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        row.work,
-        row.model,
-        row.result,
-        _milli(row.ours),
-        "-" if row.toolbox is None else _milli(row.toolbox),
-        "-" if row.ratio is None else f"{row.ratio:.2f}",
-        "-" if row.asked is None else f"at most {row.asked:g}",
-    )
-
-
 def _milli(seconds: float) -> str:
     return f"{1e3 * seconds:.3f} ms" if seconds < 0.01 else f"{1e3 * seconds:.0f} ms"
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="How fast structural diagnosis is.")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write all numbers to FILE, in seconds")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    rows = measure()
-    cells = [_cells(row) for row in rows]
-    note = f"{today()}; {machine()}"
-    print(f"{as_text(HEADER, cells)}\n\n{note}")
-    if chosen.json is not None:
-        report = {"note": note, "rows": [asdict(row) | {"ratio": row.ratio} for row in rows]}
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        text = f"`python -m benchmarks.speed.structure`\n\n{note}.\n\n{as_markdown(HEADER, cells)}"
-        write_part(chosen.markdown, "structure", text)
+    publish("speed.structure", arguments("How fast structural diagnosis is.", argv), note(), (HEADER, measure()))
 
 
 if __name__ == "__main__":

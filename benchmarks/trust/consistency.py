@@ -11,7 +11,6 @@ per parameter on average, and so is the square of a normalised innovation (NIS):
 taken in logarithms: where data show a product only, what is equally likely lies on a line there, and on a curve else.
 """
 
-import argparse
 import os
 import sys
 from collections.abc import Sequence
@@ -23,7 +22,8 @@ import casadi as ca
 import numpy as np
 from scipy.stats import chi2
 
-from benchmarks.shared.page import as_markdown, machine, today, write_part
+from benchmarks.shared.page import arguments, note, publish, seeds_of, selected
+from benchmarks.shared.plants import EXAMPLES
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import LanePlan
 from faultbond.contract.spec import Engine, EngineSpec, unpack
@@ -39,10 +39,10 @@ from faultbond.runtime.state import Sample, init
 from faultbond.runtime.stepped import forget_slow_errors, relinearised, suspect_lanes
 from faultbond.synthesis.engine import build_engine, build_model
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DATA = Path(os.environ.get("FAULTBOND_DATA") or "no recordings")
 SPREAD = 0.35  # sd of a faulty factor where its lane begins, in factors
 ONSET = 0.4  # part of the samples after which the fault comes
+HEADER = ("model", "slow errors", "NEES, healthy", "NIS of each sensor", "fault", "NEES, its lane", "band of 95 %")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,14 +97,6 @@ class Stand:
     start: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
-    """A drawn plant: factors of the parameters over time, (n, n_parameters), and packed samples with its readings."""
-
-    factors: FloatArray
-    samples: FloatArray
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
     """Means over all seeds: NEES per parameter at the end, NIS of each sensor; `band`: 95 % of such means of NEES."""
@@ -155,8 +147,13 @@ def _start(graph: BondGraph, spec: EngineSpec, engine: Engine, samples: FloatArr
     return solve_start(spec, engine, first)[0]
 
 
-def draw(stand: Stand, seed: int, *, slow: float, fault: tuple[str, float] | None = None) -> Drawn:
-    """Draw a plant; `slow`: size of its slow errors in those declared. A fault comes after the part `ONSET`."""
+def draw(
+    stand: Stand, seed: int, *, slow: float, fault: tuple[str, float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Draw a plant: the factors of its parameters over time, (n, n_parameters), and packed samples with its readings.
+
+    slow : size of its slow errors in those declared. A fault comes after the part `ONSET`.
+    """
     spec, generator, n = stand.spec, np.random.default_rng(seed), len(stand.samples)
     place, dt = spec.sample_fields, stand.samples[:, spec.sample_fields["dt"]]
     healthy = [
@@ -166,10 +163,8 @@ def draw(stand: Stand, seed: int, *, slow: float, fault: tuple[str, float] | Non
     factors = np.tile(np.array(healthy), (n, 1))
     if fault is not None:
         factors[round(ONSET * n) :, [item.name for item in spec.parameters].index(fault[0])] *= fault[1]
-    errors, now = (
-        np.zeros((n, len(spec.slow_errors))),
-        spec.slow_sizes * generator.standard_normal(len(spec.slow_errors)),
-    )
+    errors = np.zeros((n, len(spec.slow_errors)))
+    now = spec.slow_sizes * generator.standard_normal(len(spec.slow_errors))
     memories = np.array([item.memory for item in spec.slow_errors])
     for row in range(n):
         left = np.exp(-dt[row] / memories)
@@ -187,7 +182,7 @@ def draw(stand: Stand, seed: int, *, slow: float, fault: tuple[str, float] | Non
     _, y = course(first, rest[[0, *range(n - 1)]].T, rest.T, before.T, u.T, dt.T, unknown.T)
     samples = stand.samples.copy()
     samples[:, place["y"]] = y.full().T + spec.output_noise * generator.standard_normal((n, len(spec.outputs)))
-    return Drawn(factors=factors, samples=samples)
+    return factors, samples
 
 
 @cache
@@ -204,13 +199,6 @@ def _course(model: StepModel) -> ca.Function:
     return ca.Function(
         "course", [ca.vertcat(x, z), before, now, held, u, dt, noise], [ca.vertcat(after + noise, solved), y]
     )
-
-
-def begun(stand: Stand, drawn: Drawn) -> FloatArray:
-    """Give the healthy lane (n_numbers, 1) before the first sample."""
-    known = all(item.start_sd is not None for item in stand.spec.states)
-    first = drawn.samples[: 1 if known else START_SAMPLES]
-    return healthy_lane(stand.spec, *solve_start(stand.spec, stand.engine, first))
 
 
 def knowing(spec: EngineSpec, lane: FloatArray, fault: tuple[str, float]) -> FloatArray:
@@ -245,16 +233,17 @@ def consistency(
 ) -> Consistency:
     """Give how consistent the healthy filter is, or from the onset of a fault on the lane that knows of it."""
     spec, n = stand.spec, len(stand.samples)
+    known = all(item.start_sd is not None for item in spec.states)
     errors, squares = [], []
     for seed in seeds:
-        drawn = draw(stand, seed, slow=slow, fault=fault)
-        lane, samples = begun(stand, drawn), drawn.samples
+        factors, samples = draw(stand, seed, slow=slow, fault=fault)
+        lane = healthy_lane(spec, *solve_start(spec, stand.engine, samples[: 1 if known else START_SAMPLES]))
         if fault is not None:
             onset = round(ONSET * n)
             lane, _ = stand.engine.advance(lane, samples[:onset])
             lane, samples = knowing(spec, lane, fault), relinearised(spec, samples[onset:])
         lane, innovations = stand.engine.advance(lane, samples)
-        errors.append(nees(spec, lane[:, 0], drawn.factors[-1]))
+        errors.append(nees(spec, lane[:, 0], factors[-1]))
         squares.append(_squares(spec, samples, innovations[:, :, 0]))
     freedom = len(errors) * len(spec.parameters)
     low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
@@ -281,40 +270,21 @@ def rows_of(name: str, case: Case, seeds: Sequence[int], n: int) -> list[tuple[s
         nis = ", ".join(f"{value:.3f}" for value in healthy.nis)
         lane = f"{case.fault[0]} x{case.fault[1]:g}"
         rows.append((name, told, f"{healthy.nees:.2f}", nis, lane, f"{true.nees:.2f}", f"{low:.2f} to {high:.2f}"))
-        print("  ".join(rows[-1]), flush=True)
+        print("  ".join(rows[-1]), file=sys.stderr, flush=True)
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.trust.consistency")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--samples", type=int, default=10_000)
-    parser.add_argument("--only", default="")
-    parser.add_argument("--markdown", type=Path)
-    given = parser.parse_args(arguments)
-    chosen = given.only.split(",") if given.only else list(CASES)
-    seeds = range(given.first_seed, given.first_seed + given.seeds)
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure, print, write."""
+    words = "Whether the filters err as much as they say."
+    chosen = arguments(words, argv, seeds=20, first_seed=0, samples=10_000, only="")
     rows = []
-    for name in chosen:
+    for name in selected(CASES, chosen.only):
         if CASES[name].recording.exists():
-            rows += rows_of(name, CASES[name], seeds, given.samples)
+            rows += rows_of(name, CASES[name], seeds_of(chosen), chosen.samples)
         else:
             print(f"{name}: no recording: FAULTBOND_DATA is not set", file=sys.stderr)
-    if given.markdown:
-        head = (
-            "model",
-            "slow errors",
-            "NEES, healthy",
-            "NIS of each sensor",
-            "fault",
-            "NEES, its lane",
-            "band of 95 %",
-        )
-        command = f"`python -m benchmarks.trust.consistency --seeds {given.seeds} --first-seed {given.first_seed}`"
-        note = f"{given.samples} samples each; {today()}; {machine()}."
-        write_part(given.markdown, "consistency", "\n".join([command, "", note, "", as_markdown(head, rows)]))
+    publish("trust.consistency", chosen, note(f"{chosen.samples} samples each"), (HEADER, rows))
 
 
 if __name__ == "__main__":

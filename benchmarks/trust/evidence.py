@@ -8,15 +8,13 @@ ratio needs to reach log N.
 Source: Lorden, Annals of Mathematical Statistics 42 (1971) 1897.
 """
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from math import log
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
+from benchmarks.shared.page import arguments, note, publish, seeds_of, share
 from benchmarks.shared.play import engine_of
 from benchmarks.trust.arrival import watched
 from benchmarks.trust.cases import CASES, SMALL, SMALL_MOVED
@@ -35,33 +33,18 @@ HEADER = ("step of 10 %, told what, when and how far", "in nats after 10 min", "
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="How much the data say of a small step.")
-    parser.add_argument("--seeds", type=int, default=20, help="runs of each case (default %(default)s)")
-    parser.add_argument("--first-seed", type=int, default=700, help="the first seed (default %(default)s)")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
-    table = [_row(f"tank, recipe, {name}", f"small.{name}", seeds) for name in SMALL]
-    table += [_row(f"tank, valves moving, {name}", f"moved.small.{name}", seeds) for name in SMALL_MOVED]
-    print(as_text(HEADER, table))
-    if chosen.markdown is not None:
-        command = f"`python -m benchmarks.trust.evidence --seeds {chosen.seeds} --first-seed {chosen.first_seed}`"
-        write_part(
-            chosen.markdown, "evidence", "\n\n".join((command, f"{today()}; {machine()}.", as_markdown(HEADER, table)))
-        )
+    chosen = arguments("How much the data say of a small step.", argv, seeds=20, first_seed=700)
+    cases = [(f"tank, recipe, {name}", f"small.{name}") for name in SMALL]
+    cases += [(f"tank, valves moving, {name}", f"moved.small.{name}") for name in SMALL_MOVED]
+    publish("trust.evidence", chosen, note(), (HEADER, [_row(*case, seeds_of(chosen)) for case in cases]))
 
 
 def _row(title: str, key: str, seeds: Sequence[int]) -> tuple[str, str, str]:
-    found = sorted(
-        evidence(CASES[f"{key}.{word}"].make(seed), kept=seed % 2 == 0) for word in ("up", "down") for seed in seeds
-    )
-    enough = sum(value >= log(QUIET) for value in found)
+    both = [(CASES[f"{key}.{word}"], seed) for word in ("up", "down") for seed in seeds]
+    found = [evidence(case.make(seed), kept=seed % 2 == 0) for case, seed in both]
     low, middle = np.quantile(found, (0.1, 0.5))
-    return (
-        title,
-        f"median {middle:.1f}, a tenth below {low:.1f}",
-        f"{enough} of {len(found)} ({100 * enough / len(found):.0f} %)",
-    )
+    enough = sum(value >= log(QUIET) for value in found)
+    return title, f"median {middle:.1f}, a tenth below {low:.1f}", share(enough, len(found))
 
 
 def evidence(made: Played, *, kept: bool) -> float:

@@ -1,41 +1,161 @@
 """The table of figures: what is asked of faultbond, what it does, and whether that is enough.
 
-    python -m benchmarks.trust.figures [--seeds 30] [--first-seed 700] [--only ROW,...] [--json FILE] [--markdown FILE]
+    python -m benchmarks.trust.figures [--seeds 30] [--first-seed 700] [--only ROW,...] [--markdown FILE]
 
 The plants are simulated and are not quite their models: see `benchmarks.shared.plants`. ROW is a scenario, `tank.K1`,
-or the first words of several, `tank` or `time`. `--markdown` puts the table into a page, between its marks.
+or the first words of several, `tank` or `time`.
 """
 
-import argparse
-import json
 import math
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
 from multiprocessing import Pool
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.shared.clock import BUILT, bank_throughout, build, demo
-from benchmarks.shared.page import Row, as_markdown, as_text, machine, today, write_part
-from benchmarks.shared.play import Outcome, play
+from benchmarks.shared.clock import CACHE, alarmed_at_once, fresh_cache, timed_program
+from benchmarks.shared.page import (
+    Row,
+    arguments,
+    note,
+    percent,
+    publish,
+    quantile,
+    seconds,
+    seeds_of,
+    selected,
+    share,
+)
+from benchmarks.shared.plants import EXAMPLES, case, effort_or_flow_goes_on, tank_case
+from benchmarks.shared.play import EPSILON, engine_of, passed, samples, watched
 from benchmarks.trust.scenarios import END, HEALTHY, SCENARIOS, Scenario
+from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.model.text import load_model
+from faultbond.runtime.monitor import finish
+from faultbond.runtime.state import init
+from faultbond.simulate import Fault, Simulation
+from faultbond.synthesis.engine import build_engine
 
 PROCESSES = 2
 HEADER = ("figure", "asked", "got", "verdict")
+BUILT = ("tank", "dc_motor", "dc_motor_current", "rlc", "rc")
+TIMES = ("time.bank", "time.demo", "time.build")
+OPEN = 60.0  # percent: a valve as open as this shows what is wrong with the pipe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figure(Row):
-    """One line of the table and the scenario that it is of."""
+class Reading:
+    """Of a ranking: the rank of the true set, 1 for the first, and the largest relative error of its parameters."""
+
+    rank: int
+    error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """One run: s from the fault, or from the opening after it, to an alarm that is not early; None without one.
+
+    early : whether there was an alarm before the fault
+    cusum, slow : largest CUSUM and slow error (in declared sd) before the fault
+    readings : the last ranking at or before each look of the scenario, if the alarm counts
+    """
 
     key: str
+    delay: float | None
+    early: bool
+    cusum: float
+    slow: float
+    readings: tuple[Reading, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Watched:
+    """What a monitor made of a recording; `cusum` and `slow` as in `Outcome`."""
+
+    detection: Detection | None
+    diagnoses: tuple[Diagnosis, ...]
+    cusum: float
+    slow: float
+
+
+# specification, engine, recording, onset (s; None: no fault), and for how many s after the alarm
+Watch = Callable[[EngineSpec, Engine, Simulation, float | None, float], Watched]
+
+
+def watch(spec: EngineSpec, engine: Engine, recording: Simulation, onset: float | None, until: float) -> Watched:
+    """Pass a recording through the monitor, up to `until` seconds after the alarm."""
+    state = init(spec)
+    detection: Detection | None = None
+    diagnoses: list[Diagnosis] = []
+    cusum = slow = 0.0
+
+    def wanted(time: float) -> bool:
+        return detection is None or time <= detection.time + until + EPSILON
+
+    for sample, after, report in watched(spec, engine, takewhile(lambda item: wanted(item.time), samples(recording))):
+        state = after
+        if onset is None or sample.time < onset:
+            cusum = float(np.fmax(cusum, np.nan_to_num(report.cusum).max()))
+            alarming = [abs(value) for value, error in zip(report.slow, spec.slow_errors, strict=True) if error.alarms]
+            slow = float(np.fmax(slow, np.nan_to_num(max(alarming, default=0.0))))
+        detection = report.detection or detection
+        diagnoses += [report.diagnosis] if report.diagnosis is not None else []
+    last = finish(spec, state)
+    return Watched(
+        detection=detection, diagnoses=(*diagnoses, *([last] if last is not None else [])), cusum=cusum, slow=slow
+    )
+
+
+def play(scenario: Scenario, seed: int, watch: Watch = watch) -> Outcome:
+    """Simulate one run and watch it, with our monitor or another."""
+    onset = float(np.random.default_rng([seed, 7]).uniform(*scenario.onset)) if scenario.faults else None
+    faults = [Fault(parameter=name, factor=factor, start=onset or 0.0) for name, factor in scenario.faults]
+    plant = effort_or_flow_goes_on(scenario.folder) if scenario.goes_on else None
+    recording = case(scenario.folder, seed, faults, seconds=scenario.seconds, plant=plant).recording
+    spec, engine = engine_of(scenario.folder)
+    found = watch(spec, engine, recording, onset, max(scenario.looks, default=0.0))
+    alarm = found.detection.time if found.detection is not None else None
+    begin = _opening(spec, recording, onset or 0.0) if scenario.from_opening else onset
+    early = alarm is not None and (onset is None or alarm < onset)
+    counts = alarm is not None and begin is not None and not early
+    names = [item.name for item in spec.parameters]
+    truth = {name: recording.parameters[-1, names.index(name)] for name, _ in scenario.faults}
+    ends = [alarm + after + EPSILON for after in scenario.looks] if counts and alarm is not None else []
+    readings = [_reading([item for item in found.diagnoses if item.time <= end][-1], truth) for end in ends]
+    return Outcome(
+        key=scenario.key,
+        delay=max(alarm - begin, 0.0) if alarm is not None and begin is not None and not early else None,
+        early=early,
+        cusum=found.cusum,
+        slow=found.slow,
+        readings=tuple(readings),
+    )
+
+
+def _opening(spec: EngineSpec, recording: Simulation, onset: float) -> float | None:
+    """Give the first moment from the onset on at which u_in is wide open; None where it never is."""
+    column = [item.name for item in spec.inputs].index("u_in")
+    open_wide = recording.inputs[:, column] >= OPEN
+    already = open_wide[np.searchsorted(recording.time, onset, side="right") - 1]
+    later = recording.time[open_wide & (recording.time >= onset)]
+    return onset if already else float(later[0]) if later.size else None
+
+
+def _reading(diagnosis: Diagnosis, truth: dict[str, float]) -> Reading:
+    rank = [frozenset(item.parameters) for item in diagnosis.candidates].index(frozenset(truth))  # all sets are listed
+    suspects = diagnosis.candidates[rank].suspects
+    return Reading(rank=rank + 1, error=float(max(abs(s.estimate / truth[s.parameter] - 1.0) for s in suspects)))
 
 
 def play_all(keys: Sequence[str], seeds: Sequence[int]) -> dict[str, list[Outcome]]:
     """Give the outcomes of some scenarios with some seeds, from several processes."""
-    jobs = [(key, seed) for key in keys for seed in seeds]
+    jobs = [(SCENARIOS[key], seed) for key in keys for seed in seeds]
     outcomes: dict[str, list[Outcome]] = {key: [] for key in keys}
     with Pool(PROCESSES) as pool:
         for number, outcome in enumerate(pool.imap(_play, jobs), start=1):
@@ -45,89 +165,45 @@ def play_all(keys: Sequence[str], seeds: Sequence[int]) -> dict[str, list[Outcom
     return outcomes
 
 
-def _play(job: tuple[str, int]) -> Outcome:
-    key, seed = job
-    return play(SCENARIOS[key], seed)
+def _play(job: tuple[Scenario, int]) -> Outcome:
+    return play(*job)
 
 
-def rows_of(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[Figure]:
+def rows_of(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[Row]:
     """Give the lines of one scenario."""
     if not scenario.faults:
-        return [_false_alarms(scenario.key, f"{scenario.title}: runs with a false alarm", outcomes)]
+        return [false_alarms(f"{scenario.title}: runs with a false alarm", outcomes)]
     rows = []
     if scenario.delay is not None:
-        rows.append(_delay(scenario, outcomes))
+        delays = [math.inf if outcome.delay is None else outcome.delay for outcome in outcomes]
+        worst, missed = quantile(delays, 0.95), sum(map(math.isinf, delays))
+        since = ", from u_in at 60 % or more" if scenario.from_opening else ""
+        got = f"{seconds(worst)} (median {seconds(quantile(delays, 0.5))}; {missed or 'none'} missed)"
+        figure, asked = f"{scenario.title}: detected in 95 %{since}", f"{scenario.delay:g} s"
+        rows.append(Row(figure=figure, asked=asked, got=got, met=worst <= scenario.delay, cost=worst))
     for what, part, best in (("first", scenario.first, 1), ("in the first three", scenario.three, 3)):
         if part is not None:
-            rows.append(_rank(scenario, what, part, best, outcomes))
+            count = sum(bool(outcome.readings) and outcome.readings[0].rank <= best for outcome in outcomes)
+            figure, got = f"{scenario.title}: true set {what} {_when(scenario, 0)}", share(count, len(outcomes))
+            met = count >= part * len(outcomes) - 1e-9
+            rows.append(Row(figure=figure, asked=f"{100 * part:g} %", got=got, met=met, cost=-count))
     if scenario.error is not None:
-        rows += [_error(scenario, look, outcomes) for look in dict.fromkeys((0, _last_look(scenario)))]
+        for look in dict.fromkeys((0, int(np.argmax(scenario.looks)))):
+            errors = [outcome.readings[look].error if outcome.readings else math.inf for outcome in outcomes]
+            worst = quantile(errors, 0.9)
+            figure = f"{scenario.title}: error, 90 % quantile, {_when(scenario, look)}"
+            got = f"{percent(worst)} (median {percent(quantile(errors, 0.5))})"
+            met = worst <= scenario.error
+            rows.append(Row(figure=figure, asked=f"{100 * scenario.error:g} %", got=got, met=met, cost=worst))
     return rows
 
 
-def _false_alarms(key: str, figure: str, outcomes: Sequence[Outcome]) -> Figure:
-    alarms = sum(outcome.early for outcome in outcomes)
-    largest = f"largest CUSUM {max(outcome.cusum for outcome in outcomes):.1f}"
-    slow = max(outcome.slow for outcome in outcomes)
-    more = f", slow error {slow:.2f} sd" if slow else ""
-    return Figure(
-        key=key, figure=figure, asked="0", got=f"{alarms} of {len(outcomes)}; {largest}{more}", met=alarms == 0
-    )
-
-
-def _delay(scenario: Scenario, outcomes: Sequence[Outcome]) -> Figure:
-    limit = scenario.delay or 0.0
-    delays = [math.inf if outcome.delay is None else outcome.delay for outcome in outcomes]
-    worst = _quantile(delays, 0.95)
-    since = ", from u_in at 60 % or more" if scenario.from_opening else ""
-    return Figure(
-        key=scenario.key,
-        figure=f"{scenario.title}: detected in 95 %{since}",
-        asked=f"{limit:g} s",
-        got=f"{_seconds(worst)} (median {_seconds(_quantile(delays, 0.5))}; {_missed(delays)})",
-        met=worst <= limit,
-    )
-
-
-def _missed(delays: Sequence[float]) -> str:
-    missed = sum(math.isinf(delay) for delay in delays)
-    return f"{missed} missed" if missed else "none missed"
-
-
-def _seconds(value: float) -> str:
-    return "never" if math.isinf(value) else f"{value:.3g} s" if value < 100 else f"{value:.0f} s"
-
-
-def _rank(scenario: Scenario, what: str, part: float, best: int, outcomes: Sequence[Outcome]) -> Figure:
-    count = sum(_rank_in(outcome) <= best for outcome in outcomes)
-    return Figure(
-        key=scenario.key,
-        figure=f"{scenario.title}: true set {what} {_when(scenario, 0)}",
-        asked=f"{100 * part:g} %",
-        got=f"{count} of {len(outcomes)} ({100 * count / len(outcomes):.0f} %)",
-        met=count >= part * len(outcomes) - 1e-9,
-    )
-
-
-def _rank_in(outcome: Outcome, look: int = 0) -> float:
-    return outcome.readings[look].rank if outcome.readings else math.inf
-
-
-def _error(scenario: Scenario, look: int, outcomes: Sequence[Outcome]) -> Figure:
-    limit = scenario.error or 0.0
-    errors = [outcome.readings[look].error if outcome.readings else math.inf for outcome in outcomes]
-    worst = _quantile(errors, 0.9)
-    return Figure(
-        key=scenario.key,
-        figure=f"{scenario.title}: error, 90 % quantile, {_when(scenario, look)}",
-        asked=f"{100 * limit:g} %",
-        got=f"{_percent(worst)} (median {_percent(_quantile(errors, 0.5))})",
-        met=worst <= limit,
-    )
-
-
-def _percent(value: float) -> str:
-    return "none" if math.isinf(value) else f"{100 * value:.2g} %"
+def false_alarms(figure: str, outcomes: Sequence[Outcome]) -> Row:
+    """Give the line of the alarms before a fault."""
+    alarms, slow = sum(outcome.early for outcome in outcomes), max(outcome.slow for outcome in outcomes)
+    got = f"{alarms} of {len(outcomes)}; largest CUSUM {max(outcome.cusum for outcome in outcomes):.1f}"
+    got += f", slow error {slow:.2f} sd" if slow else ""
+    return Row(figure=figure, asked="0", got=got, met=alarms == 0, cost=alarms)
 
 
 def _when(scenario: Scenario, look: int) -> str:
@@ -135,115 +211,70 @@ def _when(scenario: Scenario, look: int) -> str:
     return "at the end" if after == END else f"{after:g} s after the alarm"
 
 
-def _last_look(scenario: Scenario) -> int:
-    """Give the latest moment at which the ranking was read."""
-    return int(np.argmax(scenario.looks))
-
-
-def _quantile(values: Sequence[float], part: float) -> float:
-    """Give the smallest value that a part of all values does not exceed."""
-    ordered = sorted(values)
-    return ordered[max(math.ceil(part * len(ordered) - 1e-9) - 1, 0)]
-
-
-def time_rows(wanted: Callable[[str], bool], seed: int) -> list[Figure]:
+def time_rows(keys: Sequence[str], seed: int) -> Iterator[Row]:
     """Give the lines about time; they are measured one after the other."""
-    rows = []
-    if wanted("time.bank"):
+    if "time.bank" in keys:
         taken, hypotheses = bank_throughout(seed)
         figure = f"tank, {hypotheses} hypotheses: processor time of 82 min at 1 Hz, bank throughout"
-        rows.append(Figure(key="time.bank", figure=figure, asked="1 s", got=f"{taken:.2f} s", met=taken < 1.0))
-    if wanted("time.demo"):
-        for compiled, limit in ((True, 30.0), (False, 120.0)):
-            seen = demo(compiled=compiled)
-            engine = "compiler, engine not built yet" if compiled else "no compiler"
-            got, first = f"{seen.whole:.1f} s", f"{seen.first_line:.2f} s"
-            figure = f"demo, {engine}"
-            rows.append(Figure(key="time.demo", figure=figure, asked=f"{limit:g} s", got=got, met=seen.whole <= limit))
-            rows.append(
-                Figure(key="time.demo", figure=f"{figure}: first line of output", asked="", got=first, met=None)
-            )
-    if wanted("time.build"):
+        yield Row(figure=figure, asked="1 s", got=f"{taken:.2f} s", met=taken < 1.0)
+    if "time.demo" in keys:
+        for engine, limit in (("auto", 30.0), ("vm", 120.0)):
+            with tempfile.TemporaryDirectory() as folder:
+                settings = {CACHE: folder, "FAULTBOND_ENGINE": engine}
+                first, whole = timed_program("demo", folder=folder, settings=settings)
+                if not Path(folder, "report.html").exists():
+                    raise RuntimeError("the demo left no report")
+            figure = "demo, compiler, engine not built yet" if engine == "auto" else "demo, no compiler"
+            yield Row(figure=figure, asked=f"{limit:g} s", got=f"{whole:.1f} s", met=whole <= limit)
+            yield Row(figure=f"{figure}: first line of output", asked="", got=f"{first:.2f} s", met=None)
+    if "time.build" in keys:
         times = {example: build(example) for example in BUILT}
         slowest = max(times, key=lambda example: times[example])
-        got = f"{times[slowest]:.2f} s ({slowest})"
         figure = f"engine built from the model file, slowest of {len(times)} examples"
-        rows.append(Figure(key="time.build", figure=figure, asked="5 s", got=got, met=times[slowest] <= 5.0))
-    return rows
+        yield Row(figure=figure, asked="5 s", got=f"{times[slowest]:.2f} s ({slowest})", met=times[slowest] <= 5.0)
 
 
-def shortfalls(scenario: Scenario, outcomes: Sequence[Outcome]) -> list[str]:
-    """Give a line for each run that is not as asked."""
-    lines = []
-    for outcome in outcomes:
-        wrong = []
-        if outcome.early:
-            wrong.append(f"false alarm at {outcome.alarm:g} s")
-        elif scenario.faults and outcome.delay is None:
-            wrong.append("not detected")
-        elif outcome.delay is not None and scenario.delay is not None and outcome.delay > scenario.delay:
-            wrong.append(f"detected after {_seconds(outcome.delay)}")
-        if outcome.readings:
-            first, last = outcome.readings[0], outcome.readings[_last_look(scenario)]
-            if first.rank > 1:
-                group = "in the group" if first.group else "not in the group"
-                wrong.append(
-                    f"rank {first.rank} with {first.probability:.2g}, {group}; first {first.winner} "
-                    f"with {first.winner_probability:.2g}"
-                )
-            limit = scenario.error or math.inf
-            if max(first.error, last.error) > limit:
-                wrong.append(f"error {_percent(first.error)}, {_percent(last.error)} at the latest reading")
-        if wrong:
-            since = "" if outcome.delay is None else f", alarm {_seconds(outcome.delay)} after it counts"
-            lines.append(f"{outcome.key} seed {outcome.seed}{since}: {'; '.join(wrong)}")
-    return lines
+def bank_throughout(seed: int, rounds: int = 3) -> tuple[float, int]:
+    """Give the processor time, s, of 82 minutes of the tank with the bank from the first possible sample on.
+
+    Start, warm-up and the begin of the bank are part of it. Median of some rounds, and the number of hypotheses.
+    """
+    spec, engine = engine_of("tank")
+    eager, given, taken = alarmed_at_once(spec), samples(tank_case(seed).recording), []
+    for _ in range(rounds):
+        begin = time.process_time()
+        state = passed(eager, engine, given)
+        taken.append(time.process_time() - begin)
+    if state.alarm != spec.thresholds.warm_up_samples:
+        raise RuntimeError(f"the bank began at sample {state.alarm}, not at the end of the warm-up")
+    return float(np.median(taken)), len(spec.hypotheses)
+
+
+def build(example: str) -> float:
+    """Give the wall time, s, from the model file to a running engine, nothing built before."""
+    with fresh_cache():
+        begin = time.perf_counter()
+        build_engine(load_model(EXAMPLES / example / "model.yaml"))
+        return time.perf_counter() - begin
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description="What is asked of faultbond, and what it does.")
-    parser.add_argument("--seeds", type=int, default=30, help="number of seeds (default %(default)s)")
-    parser.add_argument("--first-seed", type=int, default=700, help="the first of them (default %(default)s)")
-    parser.add_argument("--only", metavar="ROW,...", default="", help="scenarios, or the first words of their names")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write the rows and every run to FILE")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
-    names = [name for name in chosen.only.split(",") if name]
-
-    def wanted(key: str) -> bool:
-        return not names or any(key == name or key.startswith(f"{name}.") for name in names)
-
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
-    keys = [key for key in SCENARIOS if wanted(key)]
+    words = "What is asked of faultbond, and what it does."
+    chosen = arguments(words, argv, seeds=30, first_seed=700, only="")
+    seeds, wanted = seeds_of(chosen), selected((*SCENARIOS, *TIMES), chosen.only)
+    if not wanted:
+        sys.exit(f"--only {chosen.only}: no such row; there are {', '.join((*SCENARIOS, *TIMES))}")
+    keys = [key for key in SCENARIOS if key in wanted]
     outcomes = play_all(keys, seeds) if keys else {}
     rows = [row for key in keys for row in rows_of(SCENARIOS[key], outcomes[key])]
     after = [outcome for key in keys if SCENARIOS[key].faults for outcome in outcomes[key]]
     if after:
-        rows.insert(
-            len([scenario for scenario in HEALTHY if scenario.key in keys]),
-            _false_alarms("all", "all runs with a fault: alarms before it", after),
-        )
+        quiet = len([scenario for scenario in HEALTHY if scenario.key in keys])
+        rows.insert(quiet, false_alarms("all runs with a fault: alarms before it", after))
     rows += time_rows(wanted, chosen.first_seed)
-    if not rows:
-        parser.error(f"--only {chosen.only}: no such row; there are {', '.join(SCENARIOS)}, time.bank, time.demo, ...")
-    print(as_text(HEADER, [row.cells for row in rows]))
-    falls = [line for key in keys for line in shortfalls(SCENARIOS[key], outcomes[key])]
-    print("\nRuns that are not as asked:", *(falls or ["none"]), sep="\n")
-    note = f"seeds {seeds[0]} to {seeds[-1]}; {today()}; {machine()}"
-    print(f"\n{note}")
-    if chosen.json is not None:
-        report = {
-            "note": note,
-            "rows": [asdict(row) for row in rows],
-            "runs": [asdict(outcome) for key in keys for outcome in outcomes[key]],
-        }
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    if chosen.markdown is not None:
-        command = f"python -m benchmarks.trust.figures --seeds {chosen.seeds} --first-seed {chosen.first_seed}"
-        command += f" --only {chosen.only}" if names else ""
-        text = f"`{command}`\n\n{note[0].upper()}{note[1:]}.\n\n{as_markdown(HEADER, [row.cells for row in rows])}"
-        write_part(chosen.markdown, "figures", text)
+    told = note(f"Seeds {seeds[0]} to {seeds[-1]}")
+    publish("trust.figures", chosen, told, (HEADER, [row.cells for row in rows]))
 
 
 if __name__ == "__main__":

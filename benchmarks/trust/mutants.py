@@ -17,54 +17,25 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.shared.plants import EXAMPLES
 from faultbond.cli import main
 from faultbond.io.archive import read_archive, write_archive
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PLANTS = ("rc", "rlc", "dc_motor", "tank")
 ROWS = 150  # of a recording; the alarms are on after them
 SECONDS, MEGABYTES = 10, 1000  # of the processor; of memory above that of the process which was forked
 WAIT = 120  # s on the clock after which a mutant that sleeps is stopped
 HARD = 4  # times the allowed memory at which the system refuses more
-ODD = (
-    "",
-    "nan",
-    "inf",
-    "-inf",
-    "1e300",
-    "-1e300",
-    "1e-300",
-    "1e18",
-    "0",
-    "-1",
-    "0,5",
-    "x",
-    "=1+1",
-    "9" * 400,
-    "\x1b[31m",
-)
-WORDS = (
-    "none",
-    "variable",
-    "any",
-    "logic",
-    "1e308 s",
-    "0 s",
-    "-1 V",
-    "[]",
-    "{}",
-    "percent",
-    "e = f",
-    "1/0",
-    "inf",
-    "K1",
-)
+ODD = ["", "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e18", "0", "-1", "0,5", "x", "=1+1"]
+ODD += ["9" * 400, "\x1b[31m"]
+WORDS = ["none", "variable", "any", "logic", "1e308 s", "0 s", "-1 V", "[]", "{}", "percent", "e = f", "1/0"]
+WORDS += ["inf", "K1"]
 NUMBERS = (np.nan, np.inf, -np.inf, -1.0, 0.5, 1e15, 2.0**62, 1e300, -1e300, 0.0)
 TIMED_OUT = (signal.SIGALRM, signal.SIGXCPU)
 
@@ -105,7 +76,7 @@ class Outcome:
             yield "control character"
 
 
-def mutated_text(text: str, choose: random.Random, words: tuple[str, ...]) -> str:
+def mutated_text(text: str, choose: random.Random, words: Sequence[str]) -> str:
     """Change a text in one to three places."""
     for _ in range(choose.randint(1, 3)):
         lines = text.split("\n")
@@ -145,9 +116,8 @@ def mutated_state(content: bytes, choose: random.Random, scratch: Path) -> bytes
     if choose.random() < 0.7:
         name = choose.choice(sorted(arrays))
         values = arrays[name].copy()
-        values[
-            np.random.default_rng(choose.randrange(2**32)).random(values.shape) < choose.choice((0.05, 0.5, 1.0))
-        ] = choose.choice(NUMBERS)
+        number, generator = choose.choice(NUMBERS), np.random.default_rng(choose.randrange(2**32))
+        values[generator.random(values.shape) < choose.choice((0.05, 0.5, 1.0))] = number
         arrays[name] = values if choose.random() < 0.8 else np.resize(values, (*values.shape, 2))
     else:
         _change_told(about, choose)
@@ -214,9 +184,8 @@ def mutant(seeds: Seeds, choose: random.Random, folder: Path) -> Case:
         state.write_bytes(mutated_state(state.read_bytes(), choose, folder / "scratch"))
         verb = choose.choice((("run",), ("run", "--json"), ("accept",), ("reject",)))
     else:
-        verb = choose.choice(
-            (("check",), ("run",), ("run", "--json"), ("run", "--report"), ("simulate",), ("analyse",))
-        )
+        verbs = (("check",), ("run",), ("run", "--json"), ("run", "--report"), ("simulate",), ("analyse",))
+        verb = choose.choice(verbs)
     return Case(arguments=_arguments(verb, kind, folder), what=kind)
 
 

@@ -1,23 +1,21 @@
 """The plants of the table of trust, and what goes wrong with them: one function a kind of run, of a seed.
 
-Of every second seed the stores keep effort or flow at the fault, not content (`benchmarks.shared.variants`).
+Of every second seed the stores keep effort or flow at the fault, not content (`benchmarks.shared.plants`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
-from benchmarks.shared.plants import EXAMPLES, case, recipe_module
+from benchmarks.shared.plants import case, effort_or_flow_goes_on, graph_of, recipe_module, tank_start
 from benchmarks.shared.play import engine_of
-from benchmarks.shared.variants import effort_or_flow_goes_on
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import starts_of
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.simulate import Decide, Effects, Fault, Policy, Simulation, simulate
 from faultbond.types import FaultKind
 
@@ -61,12 +59,6 @@ class Played:
 Make = Callable[[int], Played]
 
 
-@cache
-def graph_of(folder: str) -> BondGraph:
-    """Give the model of an example."""
-    return load_model(EXAMPLES / folder / "model.yaml")
-
-
 @lru_cache(maxsize=4)
 def healthy(folder: str, seconds: float, seed: int) -> Played:
     """Give a run without a fault."""
@@ -81,12 +73,10 @@ def healthy_moving(seed: int) -> Played:
 
 def roughly_modelled(seed: int) -> Played:
     """Give a healthy tank that is worse modelled than usual by 5 to 3: parameters off by up to 5 %, and the curves."""
-    graph, module = graph_of("tank"), recipe_module("tank")
-    level = np.random.default_rng([seed, 1]).uniform(0.4, 0.7)
-    start = {"tank.q": level * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
-    policy = Policy(time=np.arange(TANK_SECONDS), begin=module.recipe)
+    start = tank_start(np.random.default_rng([seed, 1]).uniform(0.4, 0.7))
+    policy = Policy(time=np.arange(TANK_SECONDS), begin=recipe_module("tank").recipe)
     effects = Effects(spread=0.05, lag=3.0, curve={"u_in": 0.05, "u_out": 0.033})
-    return _played("tank", simulate(graph, policy, (), seed=seed, effects=effects, start=start), ())
+    return _played("tank", simulate(graph_of("tank"), policy, (), seed=seed, effects=effects, start=start), ())
 
 
 @lru_cache(maxsize=4)
@@ -145,10 +135,8 @@ def _moving(
     begin: Callable[[], Decide], seed: int, faults: Sequence[Fault], seconds: float, plant: BondGraph | None = None
 ) -> Simulation:
     """Simulate the tank with an operation of our own, from 0.6 m on."""
-    graph, module = graph_of("tank"), recipe_module("tank")
-    start = {"tank.q": 0.6 * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
-    policy = Policy(time=np.arange(float(round(seconds))), begin=begin)
-    return simulate(plant or graph, policy, faults, seed=seed, effects=module.EFFECTS, start=start)
+    policy, effects = Policy(time=np.arange(float(round(seconds))), begin=begin), recipe_module("tank").EFFECTS
+    return simulate(plant or graph_of("tank"), policy, faults, seed=seed, effects=effects, start=tank_start(0.6))
 
 
 def moving_valves() -> Decide:

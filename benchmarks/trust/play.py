@@ -6,10 +6,11 @@ from functools import cache, partial
 
 import numpy as np
 
-from benchmarks.shared.play import engine_of
+from benchmarks.shared.plants import graph_of
+from benchmarks.shared.play import EPSILON, engine_of
 from benchmarks.trust.arrival import watched
 from benchmarks.trust.cases import Case
-from benchmarks.trust.plants import Played, graph_of
+from benchmarks.trust.plants import Played
 from faultbond.app.classic import Classic
 from faultbond.contract.findings import Detection, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
@@ -22,7 +23,6 @@ from faultbond.types import Method
 
 OPEN = 60.0  # percent
 LIMIT = 2.5  # in nominals: when a drifting parameter reaches it is forecast
-_EPSILON = 1e-9
 
 Seen = tuple[Sample, Report, Callable[[], Diagnosis | None]]  # what is said to a sample, and what would be said last
 
@@ -126,14 +126,14 @@ class _Patience:
         """Take a sample after the alarm, and tell whether it is the last one."""
         case = self._case
         if not case.waits:
-            return sample.time >= alarm + self._until - _EPSILON
+            return sample.time >= alarm + self._until - EPSILON
         inlet, outlet = sample.u
         self._opened += sample.dt * float(inlet >= OPEN)
         if abs(outlet - self._outlet) > 0.0:  # not of the first one
             self._moved = min(self._moved, sample.time)
         self._outlet = outlet if np.isfinite(outlet) else self._outlet
         settled = case.settled is None or sample.time >= self._moved + case.settled
-        return settled and self._opened >= case.opened and sample.time >= alarm + self._until - _EPSILON
+        return settled and self._opened >= case.opened and sample.time >= alarm + self._until - EPSILON
 
 
 def _run(
@@ -145,7 +145,7 @@ def _run(
     looks = []
     for after in case.looks if claims else ():
         final = case.waits and after == max(case.looks)
-        seen = [item for item in claims if item.after <= after + _EPSILON]
+        seen = [item for item in claims if item.after <= after + EPSILON]
         looks.append(claims[-1] if final or not seen else seen[-1])
     return Run(
         key=case.key,

@@ -8,23 +8,20 @@ off as in the table of trust. Of alarms that come at random, n in a time T, the 
 less than 2 T / chi2(0.95, 2 n + 2), and no more than 2 T / chi2(0.05, 2 n).
 """
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
 
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
-from benchmarks.shared.plants import EXAMPLES, recipe_module
+from benchmarks.shared.page import arguments, note, publish
+from benchmarks.shared.plants import graph_of, recipe_module, tank_start
+from benchmarks.shared.play import samples
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Sample, Status, init
+from faultbond.runtime.state import Status, init
 from faultbond.simulate import Effects, Inputs, Policy, Simulation, random_steps, simulate, sines
 from faultbond.synthesis.engine import build_engine
 
@@ -78,11 +75,9 @@ class Count:
 
 def tank(seed: int, seconds: float, off: bool) -> Simulation:
     """Record the water tank, which goes through its recipe again and again."""
-    graph, module = _graph("tank"), recipe_module("tank")
-    level = np.random.default_rng([seed, 1]).uniform(0.4, 0.7)
-    start = {"tank.q": level * module.PASCAL_PER_METRE / graph.parameter("K3").nominal}
+    module, start = recipe_module("tank"), tank_start(np.random.default_rng([seed, 1]).uniform(0.4, 0.7))
     policy = Policy(time=np.arange(seconds), begin=module.recipe)
-    return simulate(graph, policy, (), seed=seed, effects=module.EFFECTS if off else Effects(), start=start)
+    return simulate(graph_of("tank"), policy, (), seed=seed, effects=module.EFFECTS if off else Effects(), start=start)
 
 
 def motor(seed: int, seconds: float, off: bool) -> Simulation:
@@ -99,56 +94,29 @@ def circuit(seed: int, seconds: float, off: bool) -> Simulation:
     return _driven("rlc", time, sines(time, [(10.0, 0.25, first), (4.0, 0.6, second)]), seed, off)
 
 
+_SMALL = "off by up to 1.5 %"
+_TANK = "off by up to 3 %, valves with lag and wrong curves"
 PLANTS = (
-    Plant(
-        folder="tank",
-        name="tank",
-        off="off by up to 3 %, valves with lag and wrong curves",
-        make=tank,
-        promises=(2.0 * HOUR, 24.0 * HOUR),
-        part=1.0,
-        piece=8.0 * HOUR,
-    ),
-    Plant(
-        folder="dc_motor",
-        name="motor",
-        off="off by up to 1.5 %",
-        make=motor,
-        promises=(600.0,),
-        part=0.05,
-        piece=900.0,
-    ),
-    Plant(
-        folder="rlc",
-        name="RLC circuit",
-        off="off by up to 1.5 %",
-        make=circuit,
-        promises=(600.0,),
-        part=0.05,
-        piece=900.0,
-    ),
+    Plant(folder="tank", name="tank", off=_TANK, make=tank, promises=(2 * HOUR, 24 * HOUR), part=1.0, piece=8 * HOUR),
+    Plant(folder="dc_motor", name="motor", off=_SMALL, make=motor, promises=(600.0,), part=0.05, piece=900.0),
+    Plant(folder="rlc", name="RLC circuit", off=_SMALL, make=circuit, promises=(600.0,), part=0.05, piece=900.0),
 )
 
 
 def _times(folder: str, seconds: float) -> FloatArray:
-    dt = _graph(folder).sample_time or 1.0
+    dt = graph_of(folder).sample_time or 1.0
     return np.asarray(np.arange(round(seconds / dt)) * dt, dtype=np.float64)
 
 
 def _driven(folder: str, time: FloatArray, voltage: FloatArray, seed: int, off: bool) -> Simulation:
     effects = recipe_module(folder).EFFECTS if off else Effects()
-    return simulate(_graph(folder), Inputs(time=time, values=voltage[:, None]), (), seed=seed, effects=effects)
-
-
-@cache
-def _graph(folder: str) -> BondGraph:
-    return load_model(EXAMPLES / folder / "model.yaml")
+    return simulate(graph_of(folder), Inputs(time=time, values=voltage[:, None]), (), seed=seed, effects=effects)
 
 
 @cache
 def promised(folder: str, promise: float) -> tuple[EngineSpec, Engine]:
     """Give a monitor that makes a promise; it has no hypotheses, since only the alarm counts here."""
-    spec, engine = build_engine(replace(_graph(folder), time_between_false_alarms=promise))
+    spec, engine = build_engine(replace(graph_of(folder), time_between_false_alarms=promise))
     inputs = tuple(replace(item, suspect=False) for item in spec.inputs)
     outputs = tuple(replace(item, suspect=False) for item in spec.outputs)
     return replace(spec, hypotheses=(), reserve=(), inputs=inputs, outputs=outputs), engine
@@ -157,10 +125,9 @@ def promised(folder: str, promise: float) -> tuple[EngineSpec, Engine]:
 def count(spec: EngineSpec, engine: Engine, recording: Simulation) -> Count:
     """Watch a healthy recording; after each alarm the monitor starts anew."""
     state, alarms, watched = init(spec), 0, 0.0
-    steps = np.diff(recording.time, prepend=recording.time[0])
-    for time, dt, u, y in zip(recording.time, steps, recording.inputs, recording.outputs, strict=True):
-        state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
-        watched += float(dt) * (report.status is Status.WATCHING or report.detection is not None)
+    for sample in samples(recording):
+        state, report = step(spec, engine, state, sample)
+        watched += sample.dt * (report.status is Status.WATCHING or report.detection is not None)
         if report.detection is not None:
             state, alarms = init(spec), alarms + 1
     return Count(alarms=alarms, watched=watched)
@@ -204,18 +171,10 @@ def span(seconds: float) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Watch, print, write."""
-    parser = argparse.ArgumentParser(description="Whether the promised time between false alarms is kept.")
-    parser.add_argument("--hours", type=float, default=40.0, help="hours of each tank (default %(default)g)")
-    parser.add_argument("--first-seed", type=int, default=9000, help="the first seed (default %(default)s)")
-    parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the table into the page FILE")
-    chosen = parser.parse_args(argv)
+    words = "Whether the promised time between false alarms is kept."
+    chosen = arguments(words, argv, hours=40.0, first_seed=9000)
     table = rows(chosen.hours, chosen.first_seed, PLANTS)
-    print(as_text(HEADER, table))
-    note = f"Seeds from {chosen.first_seed} on; {today()}; {machine()}."
-    print(f"\n{note}")
-    if chosen.markdown is not None:
-        command = f"`python -m benchmarks.trust.promise --hours {chosen.hours:g} --first-seed {chosen.first_seed}`"
-        write_part(chosen.markdown, "promise", "\n\n".join((command, note, as_markdown(HEADER, table))))
+    publish("trust.promise", chosen, note(f"Seeds from {chosen.first_seed} on"), (HEADER, table))
 
 
 if __name__ == "__main__":

@@ -7,26 +7,24 @@ alarm just comes in time; the size found in 95 % of the seeds is compared with t
 """
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from benchmarks.shared.page import as_text, machine, today
-from benchmarks.shared.plants import EXAMPLES, case
+from benchmarks.shared.page import as_text, note, quantile, seeds_of
+from benchmarks.shared.plants import case, graph_of
+from benchmarks.shared.play import passed, samples
 from faultbond.analysis.smallest import smallest_faults
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.state import State
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
 from faultbond.synthesis.engine import build_engine, build_model
 
@@ -37,25 +35,6 @@ SAMPLES = 300  # in which the fault is to be found
 ONSETS = 6
 REACH = 3.0  # sizes tried: up to so many times more or less than predicted
 STEPS = 7
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """One parameter and direction: sizes in nominals, and how many seeds were found at the predicted size."""
-
-    plant: str
-    parameter: str
-    direction: str
-    predicted: float
-    simulated: float
-    found: int
-    seeds: int
-    early: int
-
-    @property
-    def ratio(self) -> float:
-        """Predicted size over simulated size."""
-        return self.predicted / self.simulated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +49,7 @@ class _Begun:
 @cache
 def _built(folder: str) -> tuple[BondGraph, EngineSpec, Engine]:
     """Give an example with a bank of one hypothesis: what comes after the alarm does not count here."""
-    graph = load_model(EXAMPLES / folder / "model.yaml")
+    graph = graph_of(folder)
     spec, engine = build_engine(graph)
     return graph, replace(spec, hypotheses=spec.hypotheses[:1]), engine
 
@@ -103,18 +82,11 @@ def onsets_of(folder: str) -> list[float]:
     return [round(moment / grid) * grid for moment in np.linspace(*PLANTS[folder], ONSETS)]
 
 
-def samples_of(simulation: Simulation) -> list[Sample]:
-    """Give the samples of a recording."""
-    steps = np.diff(simulation.time, prepend=simulation.time[0])
-    rows = zip(simulation.time, steps, simulation.inputs, simulation.outputs, strict=True)
-    return [Sample(time=float(time), dt=float(dt), u=u, y=y) for time, dt, u, y in rows]
-
-
 @cache
 def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], ...]:
     """Give (parameter, direction, size in nominals) of what is predicted to be found; it is printed with its time."""
     graph, spec, engine = _built(folder)
-    run = samples_of(healthy(folder, inputs_seed, inputs_seed))
+    run = samples(healthy(folder, inputs_seed, inputs_seed))
     within = SAMPLES * (graph.sample_time or 1.0)
     begin, found = perf_counter(), []
     for item in smallest_faults(
@@ -131,10 +103,7 @@ def begun(folder: str, inputs_seed: int, seed: int) -> _Begun:
     _, spec, engine = _built(folder)
     simulation = healthy(folder, inputs_seed, seed)
     row = int(np.searchsorted(simulation.time, onsets_of(folder)[seed % ONSETS] - 1e-9))
-    state = init(spec)
-    for sample in samples_of(simulation)[:row]:
-        state, _ = step(spec, engine, state, sample)
-    return _Begun(simulation=simulation, row=row, state=state)
+    return _Begun(simulation=simulation, row=row, state=passed(spec, engine, samples(simulation)[:row]))
 
 
 def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: float) -> bool:
@@ -152,9 +121,9 @@ def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: floa
         start=dict(zip(made.state_names, made.states[row], strict=True)),
     )
     state = plant.state
-    for number, sample in enumerate(samples_of(after)):
+    for number, sample in enumerate(samples(after)):
         dt = float(made.time[row] - made.time[row - 1]) if number == 0 else sample.dt
-        state, report = step(spec, engine, state, Sample(time=sample.time, dt=dt, u=sample.u, y=sample.y))
+        state, report = step(spec, engine, state, replace(sample, dt=dt))
         if report.detection is not None:
             return True
     return False
@@ -185,27 +154,20 @@ def _bisected(find: Callable[[float], bool], size: float) -> tuple[float, bool]:
     return abs(size) * math.exp((low + high) / 2), at_predicted
 
 
-def measure(folder: str, inputs_seed: int, seeds: Sequence[int], workers: int) -> list[Line]:
-    """Compare prediction and simulation for one plant."""
+def measure(folder: str, inputs_seed: int, seeds: Sequence[int], workers: int) -> list[tuple[str, ...]]:
+    """Compare prediction and simulation for one plant: a line a parameter and direction."""
     wanted = predictions(folder, inputs_seed)
     with ProcessPoolExecutor(workers) as pool:
         outcomes = list(pool.map(partial(needed, folder, inputs_seed, wanted), seeds))
     good = [item for item in outcomes if item is not None]
-    lines = []
-    for number, (parameter, way, size) in enumerate(wanted):
-        sizes = sorted(item[number][0] for item in good)
-        lines.append(
-            Line(
-                plant=folder,
-                parameter=parameter,
-                direction=way,
-                predicted=size,
-                simulated=sizes[min(math.ceil(CERTAINTY * len(sizes)) - 1, len(sizes) - 1)],
-                found=sum(item[number][1] for item in good),
-                seeds=len(good),
-                early=len(outcomes) - len(good),
-            )
-        )
+    early = f" ({len(outcomes) - len(good)} alarmed before)" if len(good) < len(outcomes) else ""
+    lines: list[tuple[str, ...]] = []
+    for number, (parameter, way, predicted) in enumerate(wanted):
+        simulated = quantile([item[number][0] for item in good], CERTAINTY)
+        ratio, found = predicted / simulated, sum(item[number][1] for item in good)
+        sizes = (f"{100 * predicted:.3g} %", f"{100 * simulated:.3g} %", f"{ratio:.2f}")
+        verdict = "met" if 1 / ASKED <= ratio <= ASKED else "missed"
+        lines.append((folder, f"{parameter} {way}", *sizes, f"{found} of {len(good)}{early}", verdict))
     return lines
 
 
@@ -217,32 +179,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--inputs-seed", type=int, default=1, help="of the inputs (default %(default)s)")
     parser.add_argument("--plants", default=",".join(PLANTS), help="examples (default %(default)s)")
     parser.add_argument("--workers", type=int, default=2, help="processes (default %(default)s)")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write the lines to FILE")
     chosen = parser.parse_args(argv)
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.seeds)
+    seeds = seeds_of(chosen)
     lines = []
     for folder in chosen.plants.split(","):
         lines += measure(folder, chosen.inputs_seed, seeds, chosen.workers)
-    header = ("plant", "fault", "predicted", "simulated", "ratio", "found at predicted", "asked")
-    print(as_text(header, [_cells(line) for line in lines]))
-    outside = [line for line in lines if not 1 / ASKED <= line.ratio <= ASKED]
-    print(f"\n{len(lines) - len(outside)} of {len(lines)} within a factor {ASKED:g}")
-    print(f"seeds {seeds[0]} to {seeds[-1]}; {today()}; {machine()}")
-    if chosen.json is not None:
-        chosen.json.write_text(json.dumps([asdict(line) for line in lines], indent=1) + "\n", encoding="utf-8")
-
-
-def _cells(line: Line) -> tuple[str, ...]:
-    fine = 1 / ASKED <= line.ratio <= ASKED
-    return (
-        line.plant,
-        f"{line.parameter} {line.direction}",
-        f"{100 * line.predicted:.3g} %",
-        f"{100 * line.simulated:.3g} %",
-        f"{line.ratio:.2f}",
-        f"{line.found} of {line.seeds}" + (f" ({line.early} alarmed before)" if line.early else ""),
-        "met" if fine else "missed",
-    )
+    print(as_text(("plant", "fault", "predicted", "simulated", "ratio", "found at predicted", "asked"), lines))
+    print(f"\n{sum(line[-1] == 'met' for line in lines)} of {len(lines)} within a factor {ASKED:g}")
+    print(note(f"seeds {seeds[0]} to {seeds[-1]}"))
 
 
 if __name__ == "__main__":

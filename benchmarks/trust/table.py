@@ -19,11 +19,10 @@ from json import JSONDecodeError
 from multiprocessing import Pool
 from pathlib import Path
 
-from benchmarks.shared.page import as_markdown, as_text, machine, today, write_part
-from benchmarks.trust.calibration import calibration_rows, coverage_rows
+from benchmarks.shared.page import as_markdown, as_text, note, selected, write_part
+from benchmarks.trust.calibration import calibration_rows, write_plot
 from benchmarks.trust.cases import CASES, CLASSIC
 from benchmarks.trust.play import Claim, Run, play
-from benchmarks.trust.plot import write_plot
 from benchmarks.trust.rows import HEADER, cells
 from faultbond.types import Method
 
@@ -101,47 +100,29 @@ def seeds_of(runs: Runs) -> int:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    chosen = _arguments().parse_args(argv)
-    names = [name for name in chosen.only.split(",") if name]
-    keys = [key for key in CASES if not names or any(f"{key}.".startswith(f"{name}.") for name in names)]
-    methods = [Method(chosen.method)] if chosen.method else list(Method)
-    if chosen.source:
-        found = list(read(chosen.source))
-    else:
-        found = list(keep(play_all(jobs(keys, chosen.seeds, chosen.first_seed, methods)), chosen.json))
-    bank, classic = (by_case(run for run in found if run.method == method.value) for method in Method)
-    _tell(bank, classic, chosen.markdown)
-
-
-def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="How good faultbond is on simulated plants.")
     parser.add_argument("--seeds", type=int, default=100, help="runs of each case (default %(default)s)")
     parser.add_argument("--first-seed", type=int, default=5000, help="the first seed (default %(default)s)")
     parser.add_argument("--only", metavar="CASE,...", default="", help="cases, or the first words of their names")
     parser.add_argument("--method", choices=[item.value for item in Method], help="only this method (default both)")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write every run to FILE as it ends")
-    parser.add_argument(
-        "--from", metavar="FILE", dest="source", type=Path, nargs="+", help="take the runs of FILEs, play none"
-    )
+    parser.add_argument("--from", metavar="FILE", dest="source", type=Path, nargs="+", help="take the runs of FILEs")
     parser.add_argument("--markdown", metavar="FILE", type=Path, help="put the tables into the page FILE")
-    return parser
-
-
-def _tell(runs: Runs, classic: Runs, page: Path | None) -> None:
-    """Print the tables, and put them into a page; `runs` are those of `bank`."""
-    table, calibrated = cells(runs, classic), [*calibration_rows(runs), *coverage_rows(runs)]
-    print(as_text(HEADER, table))
-    print("\n" + as_text(("calibration", "claimed", "right", "runs"), calibrated))
-    seeds = [run.seed for found in (*runs.values(), *classic.values()) for run in found]
-    note = f"Seeds {min(seeds)} to {max(seeds)}, {len(seeds)} runs; {today()}; {machine()}."
-    print(f"\n{note}")
+    chosen = parser.parse_args(argv)
+    methods = [Method(chosen.method)] if chosen.method else list(Method)
+    if chosen.source:
+        found = list(read(chosen.source))
+    else:
+        todo = jobs(selected(CASES, chosen.only), chosen.seeds, chosen.first_seed, methods)
+        found = list(keep(play_all(todo), chosen.json))
+    runs, classic = (by_case(run for run in found if run.method == method.value) for method in Method)
+    table, calibrated = cells(runs, classic), calibration_rows(runs)
+    seeds = [run.seed for case in (*runs.values(), *classic.values()) for run in case]
+    told = note(f"Seeds {min(seeds)} to {max(seeds)}, {len(seeds)} runs")
+    print(as_text(HEADER, table), as_text(("calibration", "claimed", "right", "runs"), calibrated), told, sep="\n\n")
+    page = chosen.markdown
     if page is not None:
         command = f"`python -m benchmarks.trust --seeds {seeds_of(runs)} --first-seed {min(seeds)}`"
-        parts = (command, note, as_markdown(HEADER, table))
-        write_part(page, "trust", "\n\n".join(parts))
+        write_part(page, "trust", "\n\n".join((command, told, as_markdown(HEADER, table))))
         write_part(page, "calibration", as_markdown(("", "claimed", "right", "claims"), calibrated))
         write_plot(runs, page.parent / "images" / "trust" / "calibration.svg")
-
-
-if __name__ == "__main__":
-    main()
