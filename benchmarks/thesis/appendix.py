@@ -7,7 +7,7 @@ from fractions import Fraction
 import sympy as sp
 
 from benchmarks.thesis.motor import HALF, NOMINAL, in_figure_a_2, record_of, samples, short, system
-from benchmarks.thesis.page import Line, Table, equal, number, numbers, words
+from benchmarks.thesis.page import Line, Parts, equal, number, numbers, table, words
 from benchmarks.thesis.routes import at_50_hz, formulas
 from faultbond.algebra.route import Question, Target
 from faultbond.algebra.routes.matched import find_route
@@ -70,21 +70,21 @@ def search() -> RouteSearch:
     return search_route(network, parameters(network, ("R", "L")))
 
 
-def section_a_3(found: RouteSearch) -> Table:
-    """Give the search step by step."""
+@table("A.3, figure A.2, pages 208 to 216")
+def section_a_3(found: RouteSearch) -> Parts:
+    """Section A.3: the search step by step."""
     passages = found.passages
     lines = [_line(step, passages[k]) for k, step in enumerate(STEPS)]
     lines += [
         words(f"through {_place(item)}", "", _targets(item.unknown) or "empty", "" if k else "from here on not printed")
         for k, item in enumerate(passages[len(STEPS) :])
     ]
-    return Table(
-        title="Section A.3: the search step by step",
-        source="A.3, figure A.2, pages 208 to 216",
-        words="`faultbond analyse examples/thesis/motor.yaml --trace R,L` prints all three lists; here they are in the "
-        "letters of figure A.2. Compared is U after each component, as a set, when what is known has been removed.",
-        lines=(*lines, *_lists(found)),
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml --trace R,L` prints all three lists; here they are in the "
+        "letters of figure A.2. Compared is U after each component, as a set, when what is known has been removed."
     )
+    yield from lines
+    yield from _lists(found)
 
 
 def _lists(found: RouteSearch) -> tuple[Line, ...]:
@@ -138,8 +138,9 @@ def _left(found: RouteSearch, count: int) -> str:
     return short(frame_name(place) for place in every if place not in used)
 
 
-def table_a_1(found: RouteSearch) -> Table:
-    """Give all components in the order of the search, with what each finds and what that takes."""
+@table("A.3, page 216")
+def table_a_1(found: RouteSearch) -> Parts:
+    """Table A.1: all of the components needed to solve in order of propagation."""
     lines = []
     for passage in found.passages:
         unknown = _targets([passage.finds])
@@ -152,12 +153,8 @@ def table_a_1(found: RouteSearch) -> Table:
             continue
         same = printed[0] == _place(passage) and set(printed[1].split()) == set(_targets(ours).split())
         lines.append(equal(unknown, "; ".join(printed), text, same=same))
-    return Table(
-        title="Table A.1: all of the components needed to solve in order of propagation",
-        source="A.3, page 216",
-        words="Unknown: the component that it is found by, and from which values. The thesis prints six of the lines.",
-        lines=tuple(lines),
-    )
+    yield "Unknown: the component that it is found by, and from which values. The thesis prints six of the lines."
+    yield from lines
 
 
 def printed_forms() -> Mapping[str, sp.Expr]:
@@ -168,8 +165,9 @@ def printed_forms() -> Mapping[str, sp.Expr]:
     return {"L": above / below, "R": other / below}
 
 
-def closed_forms() -> Table:
-    """Compare the closed forms of R and L with those printed, as formulas and on records."""
+@table("A.3, pages 216 and 217")
+def closed_forms() -> Parts:
+    """Appendix A: the closed form of L and R."""
     _, solution = system("motor").parameters(("R", "L"))
     lines = []
     for name, printed in printed_forms().items():
@@ -188,15 +186,13 @@ def closed_forms() -> Table:
     lines += [
         words(f"{name} from samples in floating point at 50 Hz", "", f"{floating[name]:.7g}") for name in ("L", "R")
     ]
-    return Table(
-        title="Appendix A: the closed form of L and R",
-        source="A.3, pages 216 and 217",
-        words="`faultbond analyse examples/thesis/motor.yaml --closed 2`. The records are backward Euler, for "
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml --closed 2`. The records are backward Euler, for "
         "which the formula is exact: R = 3, L = 5/2, J = 3/2, C = 2/5, K = 2, dt = 1/2, V = 10, 4, 6, -2, 8 from rest; "
-        "at 50 Hz V = 10, 10, 12, 7, 11.",
-        lines=tuple(lines),
-        after="Ours, computed in this order:\n\n" + formulas(solution),
+        "at 50 Hz V = 10, 10, 12, 7, 11."
     )
+    yield from lines
+    yield ("Ours, computed in this order:\n\n" + formulas(solution))
 
 
 def _value(form: sp.Expr, known: Mapping[str, Value]) -> sp.Expr:
@@ -204,8 +200,9 @@ def _value(form: sp.Expr, known: Mapping[str, Value]) -> sp.Expr:
     return form.subs({symbol: sp.Rational(Fraction(known[str(symbol)])) for symbol in form.free_symbols})
 
 
-def voltage_alone() -> Table:
-    """Give what the search finds without a sensor."""
+@table("A.2.1, page 207")
+def voltage_alone() -> Parts:
+    """Section A.2.1: R from the voltage alone."""
     network: ComponentNetwork = replace(in_figure_a_2(), outputs=())
     question = Question(targets=("R",), unknown=("R",), observed=network.observed)
     found = search_route(network, question)
@@ -214,12 +211,6 @@ def voltage_alone() -> Table:
         refusal = "a route"
     except StructureError as error:
         refusal = f"no route: {str(error).partition(': ')[2]}"  # without the path of the file
-    return Table(
-        title="Section A.2.1: R from the voltage alone",
-        source="A.2.1, page 207",
-        words="The motor without its sensor.",
-        lines=(
-            equal("R from V", "no route", "a route" if found.route else "no route", f"after {found.expanded} states"),
-            words("the same by matching", "", refusal),
-        ),
-    )
+    yield "The motor without its sensor."
+    yield equal("R from V", "no route", "a route" if found.route else "no route", f"after {found.expanded} states")
+    yield words("the same by matching", "", refusal)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from benchmarks.thesis.chart import Curve, Panel
-from benchmarks.thesis.figure import Figure, row
+from benchmarks.thesis.chart import Curve, panel
+from benchmarks.thesis.page import Figure, row
 from benchmarks.thesis.routes import through_a_store
 
 RATE = 10.0  # samples a second
@@ -22,14 +22,11 @@ def figures() -> tuple[Figure, ...]:
     off = float(np.std(ahead - y[1:]))
     ratio = float(np.std(back) / np.std(x))
     figure = Figure(
-        number="3.19",
-        caption="propagating noise through dynamic components",
-        source="3.9",
+        "3.19",
+        "propagating noise through dynamic components",
+        "3.9",
         words="The numbers are in the table of figures 3.18 and 3.19 above.",
-        panels=tuple(
-            Panel(title=title, curves=(Curve(label="value", x=moments, y=values),))
-            for title, moments, values in signals
-        ),
+        panels=tuple(panel(title, Curve("value", moments, values)) for title, moments, values in signals),
         rows=(
             row("(C) against (B), rms", "very close", f"{off:.3f}", same=off < 0.05, otherwise="more noise"),
             row("noise of (D) over that of (A)", "very bad", f"{ratio:.0f}", same=ratio > 5.0, otherwise="less noise"),

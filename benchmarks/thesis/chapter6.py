@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.shared.plants import recipe_module
 from benchmarks.thesis.chapter6_exact import FAULTY, SEED, model
-from benchmarks.thesis.chart import Curve, Panel
-from benchmarks.thesis.figure import Figure, percent, row
+from benchmarks.thesis.chart import Curve, panel
+from benchmarks.thesis.page import Figure, Parts, figure, percent, row
 from benchmarks.thesis.watch import Banked, Curves, bank, watch
 from faultbond.arrays import FloatArray
 from faultbond.simulate import Fault, Simulation
@@ -56,37 +56,25 @@ def _since(found: Curves) -> tuple[slice, FloatArray]:
     return slice(begin, None), found.time[begin:] - found.time[begin]
 
 
-def figure_6_6() -> Figure:
-    """Give the measurements with noise."""
+@figure("6.2.2")
+def figure_6_6() -> Parts:
+    """Simulated measurements with 2 % of noise."""
     made = recording()
     chosen = (made.time >= ONSET) & (made.time < ONSET + 20.0)
     noise = float(np.std(made.inputs[:, 0] - made.true_inputs[:, 0]) / np.sqrt(np.mean(made.inputs[:, 0] ** 2)))
-    return Figure(
-        number="6.6",
-        caption="simulated measurements with 2 % of noise",
-        source="6.2.2",
-        words="R changes from 3 to 6 ohm at 10 s, and `classic` has to detect that first; the next figures count from "
-        "its alarm.",
-        panels=(
-            Panel(
-                title="V, V, and omega, rad/s",
-                curves=(
-                    Curve(label="V", x=made.time[chosen], y=made.inputs[chosen, 0], color=1, dashed=True),
-                    Curve(label="omega", x=made.time[chosen], y=made.outputs[chosen, 0]),
-                ),
-            ),
-        ),
-        rows=(
-            row(
-                "noise/signal ratio of V",
-                "about 2 %",
-                percent(noise, 1),
-                same=0.01 < noise < 0.03,
-                otherwise="another voltage",
-            ),
-            row("alarm after the fault", "-", _delay(run()), bank=_delay(banked())),
-        ),
+    yield (
+        "R changes from 3 to 6 ohm at 10 s, and `classic` has to detect that first; the next figures count from "
+        "its alarm."
     )
+    yield panel(
+        "V, V, and omega, rad/s",
+        Curve("V", made.time[chosen], made.inputs[chosen, 0], 1, dashed=True),
+        Curve("omega", made.time[chosen], made.outputs[chosen, 0]),
+    )
+    yield row(
+        "noise/signal ratio of V", "about 2 %", percent(noise, 1), same=0.01 < noise < 0.03, otherwise="another voltage"
+    )
+    yield row("alarm after the fault", "-", _delay(run()), bank=_delay(banked()))
 
 
 def _delay(found: Curves | Banked) -> str:
@@ -104,9 +92,9 @@ def estimated(name: str, number: str) -> Figure:
     curves = []
     for k, (label, item) in enumerate((("classic", found), ("as printed", literal))):
         rows, time = _since(item)
-        curves.append(Curve(label=label, x=time, y=item["estimates"][rows, 0, _of(name, item)], color=k, dashed=k > 0))
+        curves.append(Curve(label, time, item["estimates"][rows, 0, _of(name, item)], k, dashed=k > 0))
     times = other.times - (found.detection.time if found.detection else 0.0)
-    curves.append(Curve(label="bank", x=times[times >= 0], y=other.estimate(name)[times >= 0], color=2, dashed=True))
+    curves.append(Curve("bank", times[times >= 0], other.estimate(name)[times >= 0], 2, dashed=True))
     values = found["estimates"][_since(found)[0], 0, _of(name, found)]
     early, late = (float(np.nanstd(item)) for item in (values[:100], values[-100:]))
     ends = [float(item["estimates"][-1, 0, _of(name, item)]) for item in (found, literal)]
@@ -137,12 +125,10 @@ def estimated(name: str, number: str) -> Figure:
             )
         )
     return Figure(
-        number=number,
-        caption=f"the estimate for the parameter of {name}",
-        source="6.2.2",
-        panels=(
-            Panel(title=f"{name}, {unit}", curves=tuple(curves), below="s after the alarm", low=0.0, high=2.0 * truth),
-        ),
+        number,
+        f"the estimate for the parameter of {name}",
+        "6.2.2",
+        panels=(panel(f"{name}, {unit}", *(curves), below="s after the alarm", low=0.0, high=2.0 * truth),),
         rows=tuple(rows_),
     )
 
@@ -156,16 +142,14 @@ def predicted(name: str, number: str) -> Figure:
     off = float(np.sqrt(np.nanmean((measured - expected)[late] ** 2) / np.nanmean(measured[late] ** 2)))
     close = name == "R"
     return Figure(
-        number=number,
-        caption=f"estimated and actual output for {NAMES[name]}",
-        source="6.2.2",
+        number,
+        f"estimated and actual output for {NAMES[name]}",
+        "6.2.2",
         panels=(
-            Panel(
-                title="omega, rad/s",
-                curves=(
-                    Curve(label="actual", x=time, y=measured, color=1, dashed=True),
-                    Curve(label="estimated", x=time, y=expected),
-                ),
+            panel(
+                "omega, rad/s",
+                Curve("actual", time, measured, 1, dashed=True),
+                Curve("estimated", time, expected),
                 below="s after the alarm",
             ),
         ),
@@ -191,13 +175,13 @@ def error_index(name: str, number: str) -> Figure:
     printed = {"R": "0.02 to 0.08", "L": "0.2 to 0.75"}[name]
     same = {"R": high < 0.08, "L": low > 0.15}[name]
     return Figure(
-        number=number,
-        caption=f"the error index for {NAMES[name]}",
-        source="6.2.2",
+        number,
+        f"the error index for {NAMES[name]}",
+        "6.2.2",
         panels=(
-            Panel(
-                title="error index",
-                curves=(Curve(label="index", x=time, y=values),),
+            panel(
+                "error index",
+                Curve("index", time, values),
                 below="s after the alarm",
                 low=0.0,
                 high=max(0.1, 1.1 * float(values.max())),

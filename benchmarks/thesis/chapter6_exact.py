@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from benchmarks.shared.plants import EXAMPLES
-from benchmarks.thesis.chart import Curve, Panel
-from benchmarks.thesis.figure import Figure, row
+from benchmarks.thesis.chart import Curve, panel
+from benchmarks.thesis.page import Figure, Parts, figure, row
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.routes.questions import parameters
 from faultbond.algebra.solving.backward_euler import plant_of
@@ -89,25 +89,15 @@ def needed(name: str, *, exact: bool = True) -> FloatArray:
     return found
 
 
-def figure_6_3() -> Figure:
-    """Give the record without noise."""
+@figure("6.2.1")
+def figure_6_3() -> Parts:
+    """A simulation of a DC motor."""
     time, applied = voltage()
-    return Figure(
-        number="6.3",
-        caption="a simulation of a DC motor",
-        source="6.2.1",
-        words="`examples/dc_motor/model.yaml`, table 6.3, R = 6 ohm in the plant; the voltage is not told.",
-        panels=(
-            Panel(
-                title="V, V, and omega, rad/s",
-                curves=(
-                    Curve(label="V", x=time, y=applied, color=1, dashed=True),
-                    Curve(label="omega", x=time, y=backward_euler()),
-                ),
-            ),
-        ),
-        rows=(row("samples a second", "50", f"{RATE:g}"),),
+    yield "`examples/dc_motor/model.yaml`, table 6.3, R = 6 ohm in the plant; the voltage is not told."
+    yield panel(
+        "V, V, and omega, rad/s", Curve("V", time, applied, 1, dashed=True), Curve("omega", time, backward_euler())
     )
+    yield row("samples a second", "50", f"{RATE:g}")
 
 
 def _spread(values: FloatArray) -> tuple[float, float]:
@@ -121,75 +111,57 @@ def _small(value: float) -> str:
     return "below 1e-6" if value < 1e-6 else f"{value:.2g}"
 
 
-def figure_6_4() -> Figure:
-    """Give the values of R."""
+@figure("6.2.1")
+def figure_6_4() -> Parts:
+    """The values of R that make the observations consistent."""
     (middle, spread), (other, scatter) = _spread(needed("R")), _spread(needed("R", exact=False))
     time, _ = voltage()
-    return Figure(
-        number="6.4",
-        caption="the values of R that make the observations consistent",
-        source="6.2.1",
-        panels=(
-            Panel(
-                title="R, ohm",
-                curves=(
-                    Curve(label="record by backward Euler", x=time, y=needed("R")),
-                    Curve(label="in continuous time", x=time, y=needed("R", exact=False), color=1, dots=True),
-                ),
-                low=0.0,
-                high=12.0,
-            ),
-        ),
-        rows=(
-            row(
-                "R, and its spread from 10 % to 90 %",
-                "essentially constant",
-                f"{middle:.4g} ohm, {_small(spread)}",
-                same=spread < 0.01,
-                otherwise="rounding",
-            ),
-            row(
-                "{L, K, J, C}",
-                "no conflict set",
-                "no conflict set" if spread < 0.01 else "conflict set",
-                same=spread < 0.01,
-                otherwise="rounding",
-            ),
-            row(
-                "the same from a record in continuous time",
-                "-",
-                f"{other:.3g} ohm, {scatter:.2f}",
-                remark="the formula is exact for backward Euler only, by which the thesis must have simulated",
-            ),
-        ),
+    yield panel(
+        "R, ohm",
+        Curve("record by backward Euler", time, needed("R")),
+        Curve("in continuous time", time, needed("R", exact=False), 1, dots=True),
+        low=0.0,
+        high=12.0,
+    )
+    yield row(
+        "R, and its spread from 10 % to 90 %",
+        "essentially constant",
+        f"{middle:.4g} ohm, {_small(spread)}",
+        same=spread < 0.01,
+        otherwise="rounding",
+    )
+    yield row(
+        "{L, K, J, C}",
+        "no conflict set",
+        "no conflict set" if spread < 0.01 else "conflict set",
+        same=spread < 0.01,
+        otherwise="rounding",
+    )
+    yield row(
+        "the same from a record in continuous time",
+        "-",
+        f"{other:.3g} ohm, {scatter:.2f}",
+        remark="the formula is exact for backward Euler only, by which the thesis must have simulated",
     )
 
 
-def figure_6_5() -> Figure:
-    """Give the values of L."""
+@figure("6.2.1")
+def figure_6_5() -> Parts:
+    """The values of L that make the observations consistent."""
     middle, spread = _spread(needed("L"))
     time, _ = voltage()
-    return Figure(
-        number="6.5",
-        caption="the values of L that make the observations consistent",
-        source="6.2.1",
-        panels=(
-            Panel(title="L, H", curves=(Curve(label="L", x=time, y=needed("L"), dots=True),), low=-30.0, high=30.0),
-        ),
-        rows=(
-            row(
-                "L, and its spread from 10 % to 90 %",
-                "clearly not constant",
-                f"{middle:.3g} H, {spread:.1f}",
-                same=spread > 0.5,
-                otherwise="constant",
-            ),
-            row(
-                "{R, K, J, C}",
-                "conflict set",
-                "conflict set" if spread > 0.5 else "no conflict set",
-                same=spread > 0.5,
-                otherwise="constant",
-            ),
-        ),
+    yield panel("L, H", Curve("L", time, needed("L"), dots=True), low=-30.0, high=30.0)
+    yield row(
+        "L, and its spread from 10 % to 90 %",
+        "clearly not constant",
+        f"{middle:.3g} H, {spread:.1f}",
+        same=spread > 0.5,
+        otherwise="constant",
+    )
+    yield row(
+        "{R, K, J, C}",
+        "conflict set",
+        "conflict set" if spread > 0.5 else "no conflict set",
+        same=spread > 0.5,
+        otherwise="constant",
     )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.thesis import tank
-from benchmarks.thesis.figure import DIFFERS, Figure, Row, row
+from benchmarks.thesis.page import DIFFERS, Figure, Line, Parts, figure, row
 from benchmarks.thesis.tank import MINUTE
 from benchmarks.thesis.watch import Curves
 from faultbond.contract.findings import Detection
@@ -31,9 +31,9 @@ def measurements(number: str) -> Figure:
     """Give the four signals of the healthy run."""
     made = tank.recording("healthy")
     return Figure(
-        number=number,
-        caption="measurements taken from the system",
-        source="7.2.1",
+        number,
+        "measurements taken from the system",
+        "7.2.1",
         words="82 minutes, a sample a second. The valves move at the moments of the spikes in figure 7.9; how far is "
         "not told. Our plant has parameters off by up to 3 %, valves that lag by 3 s and whose curves are a little "
         "wrong, and noise of 2 %.",
@@ -42,115 +42,98 @@ def measurements(number: str) -> Figure:
     )
 
 
-def figure_7_7() -> Figure:
-    """Give the flow without a fault."""
+@figure("7.2.1", columns=1)
+def figure_7_7() -> Parts:
+    """Expected and actual flow."""
     found = tank.run("healthy", tank.SINGLES)
     rest = tank.relative(found, 0, 5.0)
     theirs = tank.bank_relative("healthy", 0, 5.0)
     off = np.abs(found["measured"][:, 0] - found["expected"][:, 0])
     moment = float(found.time[int(np.argmax(off))]) / MINUTE
-    return Figure(
-        number="7.7",
-        caption="expected and actual flow",
-        source="7.2.1",
-        panels=(tank.predicted("healthy", 0, found, error=True),),
-        columns=1,
-        rows=(
-            row(
-                "error over signal, 90 % of the time, from 5 min on",
-                "very similar",
-                f"{rest:.3f}",
-                bank=f"{theirs:.3f}",
-                same=rest < 0.05,
-                remark="`bank` against the raw samples, whose noise is 2 %",
-            ),
-            row(
-                "moment of the largest error",
-                "near the beginning",
-                f"{moment:.0f} min",
-                same=moment < 10,
-                remark="" if moment < 10 else f"{DIFFERS}ours is the lag of a valve after a step",
-            ),
-        ),
+    yield tank.predicted("healthy", 0, found, error=True)
+    yield row(
+        "error over signal, 90 % of the time, from 5 min on",
+        "very similar",
+        f"{rest:.3f}",
+        bank=f"{theirs:.3f}",
+        same=rest < 0.05,
+        remark="`bank` against the raw samples, whose noise is 2 %",
+    )
+    yield row(
+        "moment of the largest error",
+        "near the beginning",
+        f"{moment:.0f} min",
+        same=moment < 10,
+        remark="" if moment < 10 else f"{DIFFERS}ours is the lag of a valve after a step",
     )
 
 
-def figure_7_8() -> Figure:
-    """Give the depth without a fault."""
+@figure("7.2.1", columns=1)
+def figure_7_8() -> Parts:
+    """Expected and actual depth."""
     found = tank.run("healthy", tank.SINGLES)
     off = tank.relative(found, 1, 5.0)
-    return Figure(
-        number="7.8",
-        caption="expected and actual depth",
-        source="7.2.1",
-        panels=(tank.predicted("healthy", 1, found, error=True),),
-        columns=1,
-        rows=(
-            row(
-                "error over signal, 90 % of the time, from 5 min on",
-                "very small",
-                f"{off:.3f}",
-                bank=f"{tank.bank_relative('healthy', 1, 5.0):.3f}",
-                same=off < 0.02,
-            ),
-        ),
+    yield tank.predicted("healthy", 1, found, error=True)
+    yield row(
+        "error over signal, 90 % of the time, from 5 min on",
+        "very small",
+        f"{off:.3f}",
+        bank=f"{tank.bank_relative('healthy', 1, 5.0):.3f}",
+        same=off < 0.02,
     )
 
 
-def figure_7_9() -> Figure:
-    """Give the error index without a fault."""
+@figure("7.2.1")
+def figure_7_9() -> Parts:
+    """The error index and its limit."""
     found, literal = tank.run("healthy", tank.SINGLES), tank.run("healthy", tank.SINGLES, *tank.LITERAL)
     rows = tank.window(found, 5.0)
     room = (found["index"][rows] / found["limit"][rows]).max()
     printed = tank.index_panels("healthy", literal)[0]
     spikes = literal["index"].mean(axis=1)[tank.window(literal, 5.0)].max()
-    return Figure(
-        number="7.9",
-        caption="the error index and its limit",
-        source="7.2.1",
-        words="Left the index as printed, averaged over both outputs and with steps of the inputs in it; right that of "
-        "each output, left out while valves settle.",
-        panels=(printed, tank.index_panels("healthy", found)[1]),
-        rows=(
-            row(
-                "alarm",
-                "none",
-                tank.when(found.detection),
-                bank=tank.when(tank.banked("healthy").detection),
-                same=found.detection is None,
-            ),
-            row(
-                "alarm, detection as printed",
-                "none",
-                tank.when(literal.detection),
-                same=literal.detection is None,
-                remark=""
-                if literal.detection is None
-                else "erratum: waiting while the index falls stops no alarm at steps; 1 1/2 N ignores model errors",
-            ),
-            row(
-                "largest index from 5 min on, as printed",
-                "spikes below the limit, 0.03",
-                f"{spikes:.3f}",
-                same=bool(spikes < 0.03),
-                remark="" if spikes < 0.03 else f"{DIFFERS}valves that need 3 s, which the thesis' may not",
-            ),
-            row(
-                "index as printed, largest, before and after 27, 44, 62 min",
-                "spikes",
-                "; ".join(f"{before:.3f}, {after:.3f}" for before, after in _spikes(literal)),
-                same=all(after > 1.2 * before for before, after in _spikes(literal)),
-                otherwise="an index still raised by what was before does not rise again",
-            ),
-            row("largest share of the limit from 5 min on", "below 1", f"{room:.2f}", same=bool(room < 1.0)),
-            row(
-                "change of the expected flow if n is 0.80, not 0.95",
-                "a smaller n reduces the error of the flow",
-                f"{tank.effect_of_accuracy():g} l/s",
-                same=False,
-                remark="erratum: the flow follows from measured signals without a state to correct",
-            ),
-        ),
+    yield (
+        "Left the index as printed, averaged over both outputs and with steps of the inputs in it; right that of "
+        "each output, left out while valves settle."
+    )
+    yield printed
+    yield tank.index_panels("healthy", found)[1]
+    yield row(
+        "alarm",
+        "none",
+        tank.when(found.detection),
+        bank=tank.when(tank.banked("healthy").detection),
+        same=found.detection is None,
+    )
+    yield row(
+        "alarm, detection as printed",
+        "none",
+        tank.when(literal.detection),
+        same=literal.detection is None,
+        remark=""
+        if literal.detection is None
+        else "erratum: waiting while the index falls stops no alarm at steps; 1 1/2 N ignores model errors",
+    )
+    yield row(
+        "largest index from 5 min on, as printed",
+        "spikes below the limit, 0.03",
+        f"{spikes:.3f}",
+        same=bool(spikes < 0.03),
+        remark="" if spikes < 0.03 else f"{DIFFERS}valves that need 3 s, which the thesis' may not",
+    )
+    yield row(
+        "index as printed, largest, before and after 27, 44, 62 min",
+        "spikes",
+        "; ".join(f"{before:.3f}, {after:.3f}" for before, after in _spikes(literal)),
+        same=all(after > 1.2 * before for before, after in _spikes(literal)),
+        otherwise="an index still raised by what was before does not rise again",
+    )
+    yield row("largest share of the limit from 5 min on", "below 1", f"{room:.2f}", same=bool(room < 1.0))
+    yield row(
+        "change of the expected flow if n is 0.80, not 0.95",
+        "a smaller n reduces the error of the flow",
+        f"{tank.effect_of_accuracy():g} l/s",
+        same=False,
+        remark="erratum: the flow follows from measured signals without a state to correct",
     )
 
 
@@ -178,9 +161,9 @@ def example(name: str, numbers: tuple[str, str, str, str, str]) -> tuple[Figure,
 def _valves(name: str, number: str) -> Figure:
     words = {"pipe": "K1 from 2.41e11 to 4.45e11 at 41 min.", "leak": "K6 from 1.04e-5 to 8.7e-5 m3/s at 10 min."}
     return Figure(
-        number=number,
-        caption=f"the valve signals, {_kind(name)}",
-        source="7.2.2",
+        number,
+        f"the valve signals, {_kind(name)}",
+        "7.2.2",
         words=f"{words[name]} The thesis opened a valve by hand; these are the values that it estimates.",
         panels=tank.inputs(name),
         rows=(row("fault at", f"{tank.onset(name):.0f} min", f"{tank.onset(name):.0f} min"),),
@@ -200,9 +183,9 @@ def _readings(name: str, number: str) -> Figure:
     change = after / before - 1.0
     printed = {"pipe": "a small spike at 41 min", "leak": "-"}[name]
     return Figure(
-        number=number,
-        caption=f"flow and depth, {_kind(name)}",
-        source="7.2.2",
+        number,
+        f"flow and depth, {_kind(name)}",
+        "7.2.2",
         panels=tank.outputs(name),
         rows=(
             row(
@@ -220,9 +203,9 @@ def _flow(name: str, number: str) -> Figure:
     before, after = tank.relative(found, 0, 5.0, moment), tank.relative(found, 0, moment)
     substantial = name == "pipe"
     return Figure(
-        number=number,
-        caption=f"actual and expected flow, {_kind(name)}",
-        source="7.2.2",
+        number,
+        f"actual and expected flow, {_kind(name)}",
+        "7.2.2",
         panels=(tank.predicted(name, 0, found),),
         columns=1,
         rows=(
@@ -250,7 +233,7 @@ def _depth(name: str, number: str) -> Figure:
             bank=f"{tank.bank_relative(name, 1, 5.0, moment):.4f}, {tank.bank_relative(name, 1, moment):.4f}",
             same=(after > 3 * before) == significant,
             otherwise="the states are corrected at every sample, so that the depth is never far off",
-        ),
+        )
     ]
     if significant:
         rows.append(
@@ -263,9 +246,9 @@ def _depth(name: str, number: str) -> Figure:
             )
         )
     return Figure(
-        number=number,
-        caption=f"actual and expected depth, {_kind(name)}",
-        source="7.2.2",
+        number,
+        f"actual and expected depth, {_kind(name)}",
+        "7.2.2",
         panels=(tank.predicted(name, 1, found),),
         columns=1,
         rows=tuple(rows),
@@ -290,9 +273,9 @@ def _index(name: str, number: str) -> Figure:
     before = found["index"].mean(axis=1)[tank.window(found, 5.0, moment)].max()
     settles = {"pipe": "rises quickly as the flow rises", "leak": "stays about at the limit"}[name]
     return Figure(
-        number=number,
-        caption=f"the error index, {_kind(name)}",
-        source="7.2.2",
+        number,
+        f"the error index, {_kind(name)}",
+        "7.2.2",
         panels=tank.index_panels(name, found),
         rows=(
             row(
@@ -323,7 +306,7 @@ def _index(name: str, number: str) -> Figure:
     )
 
 
-def _averaged(found: Curves, printed: float) -> Row:
+def _averaged(found: Curves, printed: float) -> Line:
     """Say when the average of the error indices passes that of their limits."""
     above = found["index"].mean(axis=1) > found["limit"].mean(axis=1)
     rows = np.flatnonzero(above & (found.time > 5 * MINUTE))

@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.thesis import tank
 from benchmarks.thesis.chart import Panel
-from benchmarks.thesis.figure import Figure, Row, row, short
+from benchmarks.thesis.page import Figure, Line, Parts, figure, row, short
 from benchmarks.thesis.watch import Curves
 from faultbond.arrays import FloatArray
 
@@ -58,19 +58,12 @@ def _estimates(name: str, high: float) -> tuple[Panel, ...]:
         ("vessel: estimate over table 7.2", ("K6", "K4", "K3"), high),
     )
     return tuple(
-        tank.many(
-            found,
-            values[:, [found.tested.index(item) for item in names]],
-            names,
-            title,
-            names,
-            high=top,
-        )
+        tank.many(found, values[:, [found.tested.index(item) for item in names]], names, title, names, high=top)
         for title, names, top in kinds
     )
 
 
-def _value(printed: str, name: str, parameter: str, within: float, otherwise: str, remark: str = "") -> Row:
+def _value(printed: str, name: str, parameter: str, within: float, otherwise: str, remark: str = "") -> Line:
     """Compare a last estimate with the printed one, and with that of `bank`."""
     ours, theirs = estimate(name, parameter), float(tank.banked(name).estimate(parameter)[-1])
     return row(
@@ -90,108 +83,79 @@ def _lowest(name: str, curve: str, count: int) -> list[str]:
     return list(tank.usually(found, curve, labels))[:count]
 
 
-def figure_7_20() -> Figure:
-    """Give the estimates for the pipe."""
+@figure("7.3.1")
+def figure_7_20() -> Parts:
+    """The parameter estimates for each component, a restriction in the pipe."""
     found, other = tank.run("pipe", tank.SINGLES), tank.banked("pipe")
     values = found["estimates"][:, 0, found.tested.index("K1")]
     moment = float(found.time[found.alarm or 0]) + 5 * tank.MINUTE
     early, late = float(values[np.searchsorted(found.time, moment)]), float(values[-1])
     first = int(np.searchsorted(other.times, moment))
     theirs = other.estimate("K1")[[first, -1]]
-    return Figure(
-        number="7.20",
-        caption="the parameter estimates for each component, a restriction in the pipe",
-        source="7.3.1",
-        words="Each as if it alone were faulty, from the alarm on.",
-        panels=_estimates("pipe", 20.0),
-        rows=(
-            _value(
-                "4.45e11",
-                "pipe",
-                "K1",
-                0.10,
-                "least squares on blended states are biased",
-                "ours was simulated with 4.45e11",
-            ),
-            _value("5.5e4", "pipe", "K8", 0.05, "the flow of our recipe is another, and K8 does not explain it"),
-            row(
-                "K1 5 min after the alarm and at the end",
-                "still decreasing at the end",
-                f"{short(early)}, {short(late)}",
-                f"{short(theirs[0])}, {short(theirs[1])}",
-                same=late < early,
-                otherwise="it rises",
-            ),
-        ),
+    yield "Each as if it alone were faulty, from the alarm on."
+    yield from _estimates("pipe", 20.0)
+    yield _value(
+        "4.45e11", "pipe", "K1", 0.10, "least squares on blended states are biased", "ours was simulated with 4.45e11"
+    )
+    yield _value("5.5e4", "pipe", "K8", 0.05, "the flow of our recipe is another, and K8 does not explain it")
+    yield row(
+        "K1 5 min after the alarm and at the end",
+        "still decreasing at the end",
+        f"{short(early)}, {short(late)}",
+        f"{short(theirs[0])}, {short(theirs[1])}",
+        same=late < early,
+        otherwise="it rises",
     )
 
 
-def figure_7_21() -> Figure:
-    """Give the error indices for the pipe."""
+@figure("7.3.1")
+def figure_7_21() -> Parts:
+    """The error indices for each component, a restriction in the pipe."""
     found = tank.run("pipe", tank.SINGLES)
     lowest, best = _lowest("pipe", "errors", 2), tank.banked("pipe")
     values = tank.usually(found, "errors", found.tested)
-    return Figure(
-        number="7.21",
-        caption="the error indices for each component, a restriction in the pipe",
-        source="7.3.1",
-        panels=(
-            tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.15),
-            tank.bank_panel("pipe", ("K1", "K8", "K2", "K7")),
-        ),
-        rows=(
-            row(
-                "lowest two, by their means from 5 min after the alarm on",
-                "K1, K8",
-                ", ".join(lowest),
-                bank=best.ranking(2),
-                same=set(lowest) == {"K1", "K8"},
-                otherwise="several faults of the flow fit almost as well, and which is next hangs on what else is off",
-            ),
-            row(
-                "these means of K1 and K8",
-                "approximately equally low",
-                f"{values['K1']:.3f}, {values['K8']:.3f}",
-            ),
-        ),
+    yield tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.15)
+    yield tank.bank_panel("pipe", ("K1", "K8", "K2", "K7"))
+    yield row(
+        "lowest two, by their means from 5 min after the alarm on",
+        "K1, K8",
+        ", ".join(lowest),
+        bank=best.ranking(2),
+        same=set(lowest) == {"K1", "K8"},
+        otherwise="several faults of the flow fit almost as well, and which is next hangs on what else is off",
     )
+    yield row("these means of K1 and K8", "approximately equally low", f"{values['K1']:.3f}, {values['K8']:.3f}")
 
 
-def figure_7_22() -> Figure:
-    """Give the hitting indices for the pipe."""
+@figure("7.3.1")
+def figure_7_22() -> Parts:
+    """The hitting indices for each component, a restriction in the pipe."""
     found = tank.run("pipe", tank.SINGLES)
     above = found["hitting"][:, found.hypotheses.index("K8")] - found["hitting"][:, found.hypotheses.index("K1")]
     begin = float(found.time[found.alarm or 0]) / tank.MINUTE
     apart = [float(above[tank.window(found, *times)].mean()) for times in ((begin, 61.0), (62.5, 66.0))]
     lowest = _lowest("pipe", "hitting", 7)
-    return Figure(
-        number="7.22",
-        caption="the hitting indices for each component, a restriction in the pipe",
-        source="7.3.1",
-        panels=(tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None),),
-        rows=(
-            row(
-                "lowest, by the same means",
-                "K1, before K8",
-                ", ".join(lowest[:3]),
-                bank=tank.banked("pipe").ranking(1),
-                same=lowest[0] == "K1" or lowest.index("K1") < lowest.index("K8"),
-                otherwise="see figure 7.21",
-            ),
-            row(
-                "K8 above K1, mean: up to 61 min, from 62 to 66 min",
-                "virtually the same; K1 substantially lower",
-                f"{apart[0]:.3f}, {apart[1]:.3f}",
-                same=apart[1] > 5.0 * abs(apart[0]),
-                otherwise="another recipe",
-            ),
-            row(
-                "order by hitting index and by error index",
-                "-",
-                "the same" if lowest == _lowest("pipe", "errors", 7) else "not the same",
-                remark="when singles are tested the hitting index is a constant and twice the error index",
-            ),
-        ),
+    yield tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None)
+    yield row(
+        "lowest, by the same means",
+        "K1, before K8",
+        ", ".join(lowest[:3]),
+        bank=tank.banked("pipe").ranking(1),
+        same=lowest[0] == "K1" or lowest.index("K1") < lowest.index("K8"),
+        otherwise="see figure 7.21",
+    )
+    yield row(
+        "K8 above K1, mean: up to 61 min, from 62 to 66 min",
+        "virtually the same; K1 substantially lower",
+        f"{apart[0]:.3f}, {apart[1]:.3f}",
+        same=apart[1] > 5.0 * abs(apart[0]),
+        otherwise="another recipe",
+    )
+    yield row(
+        "order by hitting index and by error index",
+        "-",
+        "the same" if lowest == _lowest("pipe", "errors", 7) else "not the same",
+        remark="when singles are tested the hitting index is a constant and twice the error index",
     )
 
 
@@ -201,17 +165,17 @@ def compared(name: str, parameter: str, numbers: tuple[str, str], printed: str) 
     found = tank.explained(name, parameter, value)
     words = f"From the fault on, with {parameter} = {short(value)}; the thesis has {printed}."
     behaviour = Figure(
-        number=numbers[0],
-        caption=f"the behaviour with {parameter} faulty, {WORDS[name]}",
-        source=SOURCE[name],
+        numbers[0],
+        f"the behaviour with {parameter} faulty, {WORDS[name]}",
+        SOURCE[name],
         words=words,
         panels=tuple(tank.predicted(name, k, found, also=False) for k in (0, 1)),
         rows=_behaviour(name, parameter, found),
     )
     index = Figure(
-        number=numbers[1],
-        caption=f"the error index for a fault in {parameter}, {WORDS[name]}",
-        source=SOURCE[name],
+        numbers[1],
+        f"the error index for a fault in {parameter}, {WORDS[name]}",
+        SOURCE[name],
         words=words,
         panels=tank.index_panels(name, found, 0.15),
         rows=_misfit(name, parameter, found),
@@ -219,7 +183,7 @@ def compared(name: str, parameter: str, numbers: tuple[str, str], printed: str) 
     return behaviour, index
 
 
-def _behaviour(name: str, parameter: str, found: Curves) -> tuple[Row, ...]:
+def _behaviour(name: str, parameter: str, found: Curves) -> tuple[Line, ...]:
     """Compare what is said of the outputs."""
     flow, depth = (tank.relative(found, k, tank.onset(name) + 2.0) for k in (0, 1))
     low, high = tank.by_flow(found, tank.onset(name) + 2.0)
@@ -253,7 +217,7 @@ def _behaviour(name: str, parameter: str, found: Curves) -> tuple[Row, ...]:
     )
 
 
-def _misfit(name: str, parameter: str, found: Curves) -> tuple[Row, ...]:
+def _misfit(name: str, parameter: str, found: Curves) -> tuple[Line, ...]:
     """Compare what is said of the error index, and give that of a model with the estimate of `bank`."""
     rows = tank.window(found, tank.onset(name) + 5.0)
     mean, peak = (float(item(found["index"].mean(axis=1)[rows])) for item in (np.mean, np.max))
@@ -275,81 +239,56 @@ def _misfit(name: str, parameter: str, found: Curves) -> tuple[Row, ...]:
     )
 
 
-def figure_7_27() -> Figure:
-    """Give the estimates for the leak."""
-    return Figure(
-        number="7.27",
-        caption="the parameter estimates for each component, a leak in the tank",
-        source="7.3.2",
-        words="Each as if it alone were faulty, from the alarm on.",
-        panels=_estimates("leak", 12.0),
-        rows=(
-            _value(
-                "8.7e-5",
-                "leak",
-                "K6",
-                0.10,
-                "least squares on blended states are biased",
-                "ours was simulated with 8.7e-5",
-            ),
-            _value("3.65e-6", "leak", "K4", 0.10, "another recipe: what opening stands for the same outflow"),
-        ),
+@figure("7.3.2")
+def figure_7_27() -> Parts:
+    """The parameter estimates for each component, a leak in the tank."""
+    yield "Each as if it alone were faulty, from the alarm on."
+    yield from _estimates("leak", 12.0)
+    yield _value(
+        "8.7e-5", "leak", "K6", 0.10, "least squares on blended states are biased", "ours was simulated with 8.7e-5"
     )
+    yield _value("3.65e-6", "leak", "K4", 0.10, "another recipe: what opening stands for the same outflow")
 
 
-def figure_7_28() -> Figure:
-    """Give the error indices for the leak."""
+@figure("7.3.2")
+def figure_7_28() -> Parts:
+    """The error indices for each component, a leak in the tank."""
     found = tank.run("leak", tank.SINGLES)
     lowest = _lowest("leak", "errors", 2)
-    return Figure(
-        number="7.28",
-        caption="the error indices for each component, a leak in the tank",
-        source="7.3.2",
-        panels=(
-            tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.1),
-            tank.bank_panel("leak", ("K6", "K4", "K3")),
-        ),
-        rows=(
-            row(
-                "lowest two, by their means from 5 min after the alarm on",
-                "K6, K4",
-                ", ".join(lowest),
-                bank=tank.banked("leak").ranking(2),
-                same=lowest == ["K6", "K4"],
-                otherwise="the leak is small, and most indices are low",
-            ),
-            row(
-                "all means",
-                "most also low",
-                ", ".join(f"{key} {value:.3f}" for key, value in tank.usually(found, "errors", found.tested).items()),
-            ),
-        ),
+    yield tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.1)
+    yield tank.bank_panel("leak", ("K6", "K4", "K3"))
+    yield row(
+        "lowest two, by their means from 5 min after the alarm on",
+        "K6, K4",
+        ", ".join(lowest),
+        bank=tank.banked("leak").ranking(2),
+        same=lowest == ["K6", "K4"],
+        otherwise="the leak is small, and most indices are low",
+    )
+    yield row(
+        "all means",
+        "most also low",
+        ", ".join(f"{key} {value:.3f}" for key, value in tank.usually(found, "errors", found.tested).items()),
     )
 
 
-def figure_7_29() -> Figure:
-    """Give the hitting indices for the leak."""
+@figure("7.3.2")
+def figure_7_29() -> Parts:
+    """The hitting indices for each component, a leak in the tank."""
     found = tank.run("leak", tank.SINGLES)
     lowest = _lowest("leak", "hitting", 7)
-    return Figure(
-        number="7.29",
-        caption="the hitting indices for each component, a leak in the tank",
-        source="7.3.2",
-        panels=(tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None),),
-        rows=(
-            row(
-                "lowest two, highest, by the same means",
-                "K6, K4; K2",
-                f"{', '.join(lowest[:2])}; {lowest[-1]}",
-                bank=tank.banked("leak").ranking(2),
-                same=lowest[:2] == ["K6", "K4"],
-                otherwise="see figure 7.28",
-            ),
-            row(
-                "extra flow out, from K6",
-                "0.0766 l/s",
-                f"{(estimate('leak', 'K6') - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
-                bank=f"{(tank.banked('leak').estimate('K6')[-1] - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
-            ),
-        ),
+    yield tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None)
+    yield row(
+        "lowest two, highest, by the same means",
+        "K6, K4; K2",
+        f"{', '.join(lowest[:2])}; {lowest[-1]}",
+        bank=tank.banked("leak").ranking(2),
+        same=lowest[:2] == ["K6", "K4"],
+        otherwise="see figure 7.28",
+    )
+    yield row(
+        "extra flow out, from K6",
+        "0.0766 l/s",
+        f"{(estimate('leak', 'K6') - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
+        bank=f"{(tank.banked('leak').estimate('K6')[-1] - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
     )

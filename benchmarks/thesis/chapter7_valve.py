@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.shared.plants import EXAMPLES
 from benchmarks.thesis import tank
-from benchmarks.thesis.chart import Curve, Panel
-from benchmarks.thesis.figure import Figure, row, short
+from benchmarks.thesis.chart import Curve, panel
+from benchmarks.thesis.page import Figure, Parts, figure, row, short
 from benchmarks.thesis.tank import MINUTE
 from faultbond.arrays import FloatArray
 from faultbond.model.text import parse_model
@@ -46,35 +46,29 @@ def outflows() -> FloatArray:
     return -np.array(slopes) * tank.METRE / tank.nominal("K3") / tank.LITRE
 
 
-def figure_7_4() -> Figure:
-    """Give how the level drops."""
+@figure("7.1")
+def figure_7_4() -> Parts:
+    """The level as the tank empties, for several openings of the output valve."""
     time, depths = emptying()
     bends = max(float(np.nanmax(np.abs(_straight(time, item)))) for item in depths)
-    return Figure(
-        number="7.4",
-        caption="the level as the tank empties, for several openings of the output valve",
-        source="7.1",
-        words="The measurements are lost. This is the model of table 7.2, its input valve shut, which the law of K7 "
-        "alone does not do: with Q_in = 0 % open 0.09 l/s still flow.",
-        panels=(
-            Panel(
-                title="depth, m",
-                curves=tuple(
-                    Curve(label=f"{opening:g} %", x=time / MINUTE, y=depth, color=k)
-                    for k, (opening, depth) in enumerate(zip(OPENINGS, depths, strict=True))
-                ),
-                below="min",
-                low=0.0,
-            ),
+    yield (
+        "The measurements are lost. This is the model of table 7.2, its input valve shut, which the law of K7 "
+        "alone does not do: with Q_in = 0 % open 0.09 l/s still flow."
+    )
+    yield panel(
+        "depth, m",
+        *(
+            Curve(f"{opening:g} %", time / MINUTE, depth, k)
+            for k, (opening, depth) in enumerate(zip(OPENINGS, depths, strict=True))
         ),
-        rows=(
-            row(
-                "largest deviation from a straight line",
-                "rate essentially constant",
-                f"{bends * 1000:.1f} mm",
-                remark="by the law of the outlet",
-            ),
-        ),
+        below="min",
+        low=0.0,
+    )
+    yield row(
+        "largest deviation from a straight line",
+        "rate essentially constant",
+        f"{bends * 1000:.1f} mm",
+        remark="by the law of the outlet",
     )
 
 
@@ -83,43 +77,32 @@ def _straight(time: FloatArray, depth: FloatArray) -> FloatArray:
     return np.asarray(depth[there] - np.polyval(np.polyfit(time[there], depth[there], 1), time[there]))
 
 
-def figure_7_5() -> Figure:
-    """Give the characteristic of the output valve."""
+@figure("7.1")
+def figure_7_5() -> Parts:
+    """The characteristic of the output valve."""
     flows = outflows()
     slope, offset = np.polyfit(OPENINGS, flows * tank.LITRE, 1)
-    return Figure(
-        number="7.5",
-        caption="the characteristic of the output valve",
-        source="7.1",
-        words="Found from the slopes of figure 7.4.",
-        panels=(
-            Panel(
-                title="flow out, l/s",
-                curves=(
-                    Curve(label="from the level", x=np.array(OPENINGS), y=flows),
-                    Curve(
-                        label="K4 u + K6",
-                        x=np.array(OPENINGS),
-                        y=(tank.nominal("K4") * np.array(OPENINGS) + tank.nominal("K6")) / tank.LITRE,
-                        color=1,
-                        dashed=True,
-                    ),
-                ),
-                below="% open",
-                low=0.0,
-            ),
+    yield "Found from the slopes of figure 7.4."
+    yield panel(
+        "flow out, l/s",
+        Curve("from the level", np.array(OPENINGS), flows),
+        Curve(
+            "K4 u + K6",
+            np.array(OPENINGS),
+            (tank.nominal("K4") * np.array(OPENINGS) + tank.nominal("K6")) / tank.LITRE,
+            1,
+            dashed=True,
         ),
-        rows=(
-            row("slope K4", "2.35e-6", short(slope), remark="of the model, by the level"),
-            row("flow at 0 %, K6", "1.04e-5", short(offset), remark="of the model, by the level"),
-            row("range in which it is linear", "10 % to 65 %", "assumed everywhere"),
-            row(
-                "pump pressure constant below a flow of",
-                "16 l/sec",
-                f"largest flow {tank.recording('healthy').outputs[:, 0].max() / tank.LITRE:.2f} l/s",
-                same=False,
-                otherwise="this model reaches 0.29 l/s, 17.6 l/min, at most, "
-                "so the recordings do not show which unit is meant",
-            ),
-        ),
+        below="% open",
+        low=0.0,
+    )
+    yield row("slope K4", "2.35e-6", short(slope), remark="of the model, by the level")
+    yield row("flow at 0 %, K6", "1.04e-5", short(offset), remark="of the model, by the level")
+    yield row("range in which it is linear", "10 % to 65 %", "assumed everywhere")
+    yield row(
+        "pump pressure constant below a flow of",
+        "16 l/sec",
+        f"largest flow {tank.recording('healthy').outputs[:, 0].max() / tank.LITRE:.2f} l/s",
+        same=False,
+        otherwise="this model reaches 0.29 l/s, 17.6 l/min, at most, so the recordings do not show which unit is meant",
     )

@@ -22,8 +22,7 @@ from benchmarks.thesis import chapter7_single as single
 from benchmarks.thesis import chapter7_valve as valve
 from benchmarks.thesis import hypotheses as motor
 from benchmarks.thesis import sets as conflicts
-from benchmarks.thesis.figure import COLUMNS, DIFFERS, Figure, write_pictures
-from benchmarks.thesis.page import HEADER, SAME, Table, as_text
+from benchmarks.thesis.page import COLUMNS, DIFFERS, HEADER, SAME, Figure, Table, as_text, write_pictures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "thesis.md"
 SUMMARY = "corrections"

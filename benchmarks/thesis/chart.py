@@ -17,7 +17,7 @@ LETTER = 5.7  # width of a letter of the legend
 TICKS = 5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Curve:
     """A line; a broken one is dashed, one without a label is pale and stands in no legend. x, y : (n,)."""
 
@@ -29,7 +29,7 @@ class Curve:
     dots: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Panel:
     """Curves in a frame; `low` and `high` are the range of the scale where that of the curves is not wanted."""
 
@@ -39,6 +39,18 @@ class Panel:
     low: float | None = None
     high: float | None = None
     mark: float | None = None
+
+
+def panel(
+    title: str,
+    *curves: Curve,
+    below: str = "s",
+    low: float | None = None,
+    high: float | None = None,
+    mark: float | None = None,
+) -> Panel:
+    """Give a panel; its parts are those of `Panel`."""
+    return Panel(title, curves, below, low, high, mark)
 
 
 def draw(panels: Sequence[Panel], columns: int = 2) -> str:

@@ -6,7 +6,7 @@ from functools import cache
 from itertools import combinations
 
 from benchmarks.thesis.motor import EXAMPLES, HALF, HYPOTHESES, NOMINAL, VOLTS, record_of, samples, system
-from benchmarks.thesis.page import Line, Table, equal, number, set_text, sets_text, words
+from benchmarks.thesis.page import Line, Parts, equal, number, set_text, sets_text, table, words
 from faultbond.algebra.solving.solution import solve_samples
 from faultbond.analysis.ranks import ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.solutions import OtherSolutions, other_solutions
@@ -65,8 +65,9 @@ def _printed(name: str) -> str:
     return {"C": "D", "K": "Km"}.get(name, name)
 
 
-def tables_6_5_and_6_6() -> Table:
-    """Give the testable hypotheses with their potential conflict sets."""
+@table("6.5, page 149")
+def tables_6_5_and_6_6() -> Parts:
+    """Tables 6.5 and 6.6: all the hypotheses that are testable."""
     found = verdicts("motor")
     everything = frozenset(ORDER.split())
     testable = [item for item, verdict in found.items() if verdict.testable]
@@ -78,26 +79,23 @@ def tables_6_5_and_6_6() -> Table:
         rest = everything - {*hypothesis}
         ours = set_text(rest, ORDER) if frozenset(hypothesis) in testable else "not testable"
         lines.append(equal(f"{k}. {set_text(hypothesis)}", set_text(others.split(), ORDER), ours))
-    return Table(
-        title="Tables 6.5 and 6.6: all the hypotheses that are testable",
-        source="6.5, page 149",
-        words="`faultbond analyse examples/thesis/motor.yaml`. In the first column the hypotheses of table 6.5, in the "
-        "next two the set assumed healthy, table 6.6. D is the friction, C elsewhere, Km the constant K.",
-        lines=(
-            *lines,
-            number("number of testable hypotheses", "15", len(testable)),
-            words(
-                "sets 6 to 15 in table 6.6 are equivalent to",
-                "sets 6 to 15 in table 6.6",
-                f"sets {places[0]} to {places[-1]} in table 6.5",
-                "erratum: the first of the two tables named is 6.5",
-            ),
-        ),
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml`. In the first column the hypotheses of table 6.5, in the "
+        "next two the set assumed healthy, table 6.6. D is the friction, C elsewhere, Km the constant K."
+    )
+    yield from lines
+    yield number("number of testable hypotheses", "15", len(testable))
+    yield words(
+        "sets 6 to 15 in table 6.6 are equivalent to",
+        "sets 6 to 15 in table 6.6",
+        f"sets {places[0]} to {places[-1]} in table 6.5",
+        "erratum: the first of the two tables named is 6.5",
     )
 
 
-def section_6_5() -> Table:
-    """Give how many hypotheses can be tested, and how many have to be."""
+@table("6.1.2 and 6.5, pages 124, 148 to 150")
+def section_6_5() -> Parts:
+    """Section 6.5: how many hypotheses."""
     speed, current = (list(verdicts(name).items()) for name in ("motor", "motor_current"))
     small, large = ([item for item, verdict in found if verdict.testable] for found in (speed, current))
     triples = [verdict for item, verdict in speed if len(item) == 3]
@@ -105,33 +103,25 @@ def section_6_5() -> Table:
     anything = sum(item.identifiable and not item.falsifiable for item in triples)
     unsolved = sum(not item.identifiable for item in more)
     whole = dict(current)[frozenset(ORDER.split())]
-    return Table(
-        title="Section 6.5: how many hypotheses",
-        source="6.1.2 and 6.5, pages 124, 148 to 150",
-        words="`faultbond analyse` on `motor.yaml` and `motor_current.yaml` of `examples/thesis`. A set explains "
-        "anything if the data fix its values but cannot contradict it.",
-        lines=(
-            number("lumped parameters of equation 6.3", "3", shown("motor").rank.value, "rank of the sensitivities"),
-            words("rank of sets of one to five components", "", ", ".join(_ranks("motor"))),
-            equal(
-                "sets of three components always explain", "all", _part(anything, len(triples)), f"{len(triples)} sets"
-            ),
-            equal(
-                "sets of four and five that cannot be solved", "all", _part(unsolved, len(more)), f"{len(more)} sets"
-            ),
-            number("sets that have to be tested, V and omega", "10", len(largest(small))),
-            number("lumped parameters with the current", "5", shown("motor_current").rank.value),
-            number("testable with the current", "30", len(large), f"of {len(current)}"),
-            equal(
-                "all five faulty, with the current",
-                "can be told",
-                "can be told" if whole.testable else "explain anything",
-                "differs: the rank counts what another linear motor could show; "
-                "dry friction or a bias of the speed contradict them",
-            ),
-            number("sets that have to be tested with the current", "5", len(largest(large))),
-        ),
+    yield (
+        "`faultbond analyse` on `motor.yaml` and `motor_current.yaml` of `examples/thesis`. A set explains "
+        "anything if the data fix its values but cannot contradict it."
     )
+    yield number("lumped parameters of equation 6.3", "3", shown("motor").rank.value, "rank of the sensitivities")
+    yield words("rank of sets of one to five components", "", ", ".join(_ranks("motor")))
+    yield equal("sets of three components always explain", "all", _part(anything, len(triples)), f"{len(triples)} sets")
+    yield equal("sets of four and five that cannot be solved", "all", _part(unsolved, len(more)), f"{len(more)} sets")
+    yield number("sets that have to be tested, V and omega", "10", len(largest(small)))
+    yield number("lumped parameters with the current", "5", shown("motor_current").rank.value)
+    yield number("testable with the current", "30", len(large), f"of {len(current)}")
+    yield equal(
+        "all five faulty, with the current",
+        "can be told",
+        "can be told" if whole.testable else "explain anything",
+        "differs: the rank counts what another linear motor could show; "
+        "dry friction or a bias of the speed contradict them",
+    )
+    yield number("sets that have to be tested with the current", "5", len(largest(large)))
 
 
 def _ranks(name: str) -> list[str]:
@@ -146,18 +136,18 @@ def _part(count: int, total: int) -> str:
     return "all" if count == total else f"{count} of {total}"
 
 
-def section_6_1_2() -> Table:
-    """Give all solutions of each hypothesis on the smallest number of samples."""
+@table("6.1.2, page 124")
+def section_6_1_2() -> Parts:
+    """Section 6.1.2: solutions on the smallest number of samples."""
     printed = {"R": "one", "L": "one", "J": "one", "C": "one", "K": "one", "RL": "one", "JK": "two"}
     remarks = {"K": "differs: on three samples; in lumped parameters, and on a long record, a single has one"}
     lines = [_roots(names, printed.get("".join(names), ""), remarks.get("".join(names), "")) for names in HYPOTHESES]
-    return Table(
-        title="Section 6.1.2: solutions on the smallest number of samples",
-        source="6.1.2, page 124",
-        words="`faultbond analyse examples/thesis/motor.yaml --closed 2`. The exact record of appendix A, the "
-        "parameters of the hypothesis 6/5 of nominal: three samples for one parameter, four for two.",
-        lines=(*lines, _windows()),
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml --closed 2`. The exact record of appendix A, the "
+        "parameters of the hypothesis 6/5 of nominal: three samples for one parameter, four for two."
     )
+    yield from lines
+    yield _windows()
 
 
 def _roots(names: tuple[str, ...], printed: str, remark: str) -> Line:
@@ -197,28 +187,25 @@ def _values(names: Iterable[str], root: Mapping[str, Value]) -> str:
     return f"({', '.join(f'{float(root[name]):.5g}' for name in names)})"
 
 
-def long_record() -> Table:
-    """Give what a long record leaves."""
+@table("6.1.2, page 124")
+def long_record() -> Parts:
+    """Section 6.1.2: solutions on a long record."""
     found = other_solutions(model("motor"), HYPOTHESES)
     alone = [item.parameters for item in found if item.unique]
     lines = [words(set_text(item.parameters), "", _both(item), _swap(item)) for item in found if not item.unique]
     both = {item.parameters: item for item in found}
-    return Table(
-        title="Section 6.1.2: solutions on a long record",
-        source="6.1.2, page 124",
-        words="`faultbond analyse examples/thesis/motor.yaml`, under what cannot be told apart. The parameters of each "
-        "hypothesis are 1.3 of nominal; all positive values are searched that give the same outputs.",
-        lines=(
-            equal(
-                "{J, K}",
-                "two solutions",
-                "one solution" if both["J", "K"].unique else "two solutions",
-                "erratum: the pairs with two are {R, C} and {L, J}",
-            ),
-            words("one solution only", "", sets_text(alone)),
-            *lines,
-        ),
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml`, under what cannot be told apart. The parameters of each "
+        "hypothesis are 1.3 of nominal; all positive values are searched that give the same outputs."
     )
+    yield equal(
+        "{J, K}",
+        "two solutions",
+        "one solution" if both["J", "K"].unique else "two solutions",
+        "erratum: the pairs with two are {R, C} and {L, J}",
+    )
+    yield words("one solution only", "", sets_text(alone))
+    yield from lines
 
 
 def _both(item: OtherSolutions) -> str:
@@ -231,14 +218,13 @@ def _swap(item: OtherSolutions) -> str:
     return f"the time constants change places: {laws[item.parameters]}" if item.parameters in laws else ""
 
 
-def twin_faults() -> Table:
-    """Give different sets with the same outputs."""
+@table("6.5, page 148, says it of three and more components")
+def twin_faults() -> Parts:
+    """Section 6.5: different faults with the same outputs."""
     pairs = [(one, other) for one, other in combinations(HYPOTHESES, 2) if len(one) == len(other)]
     found = [item for item in twins(model("motor"), pairs) if item.first_powers is not None]
-    return Table(
-        title="Section 6.5: different faults with the same outputs",
-        source="6.5, page 148, says it of three and more components",
-        words="`faultbond analyse examples/thesis/motor.yaml`. For any s > 0 all three lumped parameters of equation "
-        "6.3 are the same for both; shown are the families in which every parameter is nominal times a power of s.",
-        lines=tuple(words(f"{set_text(item.first)} and {set_text(item.second)}", "", item.words, "") for item in found),
+    yield (
+        "`faultbond analyse examples/thesis/motor.yaml`. For any s > 0 all three lumped parameters of equation "
+        "6.3 are the same for both; shown are the families in which every parameter is nominal times a power of s."
     )
+    yield from (words(f"{set_text(item.first)} and {set_text(item.second)}", "", item.words, "") for item in found)

@@ -1,47 +1,56 @@
-"""Lines that compare what the thesis prints with what the program gives, and their tables in Markdown."""
+"""What stands on the page: what the thesis prints or says beside what the program gives, in tables, below figures."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol, TypeAlias
+from functools import wraps
+from pathlib import Path
+from typing import ParamSpec, TypeAlias
 
 import sympy as sp
 
 from benchmarks.shared.page import as_markdown
+from benchmarks.thesis.chart import Panel, draw
 
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images" / "thesis"
 HEADER = ("", "thesis", "faultbond", "remark")
+COLUMNS = ("", "thesis", "classic", "bank", "remark")
 NOT_PRINTED = "-"
-SAME = "same"
+SAME, DIFFERS = "same", "differs: "
 
 Value: TypeAlias = "int | float | Fraction | sp.Expr"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One value of the thesis beside ours.
+    """One value of the thesis beside ours, or one thing that it says of a figure.
 
-    same : whether the two agree, to the digits that are printed; None where the thesis prints nothing, or only words
-    remark : needed where they do not agree
+    bank : of figures, what method `bank` gives; `ours` is then of `classic`
+    same : whether ours agrees, a number to the digits that are printed; None where there is nothing to compare with
+    remark : what else is to be known. otherwise : where a difference comes from, shown only where there is one
     """
 
     what: str
     printed: str
     ours: str
+    bank: str | None = None
     same: bool | None
     remark: str = ""
+    otherwise: str = ""
 
     def __post_init__(self) -> None:
-        if self.same is False and not self.remark:
+        if self.same is False and not (self.remark or self.otherwise):
             raise ValueError(f"{self.what}: {self.ours}, printed {self.printed}, and no remark says why")
 
     @property
-    def cells(self) -> tuple[str, str, str, str]:
+    def cells(self) -> tuple[str, ...]:
         """What is printed of it."""
-        verdict = SAME if self.same else ""
-        return self.what, self.printed or NOT_PRINTED, self.ours, "; ".join(filter(None, (verdict, self.remark)))
+        verdict = SAME if self.same else f"{DIFFERS}{self.otherwise}" if self.same is False and self.otherwise else ""
+        values = (self.ours,) if self.bank is None else (self.ours or NOT_PRINTED, self.bank or NOT_PRINTED)
+        return self.what, self.printed or NOT_PRINTED, *values, "; ".join(filter(None, (verdict, self.remark)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Table:
     """A table of the thesis, or what a section says, under its own number.
 
@@ -59,22 +68,119 @@ class Table:
     def text(self) -> str:
         """The table in Markdown, with its heading."""
         table = as_markdown(HEADER, [line.cells for line in self.lines])
-        return "\n\n".join(
-            filter(None, (f"### {self.title}", f"Thesis {self.source}. {self.words}", table, self.after))
-        )
+        place = f"Thesis {self.source}. {self.words}"
+        return "\n\n".join(filter(None, (f"### {self.title}", place, table, self.after)))
 
 
-class Shown(Protocol):
-    """A table or a figure."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Figure:
+    """A figure under its number, `5.13`; caption : in our words. words : what was done, where it is not plain."""
+
+    number: str
+    caption: str
+    source: str
+    panels: tuple[Panel, ...]
+    rows: tuple[Line, ...]
+    words: str = ""
+    columns: int = 2
+
+    @property
+    def name(self) -> str:
+        """Name of the picture."""
+        return f"figure_{self.number.replace('.', '_')}.svg"
+
+    @property
+    def picture(self) -> str:
+        """The SVG."""
+        return draw(self.panels, self.columns)
 
     @property
     def text(self) -> str:
-        """What stands on the page, in Markdown, with its heading."""
+        """The figure in Markdown, with its heading."""
+        image = f"![{self.caption}](images/thesis/{self.name})"
+        place = f"Thesis {self.source}. {self.words}".strip()
+        table = as_markdown(COLUMNS, [row.cells for row in self.rows])
+        return f"### Figure {self.number}: {self.caption}\n\n{place}\n\n{image}\n\n{table}"
 
 
-def as_text(tables: Iterable[Shown]) -> str:
+Shown = Table | Figure
+Parts = Iterator[str | Line | Panel]
+P = ParamSpec("P")
+
+
+def table(source: str) -> Callable[[Callable[P, Parts]], Callable[P, Table]]:
+    """Make a table of a function that yields its words, its lines and what stands below; its docstring is the title."""
+
+    def make(parts: Callable[P, Parts]) -> Callable[P, Table]:
+        @wraps(parts)
+        def whole(*given: P.args, **named: P.kwargs) -> Table:
+            words, *found = parts(*given, **named)
+            lines = tuple(item for item in found if isinstance(item, Line))
+            after = "".join(item for item in found if isinstance(item, str))
+            return Table(_doc(parts), source, str(words), lines, after)
+
+        return whole
+
+    return make
+
+
+def figure(source: str, columns: int = 2) -> Callable[[Callable[[], Parts]], Callable[[], Figure]]:
+    """Make figure 5.13 of a function `figure_5_13` that yields words, panels, lines; its docstring is the caption."""
+
+    def make(parts: Callable[[], Parts]) -> Callable[[], Figure]:
+        @wraps(parts)
+        def whole() -> Figure:
+            found, number = list(parts()), parts.__name__.removeprefix("figure_").replace("_", ".")
+            panels = tuple(item for item in found if isinstance(item, Panel))
+            rows = tuple(item for item in found if isinstance(item, Line))
+            words = "".join(item for item in found if isinstance(item, str))
+            caption = _doc(parts)
+            return Figure(number, caption[0].lower() + caption[1:], source, panels, rows, words, columns)
+
+        return whole
+
+    return make
+
+
+def _doc(parts: Callable[P, Parts]) -> str:
+    return (parts.__doc__ or "").removesuffix(".")
+
+
+def write_pictures(shown: Sequence[Shown]) -> None:
+    """Write the pictures of those that have one."""
+    for item in shown:
+        if isinstance(item, Figure):
+            (FOLDER / item.name).write_text(item.picture, encoding="utf-8")
+
+
+def as_text(shown: Iterable[Shown]) -> str:
     """Give tables and figures one below the other."""
-    return "\n\n".join(table.text for table in tables)
+    return "\n\n".join(item.text for item in shown)
+
+
+def row(
+    what: str,
+    printed: str = "",
+    classic: str = "",
+    bank: str = "",
+    *,
+    same: bool | None = None,
+    remark: str = "",
+    otherwise: str = "",
+) -> Line:
+    """Give a line of a figure; its parts are those of `Line`."""
+    told = None if same is None else bool(same)
+    return Line(what=what, printed=printed, ours=classic, bank=bank, same=told, remark=remark, otherwise=otherwise)
+
+
+def short(value: float) -> str:
+    """Write a number to three digits as the thesis does: 4.45e11."""
+    return f"{value:.3g}".replace("e+", "e").replace("e-0", "e-")
+
+
+def percent(value: float, digits: int = 0) -> str:
+    """Write a part as per cent."""
+    return f"{100 * value:.{digits}f} %"
 
 
 def words(what: str, printed: str, ours: str, remark: str = "") -> Line:

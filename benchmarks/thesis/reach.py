@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.thesis.hypotheses import model
 from benchmarks.thesis.motor import NOMINAL
-from benchmarks.thesis.page import Table, equal, set_text
+from benchmarks.thesis.page import Parts, equal, set_text, table
 from faultbond.analysis.solutions import reachable
 
 BEHAVIOURS, LOW, HIGH, SEED = 25, 0.5, 2.0, 0
@@ -26,8 +26,9 @@ INDEPENDENT = {  # of 25 other motors, by another program; a solver that failed 
 REMARK = "erratum: not always with positive values"
 
 
-def three_components() -> Table:
-    """Give how many random motors each triple explains with positive values."""
+@table("6.1.2 and 6.5, pages 124 and 148")
+def three_components() -> Parts:
+    """Section 6.5: what three components can explain."""
     triples = list(combinations("RLJCK", 3))
     found = reachable(model("motor"), triples, behaviours=BEHAVIOURS, low=LOW, high=HIGH, seed=SEED)
     lines = []
@@ -38,16 +39,14 @@ def three_components() -> Table:
         always = exact == item.tried
         line = equal(set_text(item.parameters), "always", ours, "" if always else REMARK, same=always)
         lines.append(line)
-    return Table(
-        title="Section 6.5: what three components can explain",
-        source="6.1.2 and 6.5, pages 124 and 148",
-        words="The thesis: with three components a positive answer is always obtained. Near the nominal motor that "
+    yield (
+        "The thesis: with three components a positive answer is always obtained. Near the nominal motor that "
         f"holds. Here are {BEHAVIOURS} random motors, all five parameters between half and twice nominal: how many of "
         "their behaviours positive values of three parameters give, the other two nominal. First what the search for "
         "solutions finds, which is a lower bound, then the exact number, then what another program found for 25 other "
-        "motors, a lower bound, too.",
-        lines=tuple(lines),
+        "motors, a lower bound, too."
     )
+    yield from lines
 
 
 def exact_count(triple: Sequence[str]) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 import sympy as sp
 
 from benchmarks.thesis.motor import EXAMPLES, FIGURE_4_4, HYPOTHESES, in_figure_4_4, signals_of, system
-from benchmarks.thesis.page import Line, Table, equal, number, words
+from benchmarks.thesis.page import Line, Parts, equal, number, table, words
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import find_route
@@ -38,22 +38,21 @@ def formulas(*solutions: Solution) -> str:
     return code(line for item in solutions for line in to_lines(item.roots[0], item.targets))
 
 
-def table_3_1() -> Table:
-    """Give the equations of the circuit."""
+@table("3.1, figures 3.1 and 3.2, page 19")
+def table_3_1() -> Parts:
+    """Table 3.1: structure and function of the R-C circuit."""
     network = system("rc").network
     laws = {item.name: to_text(in_frame(item, 0)) + " = 0" for item in network.equations}
     printed = ("I_R = I_C = I_source", "V + V_R + V_C = 0", "V_R = I_R R", "V_C = 1/C integral of I_C dt")
     ours = ("one signal: loop.f", laws["loop"], laws["R"], f"{laws['C']}, {laws['C.sum']}")
     remark = "each voltage is counted round the loop; with the half arrows of figure 3.2 two signs turn"
-    return Table(
-        title="Table 3.1: structure and function of the R-C circuit",
-        source="3.1, figures 3.1 and 3.2, page 19",
-        words="`examples/thesis/rc.yaml`. `_0` is the newest sample, `_1` the one before; backward Euler. "
-        "R.e is V_R, loop.f the current.",
-        lines=tuple(
-            equal(f"equation {k}", *texts, remark, same=True) if k == 2 else words(f"equation {k}", *texts)
-            for k, texts in enumerate(zip(printed, ours, strict=True), start=1)
-        ),
+    yield (
+        "`examples/thesis/rc.yaml`. `_0` is the newest sample, `_1` the one before; backward Euler. "
+        "R.e is V_R, loop.f the current."
+    )
+    yield from (
+        equal(f"equation {k}", *texts, remark, same=True) if k == 2 else words(f"equation {k}", *texts)
+        for k, texts in enumerate(zip(printed, ours, strict=True), start=1)
     )
 
 
@@ -69,22 +68,19 @@ def through_a_store() -> tuple[Solution, Solution, tuple[np.ndarray, ...]]:
     return forward, backward, (x, y, np.array(ahead), np.array(back))
 
 
-def figure_3_19() -> Table:
-    """Give both ways through a store with noisy signals."""
+@table("3.9, pages 48 and 49")
+def figure_3_19() -> Parts:
+    """Figures 3.18 and 3.19: noise through a store."""
     forward, backward, (_, y, ahead, back) = through_a_store()
     off = np.std(ahead - y[1:])
-    return Table(
-        title="Figures 3.18 and 3.19: noise through a store",
-        source="3.9, pages 48 and 49",
-        words="`examples/thesis/fig_3_18.yaml` and `.csv`: y sums x/P, P = 4, x = 1 with 1 % noise, ten samples a "
-        "second. The noise of y is not told; ours is 0.01.",
-        lines=(
-            words("y from x and the last y, figure (C)", "very close to the measured y", f"{off:.3f} off (rms)"),
-            words("x from y and the last y, figure (D): mean", "about 1", f"{np.mean(back):.3f}"),
-            words("the same: standard deviation", "very bad, very noisy", f"{np.std(back):.2f}, that of x is 0.01"),
-        ),
-        after=formulas(forward, backward),
+    yield (
+        "`examples/thesis/fig_3_18.yaml` and `.csv`: y sums x/P, P = 4, x = 1 with 1 % noise, ten samples a "
+        "second. The noise of y is not told; ours is 0.01."
     )
+    yield words("y from x and the last y, figure (C)", "very close to the measured y", f"{off:.3f} off (rms)")
+    yield words("x from y and the last y, figure (D): mean", "about 1", f"{np.mean(back):.3f}")
+    yield words("the same: standard deviation", "very bad, very noisy", f"{np.std(back):.2f}, that of x is 0.01")
+    yield (formulas(forward, backward))
 
 
 def _recorded(name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -99,28 +95,23 @@ def _follow(solution: Solution, target: str, **values: float) -> float:
     return float(evaluate_root(solution.roots[0], known)[target])
 
 
-def section_4_1() -> Table:
-    """Give what one observation tells."""
+@table("4.1, figure 4.2, pages 58 to 60")
+def section_4_1() -> Parts:
+    """Section 4.1: what one observation tells."""
     both = system("motor_current").network
     wanted = [name for name in both.signals if name not in both.observed]
     found = [name for name in wanted if _is_found(both, name)]
     all_of = "all" if found == wanted else f"{len(found)} of {len(wanted)}"
     current = "found" if _is_found(system("motor").network, "armature.f") else "not found"
     route = find_route(both, questions.parameters(both, ("R",)))
-    return Table(
-        title="Section 4.1: what one observation tells",
-        source="4.1, figure 4.2, pages 58 to 60",
-        words="`examples/thesis/motor.yaml` and `motor_current.yaml`.",
-        lines=(
-            equal("current h from V and omega of one observation", "not found", current),
-            equal("signals found from V, omega and the current of one observation", "all", all_of),
-            equal(
-                "the same with one component suspended, such as R",
-                "more than one observation",
-                "more than one observation" if route.observations > 1 else "one observation",
-                f"{route.observations} observations",
-            ),
-        ),
+    yield "`examples/thesis/motor.yaml` and `motor_current.yaml`."
+    yield equal("current h from V and omega of one observation", "not found", current)
+    yield equal("signals found from V, omega and the current of one observation", "all", all_of)
+    yield equal(
+        "the same with one component suspended, such as R",
+        "more than one observation",
+        "more than one observation" if route.observations > 1 else "one observation",
+        f"{route.observations} observations",
     )
 
 
@@ -134,27 +125,26 @@ def _is_found(network: ComponentNetwork, signal: str) -> bool:
     return True
 
 
-def section_4_2_1() -> Table:
-    """Give the routes to the states."""
+@table("4.2.1, figures 4.4 and 4.6, pages 64 and 65")
+def section_4_2_1() -> Parts:
+    """Section 4.2.1: the states."""
     motor = system("motor")
     now, start, rates = (
         next(motor.ask(item) for item in ask(motor.network) if item.targets[0][0] == "armature.f")
         for ask in (questions.states, questions.states_at_start, questions.states_from_rates)
     )
-    return Table(
-        title="Section 4.2.1: the states",
-        source="4.2.1, figures 4.4 and 4.6, pages 64 and 65",
-        words="`examples/thesis/motor.yaml`. The thesis' letters for the signals are those of figure 4.4: a is the "
+    yield (
+        "`examples/thesis/motor.yaml`. The thesis' letters for the signals are those of figure 4.4: a is the "
         "voltage and b the speed now, d the speed and m the current one sample before. The other state, the speed, is "
-        "measured.",
-        lines=(
-            equal("h, the current: signals on the route", "b, c, d, e, f, g, h", signals_of(now[0])),
-            equal("h from the changes l and e: signals on the route", "a, b, h, i, j, k, l", signals_of(rates[0])),
-            equal("m, the current at the start: measured values used", "V1, omega1, omega2", _measured(start[0])),
-            number("the same: observations", "2", start[0].observations),
-        ),
-        after="In the order of these lines; the newest sample has index 0, and `L.rate` is l/dt:\n\n"
-        + formulas(now[1], rates[1], start[1]),
+        "measured."
+    )
+    yield equal("h, the current: signals on the route", "b, c, d, e, f, g, h", signals_of(now[0]))
+    yield equal("h from the changes l and e: signals on the route", "a, b, h, i, j, k, l", signals_of(rates[0]))
+    yield equal("m, the current at the start: measured values used", "V1, omega1, omega2", _measured(start[0]))
+    yield number("the same: observations", "2", start[0].observations)
+    yield (
+        "In the order of these lines; the newest sample has index 0, and `L.rate` is l/dt:\n\n"
+        + formulas(now[1], rates[1], start[1])
     )
 
 
@@ -163,8 +153,9 @@ def _measured(route: Route) -> str:
     return ", ".join(f"{name}{frame + 1}" for name, frame in sorted(route.samples))
 
 
-def section_4_2_2() -> Table:
-    """Give what the parameters of every set of components take."""
+@table("4.2.2, figure 4.7, pages 66 and 67")
+def section_4_2_2() -> Parts:
+    """Section 4.2.2: parameters."""
     one, both, friction = (find_route(system("motor").network, _of(names)) for names in ("R", "RL", "C"))
     lines = [
         number("R: observations", "3", one.observations),
@@ -183,14 +174,12 @@ def section_4_2_2() -> Table:
         f"{''.join(names)} {find_route(system('motor').network, _of(names)).largest_block}" for names in HYPOTHESES
     ]
     lines.append(words("most equations solved together, from V, omega", "", ", ".join(blocks)))
-    return Table(
-        title="Section 4.2.2: parameters",
-        source="4.2.2, figure 4.7, pages 66 and 67",
-        words="`examples/thesis/motor.yaml` and `motor_current.yaml`. Every set of one to five parameters, with the "
+    yield (
+        "`examples/thesis/motor.yaml` and `motor_current.yaml`. Every set of one to five parameters, with the "
         "number of equations that have to be solved; those of four and five from V and omega have enough equations, "
-        "yet no solution, see section 6.5.",
-        lines=tuple(lines),
+        "yet no solution, see section 6.5."
     )
+    yield from lines
 
 
 def _of(names: Sequence[str]) -> Question:
@@ -215,19 +204,14 @@ def _sizes(network: ComponentNetwork, size: int) -> list[str]:
     ]
 
 
-def section_4_2_3() -> Table:
-    """Give the route to the change of the current."""
+@table("4.2.3, page 68")
+def section_4_2_3() -> Parts:
+    """Section 4.2.3: rates of change of the states."""
     motor = system("motor").network
     now, before = next(pair for pair in questions.rates(motor) if pair[0].targets[0][0] == "armature.f")
-    return Table(
-        title="Section 4.2.3: rates of change of the states",
-        source="4.2.3, page 68",
-        words="The change l of the current is h - m, each by the route to a state.",
-        lines=(
-            equal("h: measured values used", "omega1, omega2", _measured(find_route(motor, now))),
-            equal("m: measured values used", "omega2, omega3", _measured(find_route(motor, before))),
-        ),
-    )
+    yield "The change l of the current is h - m, each by the route to a state."
+    yield equal("h: measured values used", "omega1, omega2", _measured(find_route(motor, now)))
+    yield equal("m: measured values used", "omega2, omega3", _measured(find_route(motor, before)))
 
 
 TABLE_4_1 = (  # our equation, the signal that the thesis finds by it, and how
@@ -246,25 +230,20 @@ TABLE_4_2 = (("K.1", "j", "b*K"), ("L", "k", "L/dt*l"), ("armature", "i", "a - k
 SECTION_4_3 = "(a - l*L/dt - K*b)/R"
 
 
-def table_4_1() -> Table:
-    """Give the equations that lead from the states at the start to the speed."""
+@table("4.2 and 4.2.4, figure 4.5, page 63")
+def table_4_1() -> Parts:
+    """Table 4.1: the constraints of the system."""
     motor = system("motor")
     (question,) = questions.outputs(motor.network)
     route, solution = motor.ask(question)
     remark = "erratum: dt/J is meant; j is another signal"
     known = sorted(FIGURE_4_4[signal] for signal in (*route.samples, *route.known))
-    return Table(
-        title="Table 4.1: the constraints of the system",
-        source="4.2 and 4.2.4, figure 4.5, page 63",
-        words="What the speed b takes along causality from a, m and d, in the letters of figure 4.4.",
-        lines=(
-            *_constraints(TABLE_4_1, route, {"e": remark}),
-            number("number of equations", "10", len(route.steps)),
-            equal("signals known", "a, d, m", ", ".join(known)),
-            equal("how they are solved", "simultaneously", _how(route)),
-        ),
-        after="Solved for the speed:\n\n" + formulas(solution),
-    )
+    yield "What the speed b takes along causality from a, m and d, in the letters of figure 4.4."
+    yield from _constraints(TABLE_4_1, route, {"e": remark})
+    yield number("number of equations", "10", len(route.steps))
+    yield equal("signals known", "a, d, m", ", ".join(known))
+    yield equal("how they are solved", "simultaneously", _how(route))
+    yield ("Solved for the speed:\n\n" + formulas(solution))
 
 
 def _constraints(
@@ -291,8 +270,9 @@ def _solved(law: Expression, letter: str) -> sp.Expr:
     return sp.cancel(to_sympy(found))
 
 
-def section_4_3() -> Table:
-    """Give the line of code of 4.3 and the constraints of table 4.2."""
+@table("4.3 and 4.4, pages 72 and 74")
+def section_4_3() -> Parts:
+    """Section 4.3 and table 4.2: the current as one line of code."""
     motor = system("motor")
     question = next(item for item in questions.states_from_rates(motor.network) if item.targets[0][0] == "armature.f")
     route, solution = motor.ask(question)
@@ -307,21 +287,17 @@ def section_4_3() -> Table:
     change = (current - record["armature.f"][3]) / motor.plant.sample_time
     values = {**motor.plant.values, "dt": motor.plant.sample_time, **known, "L.rate_0": change}
     found = evaluate_root(solution.roots[0], values)["armature.f_0"]
-    return Table(
-        title="Section 4.3 and table 4.2: the current as one line of code",
-        source="4.3 and 4.4, pages 72 and 74",
-        words="The route from the change l of the current and one observation, figure 4.6. The motor is that of table "
-        "6.3, by backward Euler at 50 Hz, V = 10, 10, 12, 7, 11 from rest.",
-        lines=(
-            *_constraints(TABLE_4_2, route),
-            number("number of constraints", "4", len(route.steps)),
-            equal("h", SECTION_4_3, to_text(ours), same=gap == 0),
-            words(
-                "h by this line", "", f"{float(found):.12g}", f"in the simulation {float(record['armature.f'][4]):.12g}"
-            ),
-        ),
-        after=formulas(solution),
+    yield (
+        "The route from the change l of the current and one observation, figure 4.6. The motor is that of table "
+        "6.3, by backward Euler at 50 Hz, V = 10, 10, 12, 7, 11 from rest."
     )
+    yield from _constraints(TABLE_4_2, route)
+    yield number("number of constraints", "4", len(route.steps))
+    yield equal("h", SECTION_4_3, to_text(ours), same=gap == 0)
+    yield words(
+        "h by this line", "", f"{float(found):.12g}", f"in the simulation {float(record['armature.f'][4]):.12g}"
+    )
+    yield (formulas(solution))
 
 
 def at_50_hz(volts: Sequence[float]) -> Record:

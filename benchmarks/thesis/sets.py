@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import sympy as sp
 
-from benchmarks.thesis.page import Table, equal, number, numbers, set_text, sets, value_text, words
+from benchmarks.thesis.page import Parts, equal, number, numbers, set_text, sets, table, value_text, words
 from benchmarks.thesis.static import falling, observed, predicted
 from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.model.parser import parse_expression
@@ -31,8 +31,9 @@ SUBSETS = {  # table 6.1: the subset taken as healthy, and the parameters of the
 }
 
 
-def table_6_1() -> Table:
-    """Give the parameters outside each subset from each observation alone."""
+@table("6.1.1, figure 6.1, page 122")
+def table_6_1() -> Parts:
+    """Table 6.1: two observations of a system which has parameters."""
     network, rows = observed("fig_6_1")
     lines = []
     for subset, printed in SUBSETS.items():
@@ -46,13 +47,11 @@ def table_6_1() -> Table:
                 (found,) = relations(network, suspects, rows[k])
                 ours = found.text.partition(" = ")[2]
                 lines.append(equal(what, text, ours, same=_is_printed_law(text, ours, suspects[1])))
-    return Table(
-        title="Table 6.1: two observations of a system which has parameters",
-        source="6.1.1, figure 6.1, page 122",
-        words="`examples/thesis/fig_6_1.yaml`: Vo = B (Vi + A) + C Vi. Nominal A = 2, B = 5, C = 4 is the only choice "
-        "that gives this table. Observed: (Vi, Vo) = (4, 34) and (3, 27).",
-        lines=tuple(lines),
+    yield (
+        "`examples/thesis/fig_6_1.yaml`: Vo = B (Vi + A) + C Vi. Nominal A = 2, B = 5, C = 4 is the only choice "
+        "that gives this table. Observed: (Vi, Vo) = (4, 34) and (3, 27)."
     )
+    yield from lines
 
 
 def _is_printed_law(printed: str, ours: str, name: str) -> bool:
@@ -63,8 +62,9 @@ def _is_printed_law(printed: str, ours: str, name: str) -> bool:
     return all(abs(float(gap)) <= 0.0005 * (1 + value) for value, gap in zip((1, 2, 3), gaps, strict=True))
 
 
-def table_6_2() -> Table:
-    """Give the pairs of parameters from two observations each."""
+@table("6.1.1, page 123")
+def table_6_2() -> Parts:
+    """Table 6.2: using three observations to solve the parameter values."""
     printed = {("B", "C"): ("3", "4"), ("A", "C"): ("1.2", "2"), ("A", "B"): ("2", "3")}
     network, rows = observed("fig_6_1")
     found = table_of_pairs(network, rows)
@@ -81,16 +81,15 @@ def table_6_2() -> Table:
     ours = [{**nominal, **table[pair].points[0]} for pair in printed for table in found]
     sums = sorted({item["B"] + item["C"] for item in ours}, key=float)
     products = sorted({item["A"] * item["B"] for item in ours}, key=float)
-    return Table(
-        title="Table 6.2: using three observations to solve the parameter values",
-        source="6.1.1, page 123",
-        words="The same file, with the third observation (1, 13).",
-        lines=(*lines, numbers("B + C, equation 6.2", ["7"], sums), numbers("A B, equation 6.2", ["6"], products)),
-    )
+    yield "The same file, with the third observation (1, 13)."
+    yield from lines
+    yield numbers("B + C, equation 6.2", ["7"], sums)
+    yield numbers("A B, equation 6.2", ["6"], products)
 
 
-def conflicts_of_6_1() -> Table:
-    """Give conflict sets and diagnoses, with constancy over observations and without."""
+@table("6.1 and 6.1.2, pages 119 and 126")
+def conflicts_of_6_1() -> Parts:
+    """Section 6.1: conflict sets and hitting sets."""
     network, rows = observed("fig_6_1")
     tested = (frozenset[str](), *hypotheses("ABC", 2))
     apart = {item: all(solve(network, _ordered(item), [row]).explains for row in rows) for item in tested}
@@ -100,20 +99,16 @@ def conflicts_of_6_1() -> Table:
     diagnoses = minimal_hitting_sets(conflicts)
     points = {item: falling(solve(network, _ordered(item), rows))[0] for item in diagnoses}
     remark = "erratum: {A, C} meets all three, too; table 6.2 gives its values"
-    return Table(
-        title="Section 6.1: conflict sets and hitting sets",
-        source="6.1 and 6.1.2, pages 119 and 126",
-        words="The same file. A set is a conflict if no values of the other parameters explain the observations: "
-        "values of each observation's own in the first two lines, constant values in the others.",
-        lines=(
-            sets("conflict sets, each observation by itself", [("A", "B", "C")], every),
-            sets("minimal hitting sets of these", [("A",), ("B",), ("C",)], minimal_hitting_sets(every)),
-            sets("conflict sets, values constant", [("A", "B", "C"), ("A", "B"), ("B", "C")], conflicts),
-            sets("minimal hitting sets of these", [("B",)], diagnoses, remark),
-            numbers("value of B in {B}", ["3.0"], points[frozenset("B")]),
-            numbers("values of A and C in {A, C}", ["1.2", "2"], points[frozenset("AC")], "printed in table 6.2"),
-        ),
+    yield (
+        "The same file. A set is a conflict if no values of the other parameters explain the observations: "
+        "values of each observation's own in the first two lines, constant values in the others."
     )
+    yield sets("conflict sets, each observation by itself", [("A", "B", "C")], every)
+    yield sets("minimal hitting sets of these", [("A",), ("B",), ("C",)], minimal_hitting_sets(every))
+    yield sets("conflict sets, values constant", [("A", "B", "C"), ("A", "B"), ("B", "C")], conflicts)
+    yield sets("minimal hitting sets of these", [("B",)], diagnoses, remark)
+    yield numbers("value of B in {B}", ["3.0"], points[frozenset("B")])
+    yield numbers("values of A and C in {A, C}", ["1.2", "2"], points[frozenset("AC")], "printed in table 6.2")
 
 
 def _ordered(names: Iterable[str]) -> tuple[str, ...]:
@@ -128,8 +123,9 @@ HYPOTHESES = {  # 6.4.1: what follows with these suspended, and whether that exp
 }
 
 
-def figure_6_13() -> Table:
-    """Give the tables of 6.4.1, and all diagnoses of the system."""
+@table("6.4.1, pages 142 and 143")
+def figure_6_13() -> Parts:
+    """Figure 6.13: adders and multipliers."""
     network, (seen,) = observed("fig_6_13")
     lines = []
     for suspended, (printed, explained) in HYPOTHESES.items():
@@ -143,16 +139,12 @@ def figure_6_13() -> Table:
         lines.append(equal(f"{set_text(suspended)} as a hypothesis", verdict[explained], ours_verdict))
     found = minimal_diagnoses(network.suspects, lambda suspended: is_consistent(network, suspended, seen))
     follow = " and ".join(set_text(item) for item in found.sets if len(item) == 1)
-    return Table(
-        title="Figure 6.13: adders and multipliers",
-        source="6.4.1, pages 142 and 143",
-        words="`examples/thesis/fig_6_13.yaml`. How the parts are joined follows from the values printed; the measured "
-        "outputs are not printed, out1 = 11 and out2 = 170 are ours.",
-        lines=(
-            *lines,
-            sets("all minimal diagnoses", (), found.sets, f"{follow} for any wrong out2; pairs depend on the joints"),
-        ),
+    yield (
+        "`examples/thesis/fig_6_13.yaml`. How the parts are joined follows from the values printed; the measured "
+        "outputs are not printed, out1 = 11 and out2 = 170 are ours."
     )
+    yield from lines
+    yield sets("all minimal diagnoses", (), found.sets, f"{follow} for any wrong out2; pairs depend on the joints")
 
 
 VERDICTS = {  # table 6.4: the hypothesis, whether it explains, the set taken as healthy, whether that is a conflict
@@ -163,8 +155,9 @@ VERDICTS = {  # table 6.4: the hypothesis, whether it explains, the set taken as
 }
 
 
-def table_6_4() -> Table:
-    """Give what follows from the verdicts on the four largest hypotheses of four components."""
+@table("6.4.2, page 144")
+def table_6_4() -> Parts:
+    """Table 6.4: example of a multiple fault diagnosis."""
     verdicts = {frozenset(names): explained for names, (explained, _, _) in VERDICTS.items()}
     conflicts = conflict_sets("ABCD", verdicts)
     tested = [names for names, explained in verdicts.items() if explained]
@@ -176,17 +169,11 @@ def table_6_4() -> Table:
         )
         for names, (explained, rest, printed) in VERDICTS.items()
     ]
-    return Table(
-        title="Table 6.4: example of a multiple fault diagnosis",
-        source="6.4.2, page 144",
-        words="Four components A to D; the verdicts on four hypotheses are given.",
-        lines=(
-            *lines,
-            sets("common subset of the hypotheses that explain", [("B", "C")], common_subsets(tested)),
-            sets("minimal hitting sets of the conflict sets", [("B", "C")], minimal_hitting_sets(conflicts)),
-            sets("put forward", [("B", "C"), ("A", "B", "C"), ("B", "C", "D")], hypotheses_left(verdicts)),
-        ),
-    )
+    yield "Four components A to D; the verdicts on four hypotheses are given."
+    yield from lines
+    yield sets("common subset of the hypotheses that explain", [("B", "C")], common_subsets(tested))
+    yield sets("minimal hitting sets of the conflict sets", [("B", "C")], minimal_hitting_sets(conflicts))
+    yield sets("put forward", [("B", "C"), ("A", "B", "C"), ("B", "C", "D")], hypotheses_left(verdicts))
 
 
 ERRORS = {"A": 0.05, "B": 0.6, "C": 0.5, "D": 0.03}  # error index of the conflict set of each component of table 6.4
@@ -194,8 +181,9 @@ TWICE = "erratum: one set stands twice; which set one of them should be cannot b
 BY_HAND = {"BC": "0.08", "ABC": "0.48", "B": "0.58", "A": "1.48"}
 
 
-def section_6_6() -> Table:
-    """Give hitting indices beside those worked by hand, and say what table 6.7 lacks."""
+@table("6.6, pages 152 and 153")
+def section_6_6() -> Parts:
+    """Section 6.6 and table 6.7: the hitting index."""
     indices = {frozenset(name): value for name, value in ERRORS.items()}
     found = {names: hitting_index(names, indices) for names in BY_HAND}
     lines = [
@@ -203,14 +191,10 @@ def section_6_6() -> Table:
         for names, text in BY_HAND.items()
     ]
     given = ", ".join(f"{{{name}}} {value:g}" for name, value in ERRORS.items())
-    return Table(
-        title="Section 6.6 and table 6.7: the hitting index",
-        source="6.6, pages 152 and 153",
-        words="The thesis prints no worked example. Its sum is worked here by hand for four conflict sets of one "
+    yield (
+        "The thesis prints no worked example. Its sum is worked here by hand for four conflict sets of one "
         f"component each with the error indices {given}, of which no more than 0.5 counts. Table 6.7 cannot be "
-        "regenerated: neither its system nor its error indices are told.",
-        lines=(
-            *lines,
-            words("rank 4 and rank 6 of table 6.7", "{A, F, G} with 4.18 and with 4.65", "", TWICE),
-        ),
+        "regenerated: neither its system nor its error indices are told."
     )
+    yield from lines
+    yield words("rank 4 and rank 6 of table 6.7", "{A, F, G} with 4.18 and with 4.65", "", TWICE)

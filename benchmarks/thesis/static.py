@@ -11,18 +11,14 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from benchmarks.thesis.page import Line, Table, equal, number, numbers, sets, words
+from benchmarks.thesis.page import Line, Parts, Table, equal, number, numbers, sets, table, words
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
 from faultbond.networks.logic.diagnoses import explains, logic_network, predict
 from faultbond.networks.propagation import suspend
 from faultbond.networks.static_network import READING, Observation, StaticNetwork, observation, static_network
-from faultbond.sets import (
-    hypotheses,
-    minimal_diagnoses,
-    minimal_hitting_sets,
-)
+from faultbond.sets import hypotheses, minimal_diagnoses, minimal_hitting_sets
 from faultbond.thesis.tables import Solved, relations, solve, table_of_pairs, table_of_singles
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "thesis"
@@ -52,24 +48,19 @@ def predicted(network: StaticNetwork, seen: Observation, suspended: Sequence[str
     return suspend(network, replace(seen, values=inputs, sensors=()), suspended, {}).known
 
 
-def figures_3_4_and_3_5() -> Table:
-    """Give both diagnoses of two multipliers in a row."""
+@table("3.4.1 and 3.5.2, pages 25 and 29")
+def figures_3_4_and_3_5() -> Parts:
+    """Figures 3.4 and 3.5: two multipliers in a row."""
     network, (seen,) = observed("fig_3_4")
     (single,) = table_of_singles(network, [seen])
     known = predicted(network, seen)
     (tied,) = relations(network, ("i", "ii"), seen)
-    return Table(
-        title="Figures 3.4 and 3.5: two multipliers in a row",
-        source="3.4.1 and 3.5.2, pages 25 and 29",
-        words="`examples/thesis/fig_3_4.yaml`: A = 4 goes in, D = 32 is measured.",
-        lines=(
-            number("B from A", "8", as_exact(known["B"])),
-            number("D from A, healthy", "24", as_exact(known["D"])),
-            number("component *ii* suspended", "4", falling(single["ii"])[0][0]),
-            number("component *i* suspended", "2 2/3", falling(single["i"])[0][0]),
-            words("both suspended", "i = 1, ii = 8 for example", tied.text, "one observation ties the two"),
-        ),
-    )
+    yield "`examples/thesis/fig_3_4.yaml`: A = 4 goes in, D = 32 is measured."
+    yield number("B from A", "8", as_exact(known["B"]))
+    yield number("D from A, healthy", "24", as_exact(known["D"]))
+    yield number("component *ii* suspended", "4", falling(single["ii"])[0][0])
+    yield number("component *i* suspended", "2 2/3", falling(single["i"])[0][0])
+    yield words("both suspended", "i = 1, ii = 8 for example", tied.text, "one observation ties the two")
 
 
 def as_exact(value: object) -> sp.Expr:
@@ -93,9 +84,9 @@ def full_adder() -> Table:
         return "consistent" if explains(network, frozenset(suspended), [seen]) else "inconsistent"
 
     return Table(
-        title="Figures 3.7 to 3.11: a full adder",
-        source="3.6, pages 31 to 36",
-        words="`examples/thesis/fig_3_7.yaml`. Its inputs are in the figure only; those of Reiter's paper, "
+        "Figures 3.7 to 3.11: a full adder",
+        "3.6, pages 31 to 36",
+        "`examples/thesis/fig_3_7.yaml`. Its inputs are in the figure only; those of Reiter's paper, "
         f"{', '.join(f'{name} = {int(seen[name])}' for name in names)}, agree with all that the text says.",
         lines=(
             number("X1 gives, from A and B", "1", int(healthy["x"])),
@@ -117,8 +108,9 @@ def full_adder() -> Table:
     )
 
 
-def table_3_3() -> Table:
-    """Give the parameter of each multiplier from each of two observations."""
+@table("3.7.1, figures 3.12 and 3.13, page 40")
+def table_3_3() -> Parts:
+    """Table 3.3: comparing the two observations."""
     network, rows = observed("fig_3_12")
     table = table_of_singles(network, rows)
     printed = {"M1": ("4", "2 1/2"), "M2": ("4", "4")}
@@ -128,12 +120,9 @@ def table_3_3() -> Table:
         for name in ("M1", "M2")
     ]
     left = [(name,) for name in network.suspects if solve(network, (name,), rows).explains]
-    return Table(
-        title="Table 3.3: comparing the two observations",
-        source="3.7.1, figures 3.12 and 3.13, page 40",
-        words="`examples/thesis/fig_3_12.yaml`: y = M1 x1 + M2 x2, nominal M1 = 2, M2 = 3.",
-        lines=(*lines, sets("explains both observations", [("M2",)], left)),
-    )
+    yield "`examples/thesis/fig_3_12.yaml`: y = M1 x1 + M2 x2, nominal M1 = 2, M2 = 3."
+    yield from lines
+    yield sets("explains both observations", [("M2",)], left)
 
 
 def table_of_figure_3_14(which: int) -> Table:
@@ -151,15 +140,16 @@ def table_of_figure_3_14(which: int) -> Table:
     first = "fig_3_14.yaml`: y = (M1 x1 + M2 x2)^2 + M3 x3, nominal M1 = 1, M2 = 2, M3 = 4, which follow from the text"
     scale = "fig_3_14.yaml`. The text leaves the scale of the inputs of figure 3.16 open; 2 is the simplest"
     return Table(
-        title=f"Table 3.{4 + which}: all the diagnoses from the {('first', 'second')[which]} observation",
-        source=f"3.7.2, figure 3.{(14, 16)[which]}, page 42",
-        words=f"`examples/thesis/{(first, scale)[which]}. Observed: {inputs}, y = {values[READING + 'y']}.",
+        f"Table 3.{4 + which}: all the diagnoses from the {('first', 'second')[which]} observation",
+        f"3.7.2, figure 3.{(14, 16)[which]}, page 42",
+        f"`examples/thesis/{(first, scale)[which]}. Observed: {inputs}, y = {values[READING + 'y']}.",
         lines=(number("expected output", ("65", "")[which], expected), *lines),
     )
 
 
-def figure_3_17() -> Table:
-    """Give the pairs that explain two observations, and which of them a third leaves."""
+@table("3.7.2, page 43")
+def figure_3_17() -> Parts:
+    """Figure 3.17: the diagnosis of two components."""
     network, rows = observed("fig_3_14")
     (pairs,) = table_of_pairs(network, rows)
     third = [*rows, observed("fig_3_14", [(1, 3, 1, 79)])[1][0]]
@@ -167,19 +157,13 @@ def figure_3_17() -> Table:
     remark = f"erratum: (2, 15) is one of {count} solutions of {len(pairs)} pairs"
     lines = [_pair(pair, pairs[pair], remark if pair == ("M1", "M3") else "fits too") for pair in pairs]
     left = [(pair, falling(solve(network, pair, third))) for pair in pairs]
-    return Table(
-        title="Figure 3.17: the diagnosis of two components",
-        source="3.7.2, page 43",
-        words="The same file, both observations together.",
-        lines=(
-            *lines,
-            words(
-                "with a third observation x = (1, 3, 1), y = 79",
-                "",
-                "; ".join(f"({', '.join(pair)}) = {_point(item)}" for pair, found in left for item in found),
-                "made with M1 = 2, M3 = 15: three observations tell",
-            ),
-        ),
+    yield "The same file, both observations together."
+    yield from lines
+    yield words(
+        "with a third observation x = (1, 3, 1), y = 79",
+        "",
+        "; ".join(f"({', '.join(pair)}) = {_point(item)}" for pair, found in left for item in found),
+        "made with M1 = 2, M3 = 15: three observations tell",
     )
 
 
@@ -200,8 +184,9 @@ NOISY = ((1.013, 1.987), (2.016, 1.006))  # table 3.6: the inputs of M1 and M2
 OUTPUTS = {"as printed, 10.082 and 8.003": (10.082, 8.003), "10 and 8": (10.0, 8.0)}
 
 
-def table_3_6() -> Table:
-    """Give the parameters from two noisy observations, with the outputs that are printed and with those meant."""
+@table("3.8, page 45")
+def table_3_6() -> Parts:
+    """Table 3.6: results with noisy measurements."""
     printed = {"M1": ("3.987", "2.471"), "M2": ("4.013", "3.944")}
     remark = "erratum: the printed column belongs to the outputs 10 and 8"
     lines = []
@@ -215,28 +200,19 @@ def table_3_6() -> Table:
                 if title == "10 and 8"
                 else number(f"{name} from observation {k + 1}, outputs {title}", printed[name][k], value, remark)
             )
-    return Table(
-        title="Table 3.6: results with noisy measurements",
-        source="3.8, page 45",
-        words="The system of table 3.3, inputs as printed.",
-        lines=tuple(lines),
-    )
+    yield "The system of table 3.3, inputs as printed."
+    yield from lines
 
 
-def section_3_10() -> Table:
-    """Give the number of hypotheses."""
-    return Table(
-        title="Section 3.10: the number of hypotheses",
-        source="3.10, page 50, and 6.3, page 140",
-        words="All sets of components but the empty one.",
-        lines=(
-            number("four components", "15", len(hypotheses("ABCD"))),
-            number("five components", "31", len(hypotheses("ABCDE"))),
-            number(
-                "four components, by the 2^N of section 6.3",
-                "16",
-                len(hypotheses("ABCD")),
-                "erratum: 2^N - 1, the empty set is no hypothesis",
-            ),
-        ),
+@table("3.10, page 50, and 6.3, page 140")
+def section_3_10() -> Parts:
+    """Section 3.10: the number of hypotheses."""
+    yield "All sets of components but the empty one."
+    yield number("four components", "15", len(hypotheses("ABCD")))
+    yield number("five components", "31", len(hypotheses("ABCDE")))
+    yield number(
+        "four components, by the 2^N of section 6.3",
+        "16",
+        len(hypotheses("ABCD")),
+        "erratum: 2^N - 1, the empty set is no hypothesis",
     )

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from benchmarks.shared.plants import EXAMPLES, recipe_module, tank_case
-from benchmarks.thesis.chart import Curve, Panel
+from benchmarks.thesis.chart import Curve, Panel, panel
 from benchmarks.thesis.watch import Banked, Curves, bank, watch
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
@@ -24,12 +24,7 @@ MINUTE, LITRE, METRE = 60.0, 1e-3, 9810.0  # s, m3, Pa
 PIPE = Fault(parameter="K1", value=4.45e11, start=41 * MINUTE)
 LEAK = Fault(parameter="K6", value=8.7e-5, start=10 * MINUTE)
 EARLY_PIPE = Fault(parameter="K1", value=4.45e11, start=10 * MINUTE)
-FAULTS: dict[str, tuple[Fault, ...]] = {
-    "healthy": (),
-    "pipe": (PIPE,),
-    "leak": (LEAK,),
-    "both": (EARLY_PIPE, LEAK),
-}
+FAULTS: dict[str, tuple[Fault, ...]] = {"healthy": (), "pipe": (PIPE,), "leak": (LEAK,), "both": (EARLY_PIPE, LEAK)}
 LENGTHS = {"healthy": 82.0, "pipe": 82.0, "leak": 41.0, "both": 41.0}  # min
 LITERAL = (Erratum.STEPS, Erratum.AVERAGE, Erratum.LIMIT)  # the detection of 5.4 as it is printed
 SINGLES, PAIRS = 1, 2  # size of the sets that are tested
@@ -160,9 +155,9 @@ def inputs(name: str) -> tuple[Panel, ...]:
     """Draw the openings of both valves."""
     made = recording(name)
     return tuple(
-        Panel(
-            title=f"{letter}: {words} valve, %",
-            curves=(Curve(label="opening", x=made.time / MINUTE, y=made.inputs[:, k]),),
+        panel(
+            f"{letter}: {words} valve, %",
+            Curve("opening", made.time / MINUTE, made.inputs[:, k]),
             below="min",
             low=0.0,
             high=100.0,
@@ -175,9 +170,9 @@ def outputs(name: str, letters: str = "AB") -> tuple[Panel, ...]:
     """Draw flow and depth as measured."""
     made = recording(name)
     return tuple(
-        Panel(
-            title=f"{letter}: {words}",
-            curves=(Curve(label="measured", x=made.time / MINUTE, y=made.outputs[:, k] / unit),),
+        panel(
+            f"{letter}: {words}",
+            Curve("measured", made.time / MINUTE, made.outputs[:, k] / unit),
             below="min",
             mark=onset(name) if FAULTS[name] else None,
         )
@@ -190,26 +185,19 @@ def predicted(name: str, output: int, found: Curves, *, error: bool = False, als
     unit, title = ((LITRE, "flow, l/s"), (METRE, "depth, m"))[output]
     time = found.time / MINUTE
     curves = [
-        Curve(label="measured", x=time, y=found["measured"][:, output] / unit),
-        Curve(label="expected", x=time, y=found["expected"][:, output] / unit, color=1, dashed=True),
+        Curve("measured", time, found["measured"][:, output] / unit),
+        Curve("expected", time, found["expected"][:, output] / unit, 1, dashed=True),
     ]
     if also:
         other = banked(name)
-        curves.append(
-            Curve(label="bank", x=other.time / MINUTE, y=other.expected[:, output] / unit, color=2, dashed=True)
-        )
+        curves.append(Curve("bank", other.time / MINUTE, other.expected[:, output] / unit, 2, dashed=True))
     if error:
         off = (found["measured"][:, output] - found["expected"][:, output]) / unit
-        curves.append(Curve(label="error", x=time, y=off, color=3))
+        curves.append(Curve("error", time, off, 3))
     high = 1.15 * float(np.nanmax(found["measured"][:, output])) / unit
     low = min(0.0, float(np.nanmin(curves[-1].y))) if error else 0.0
-    return Panel(
-        title=title,
-        curves=tuple(curves),
-        below="min",
-        low=max(low, -0.25 * high),
-        high=high,
-        mark=onset(name) if FAULTS[name] else None,
+    return panel(
+        title, *(curves), below="min", low=max(low, -0.25 * high), high=high, mark=onset(name) if FAULTS[name] else None
     )
 
 
@@ -219,25 +207,21 @@ def index_panels(name: str, found: Curves, high: float = 0.25) -> tuple[Panel, .
     literal = found["index"].mean(axis=1)
     limit = 0.03 + 0.97 * np.exp(-(found.time - found.time[0]) / found.plan.settings.decay)
     mark = onset(name) if FAULTS[name] else None
-    averaged = Panel(
-        title="average of both outputs, as printed",
-        curves=(
-            Curve(label="index", x=time, y=literal),
-            Curve(label="1 1/2 N", x=time, y=limit, color=1, dashed=True),
-        ),
+    averaged = panel(
+        "average of both outputs, as printed",
+        Curve("index", time, literal),
+        Curve("1 1/2 N", time, limit, 1, dashed=True),
         below="min",
         low=0.0,
         high=high,
         mark=mark,
     )
-    each = Panel(
-        title="each output, limit with model errors",
-        curves=(
-            Curve(label="flow", x=time, y=found["index"][:, 0]),
-            Curve(label="limit", x=time, y=found["limit"][:, 0], dashed=True),
-            Curve(label="depth", x=time, y=found["index"][:, 1], color=1),
-            Curve(label="limit", x=time, y=found["limit"][:, 1], color=1, dashed=True),
-        ),
+    each = panel(
+        "each output, limit with model errors",
+        Curve("flow", time, found["index"][:, 0]),
+        Curve("limit", time, found["limit"][:, 0], dashed=True),
+        Curve("depth", time, found["index"][:, 1], 1),
+        Curve("limit", time, found["limit"][:, 1], 1, dashed=True),
         below="min",
         low=0.0,
         high=high,
@@ -260,29 +244,24 @@ def many(
     time = found.time[begin:] / MINUTE
     curves = [
         Curve(
-            label=label.replace(", ", " ") if label in leading else "",
-            x=time,
-            y=values[begin:, k],
-            color=list(leading).index(label) if label in leading else 0,
+            label.replace(", ", " ") if label in leading else "",
+            time,
+            values[begin:, k],
+            list(leading).index(label) if label in leading else 0,
         )
         for k, label in enumerate(labels)
     ]
     ordered = sorted(curves, key=lambda item: item.color if item.label else len(leading))
-    return Panel(title=title, curves=tuple(ordered), below="min", low=low, high=high)
+    return panel(title, *(ordered), below="min", low=low, high=high)
 
 
 def bank_panel(name: str, sets: Sequence[str]) -> Panel:
     """Draw the probabilities that `bank` gives to sets, from its alarm on."""
     other = banked(name)
-    return Panel(
-        title="bank: probability, %",
-        curves=tuple(
-            Curve(
-                label=label.replace(", ", " "),
-                x=other.times / MINUTE,
-                y=100 * other.probability(*label.split(", ")),
-                color=k,
-            )
+    return panel(
+        "bank: probability, %",
+        *(
+            Curve(label.replace(", ", " "), other.times / MINUTE, 100 * other.probability(*label.split(", ")), k)
             for k, label in enumerate(sets)
         ),
         below="min",

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.thesis.figure import percent
-from benchmarks.thesis.page import set_text
+from benchmarks.thesis.page import percent, set_text
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
