@@ -165,15 +165,8 @@ def run_scenarios(circuit: Path, scenarios: Sequence[Path], time_limit: float) -
 
 def record_of(result: Result) -> dict[str, object]:
     """Give what is written of a scenario."""
-    diagnoses = result.diagnoses
-    return {
-        "circuit": result.circuit,
-        "scenario": result.scenario,
-        "diagnoses": None if diagnoses is None else [sorted(diagnosis) for diagnosis in diagnoses],
-        "score": result.score,
-        "disputed": result.disputed,
-        "seconds": result.seconds,
-    }
+    kept = {name: getattr(result, name) for name in ("circuit", "scenario", "score", "disputed", "seconds")}
+    return kept | {"diagnoses": None if result.diagnoses is None else [sorted(item) for item in result.diagnoses]}
 
 
 def line_of(title: str, results: Sequence[Result]) -> str:

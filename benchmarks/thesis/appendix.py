@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import sympy as sp
 
@@ -64,6 +65,7 @@ DENOMINATOR = """C**2*omega_2*dt**2*omega_0 - C**2*dt**2*omega_1**2 + C*omega_2*
     + omega_2*J**2*omega_1 + omega_2*J**2*omega_0 + omega_3*J**2*omega_1 - omega_3*J**2*omega_0 - J**2*omega_1**2"""
 
 
+@cache
 def search() -> RouteSearch:
     """Give the thesis' search for R and L, in its letters."""
     network = in_figure_a_2()
@@ -71,8 +73,9 @@ def search() -> RouteSearch:
 
 
 @table("A.3, figure A.2, pages 208 to 216")
-def section_a_3(found: RouteSearch) -> Parts:
+def section_a_3() -> Parts:
     """Section A.3: the search step by step."""
+    found = search()
     passages = found.passages
     lines = [_line(step, passages[k]) for k, step in enumerate(STEPS)]
     lines += [
@@ -139,13 +142,13 @@ def _left(found: RouteSearch, count: int) -> str:
 
 
 @table("A.3, page 216")
-def table_a_1(found: RouteSearch) -> Parts:
+def table_a_1() -> Parts:
     """Table A.1: all of the components needed to solve in order of propagation."""
     lines = []
-    for passage in found.passages:
+    for passage in search().passages:
         unknown = _targets([passage.finds])
         name, frame = passage.place
-        ours = [item for item in contained(found.network.equation(name), frame) if item != passage.finds]
+        ours = [item for item in contained(search().network.equation(name), frame) if item != passage.finds]
         text = f"{_place(passage)}; {_targets(ours)}"
         printed = TABLE_A_1.get(unknown)
         if printed is None:
@@ -192,7 +195,7 @@ def closed_forms() -> Parts:
         "at 50 Hz V = 10, 10, 12, 7, 11."
     )
     yield from lines
-    yield ("Ours, computed in this order:\n\n" + formulas(solution))
+    yield "Ours, computed in this order:\n\n" + formulas(solution)
 
 
 def _value(form: sp.Expr, known: Mapping[str, Value]) -> sp.Expr:

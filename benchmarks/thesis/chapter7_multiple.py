@@ -2,7 +2,7 @@
 
 from benchmarks.thesis import tank
 from benchmarks.thesis.chart import Curve, Panel, panel
-from benchmarks.thesis.page import Figure, Parts, figure, row, set_text, short
+from benchmarks.thesis.page import Parts, figure, row, set_text, short
 from benchmarks.thesis.watch import Curves
 
 WITH_PIPE = ("K1, K8", "K1, K2", "K1, K7", "K1, K3", "K1, K4", "K1, K6")
@@ -12,11 +12,6 @@ PRINTED_RULE = (
     "erratum: by the printed sum the lowest single is always below every pair "
     "as long as all indices are below a quarter"
 )
-
-
-def figures() -> tuple[Figure, ...]:
-    """Give the figures of 7.4 and 7.5."""
-    return (figure_7_34(), figure_7_35(), figure_7_36(), figure_7_37(), figure_7_38(), figure_7_39(), figure_7_40())
 
 
 def _of_size(found: Curves, size: int) -> list[int]:
@@ -52,19 +47,17 @@ def figure_7_34() -> Parts:
     yield "All 21 pairs are tested, no singles."
     yield tank.many(found, found["errors"], found.tested, "error index, average of both outputs", WITH_PIPE, high=0.15)
     yield row(
-        "pairs tested, hypotheses reasoned about",
-        "21, 28",
+        "pairs tested, hypotheses reasoned about | 21, 28",
         f"{len(found.tested)}, {len(found.hypotheses)}",
         same=(len(found.tested), len(found.hypotheses)) == (21, 28),
     )
     yield row(
-        "pairs whose index is within one and a half times the lowest",
-        "many, none stands out",
+        "pairs whose index is within one and a half times the lowest | many, none stands out",
         f"{len(low)}",
         same=len(low) > 3,
         otherwise="few fit",
     )
-    yield row("how many of them hold K1", "-", f"{sum('K1' in key for key in low)}")
+    yield row("how many of them hold K1", f"{sum('K1' in key for key in low)}")
 
 
 @figure("7.4", columns=1)
@@ -74,8 +67,7 @@ def figure_7_35() -> Parts:
     values = list(_hitting(found, 2, 21).values())
     yield _panel(found, 2, "hitting index of pairs", WITH_PIPE)
     yield row(
-        "lowest, second and highest, means from 5 min after the alarm on",
-        "none substantially lower than the rest",
+        "lowest, second and highest, means from 5 min after the alarm on | none substantially lower than the rest",
         f"{values[0]:.2f}, {values[1]:.2f}, {values[-1]:.2f}",
         same=values[1] - values[0] < 0.1,
         otherwise="one pair fits better",
@@ -91,24 +83,21 @@ def figure_7_36() -> Parts:
     yield _panel(found, 1, "hitting index of singles", SINGLES)
     yield tank.bank_panel("pipe", ("K1", "K8", "K2", "K1, K2", "K1, K8"))
     yield row(
-        "lowest two",
-        "K1, K8",
+        "lowest two | K1, K8",
         ", ".join(names[:2]),
-        bank=tank.banked("pipe").ranking(2),
+        tank.banked("pipe").ranking(2),
         same=names[:2] == ["K1", "K8"],
         otherwise="several faults of the flow fit almost as well",
     )
     yield row(
-        "lowest of the singles and of the pairs",
-        "substantially lower than any pair",
+        "lowest of the singles and of the pairs | substantially lower than any pair",
         f"{min(lowest.values()):.2f}, {min(pairs.values()):.2f}",
         remark=PRINTED_RULE,
     )
     yield row(
-        "best by the reading that works",
-        "K1",
+        "best by the reading that works | K1",
         _best(found, 3),
-        bank=tank.banked("pipe").ranking(3),
+        tank.banked("pipe").ranking(3),
         same=_best(found, 1) == "{K1}",
         otherwise="see figure 7.21",
     )
@@ -134,10 +123,9 @@ def figure_7_37() -> Parts:
         high=8.0,
     )
     yield row(
-        "at the end: average, K1 alone",
-        "very similar; 4.45e11 alone",
+        "at the end: average, K1 alone | very similar; 4.45e11 alone",
         f"{short(mean[-1])}, {short(single[-1])}",
-        bank=short(other.estimate("K1")[-1]),
+        short(other.estimate("K1")[-1]),
         same=bool(abs(mean[-1] / single[-1] - 1) < 0.1),
         otherwise="in some pairs the other parameter takes a part of the fault",
     )
@@ -153,15 +141,13 @@ def figure_7_38() -> Parts:
     yield from tank.inputs("both")
     yield from (tank.predicted("both", k, found) for k in (0, 1))
     yield row(
-        "error over signal, 90 % of the time, before: flow, depth",
-        "little difference",
+        "error over signal, 90 % of the time, before: flow, depth | little difference",
         f"{before[0]:.3f}, {before[1]:.3f}",
         same=max(before) < 0.05,
         otherwise="the valves' curves",
     )
     yield row(
-        "after: flow, depth",
-        "an error of the flow, then of the depth",
+        "after: flow, depth | an error of the flow, then of the depth",
         f"{after[0]:.3f}, {after[1]:.3f}",
         same=after[0] > before[0] and after[1] > before[1],
         otherwise="the flow of our recipe is small at first",
@@ -176,7 +162,7 @@ def figure_7_39() -> Parts:
     same = alarm is not None and abs(alarm.time / tank.MINUTE - 13.2) < 1.0
     yield from tank.index_panels("both", found)
     yield row(
-        "alarm", "13 min 12 s", tank.when(alarm), bank=tank.when(other.detection), same=same, otherwise="another recipe"
+        "alarm | 13 min 12 s", tank.when(alarm), tank.when(other.detection), same=same, otherwise="another recipe"
     )
 
 
@@ -189,26 +175,23 @@ def figure_7_40() -> Parts:
     yield tank.many(found, found["hitting"], found.hypotheses, "hitting index", FOUR, low=None)
     yield tank.bank_panel("both", FOUR)
     yield row(
-        "lowest of all",
-        "{K1, K6}",
+        "lowest of all | {K1, K6}",
         " ".join(f"{{{item}}}" for item in first),
-        bank=other.ranking(1),
+        other.ranking(1),
         same=first[0] == "K1, K6",
         remark=PRINTED_RULE,
     )
     yield row(
-        "lowest four pairs",
-        "{K1, K6} {K1, K4} {K3, K8} {K6, K8}",
+        "lowest four pairs | {K1, K6} {K1, K4} {K3, K8} {K6, K8}",
         " ".join(f"{{{item}}}" for item in lowest),
-        bank=other.ranking(4),
+        other.ranking(4),
         same=set(lowest) == set(FOUR),
         otherwise="pairs with one flow parameter and one of the vessel are alike in what they do",
     )
     yield row(
-        "best by the reading that works",
-        "{K1, K6}",
+        "best by the reading that works | {K1, K6}",
         _best(found, 4),
-        bank=other.ranking(1),
+        other.ranking(1),
         same=_best(found, 1) == "{K1, K6}",
         otherwise="least squares on blended states tell pairs worse than likelihoods do",
     )

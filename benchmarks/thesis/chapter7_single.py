@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.thesis import tank
 from benchmarks.thesis.chart import Panel
-from benchmarks.thesis.page import Figure, Line, Parts, figure, row, short
+from benchmarks.thesis.page import Figure, Line, Parts, drawn, figure, row, short
 from benchmarks.thesis.watch import Curves
 from faultbond.arrays import FloatArray
 
@@ -67,10 +67,9 @@ def _value(printed: str, name: str, parameter: str, within: float, otherwise: st
     """Compare a last estimate with the printed one, and with that of `bank`."""
     ours, theirs = estimate(name, parameter), float(tank.banked(name).estimate(parameter)[-1])
     return row(
-        f"estimate of {parameter} at the end",
-        printed,
+        f"estimate of {parameter} at the end | {printed}",
         short(ours),
-        bank=short(theirs),
+        short(theirs),
         same=abs(ours / float(printed) - 1.0) < within,
         remark=remark,
         otherwise=otherwise,
@@ -99,8 +98,7 @@ def figure_7_20() -> Parts:
     )
     yield _value("5.5e4", "pipe", "K8", 0.05, "the flow of our recipe is another, and K8 does not explain it")
     yield row(
-        "K1 5 min after the alarm and at the end",
-        "still decreasing at the end",
+        "K1 5 min after the alarm and at the end | still decreasing at the end",
         f"{short(early)}, {short(late)}",
         f"{short(theirs[0])}, {short(theirs[1])}",
         same=late < early,
@@ -117,14 +115,13 @@ def figure_7_21() -> Parts:
     yield tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.15)
     yield tank.bank_panel("pipe", ("K1", "K8", "K2", "K7"))
     yield row(
-        "lowest two, by their means from 5 min after the alarm on",
-        "K1, K8",
+        "lowest two, by their means from 5 min after the alarm on | K1, K8",
         ", ".join(lowest),
-        bank=best.ranking(2),
+        best.ranking(2),
         same=set(lowest) == {"K1", "K8"},
         otherwise="several faults of the flow fit almost as well, and which is next hangs on what else is off",
     )
-    yield row("these means of K1 and K8", "approximately equally low", f"{values['K1']:.3f}, {values['K8']:.3f}")
+    yield row("these means of K1 and K8 | approximately equally low", f"{values['K1']:.3f}, {values['K8']:.3f}")
 
 
 @figure("7.3.1")
@@ -137,23 +134,20 @@ def figure_7_22() -> Parts:
     lowest = _lowest("pipe", "hitting", 7)
     yield tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None)
     yield row(
-        "lowest, by the same means",
-        "K1, before K8",
+        "lowest, by the same means | K1, before K8",
         ", ".join(lowest[:3]),
-        bank=tank.banked("pipe").ranking(1),
+        tank.banked("pipe").ranking(1),
         same=lowest[0] == "K1" or lowest.index("K1") < lowest.index("K8"),
         otherwise="see figure 7.21",
     )
     yield row(
-        "K8 above K1, mean: up to 61 min, from 62 to 66 min",
-        "virtually the same; K1 substantially lower",
+        "K8 above K1, mean: up to 61 min, from 62 to 66 min | virtually the same; K1 substantially lower",
         f"{apart[0]:.3f}, {apart[1]:.3f}",
         same=apart[1] > 5.0 * abs(apart[0]),
         otherwise="another recipe",
     )
     yield row(
         "order by hitting index and by error index",
-        "-",
         "the same" if lowest == _lowest("pipe", "errors", 7) else "not the same",
         remark="when singles are tested the hitting index is a constant and twice the error index",
     )
@@ -161,63 +155,37 @@ def figure_7_22() -> Parts:
 
 def compared(name: str, parameter: str, numbers: tuple[str, str], printed: str) -> tuple[Figure, Figure]:
     """Give how a model with one parameter changed follows the plant, and its error index."""
-    value = estimate(name, parameter)
+    value, words = estimate(name, parameter), WORDS[name]
     found = tank.explained(name, parameter, value)
-    words = f"From the fault on, with {parameter} = {short(value)}; the thesis has {printed}."
-    behaviour = Figure(
-        numbers[0],
-        f"the behaviour with {parameter} faulty, {WORDS[name]}",
-        SOURCE[name],
-        words=words,
-        panels=tuple(tank.predicted(name, k, found, also=False) for k in (0, 1)),
-        rows=_behaviour(name, parameter, found),
+    told = f"From the fault on, with {parameter} = {short(value)}; the thesis has {printed}."
+    behaviour, index = _behaviour(name, parameter, found, told), _misfit(name, parameter, found, told)
+    return (
+        drawn(numbers[0], f"the behaviour with {parameter} faulty, {words}", SOURCE[name], behaviour),
+        drawn(numbers[1], f"the error index for a fault in {parameter}, {words}", SOURCE[name], index),
     )
-    index = Figure(
-        numbers[1],
-        f"the error index for a fault in {parameter}, {WORDS[name]}",
-        SOURCE[name],
-        words=words,
-        panels=tank.index_panels(name, found, 0.15),
-        rows=_misfit(name, parameter, found),
-    )
-    return behaviour, index
 
 
-def _behaviour(name: str, parameter: str, found: Curves) -> tuple[Line, ...]:
+def _behaviour(name: str, parameter: str, found: Curves, told: str) -> Parts:
     """Compare what is said of the outputs."""
     flow, depth = (tank.relative(found, k, tank.onset(name) + 2.0) for k in (0, 1))
     low, high = tank.by_flow(found, tank.onset(name) + 2.0)
-    other = row(
-        "depth: error over signal, 90 % of the time",
-        DEPTHS[parameter],
-        f"{depth:.3f}",
-        same=depth < 0.02,
-        otherwise="the estimate is further off",
-    )
+    yield told
+    yield from (tank.predicted(name, k, found, also=False) for k in (0, 1))
     if name == "leak":
-        return (
-            row(
-                "flow: error over signal, 90 % of the time",
-                "very close",
-                f"{flow:.3f}",
-                same=flow < 0.05,
-                otherwise="the valves' curves",
-            ),
-            other,
-        )
-    return (
-        row(
-            "flow: median error at low and at high flow",
-            FLOWS[parameter],
+        what, otherwise = "flow: error over signal, 90 % of the time | very close", "the valves' curves"
+        yield row(what, f"{flow:.3f}", same=flow < 0.05, otherwise=otherwise)
+    else:
+        yield row(
+            f"flow: median error at low and at high flow | {FLOWS[parameter]}",
             f"{low:.3f}, {high:.3f}",
             same=high < 0.05 if parameter == "K1" else high > 2.0 * low,
             otherwise="the estimate lies between what a low and what a high flow ask for, and fits neither",
-        ),
-        other,
-    )
+        )
+    what, otherwise = "depth: error over signal, 90 % of the time", "the estimate is further off"
+    yield row(f"{what} | {DEPTHS[parameter]}", f"{depth:.3f}", same=depth < 0.02, otherwise=otherwise)
 
 
-def _misfit(name: str, parameter: str, found: Curves) -> tuple[Line, ...]:
+def _misfit(name: str, parameter: str, found: Curves, told: str) -> Parts:
     """Compare what is said of the error index, and give that of a model with the estimate of `bank`."""
     rows = tank.window(found, tank.onset(name) + 5.0)
     mean, peak = (float(item(found["index"].mean(axis=1)[rows])) for item in (np.mean, np.max))
@@ -225,17 +193,15 @@ def _misfit(name: str, parameter: str, found: Curves) -> tuple[Line, ...]:
     if parameter == FAULTS[name]:
         other = tank.explained(name, parameter, float(tank.banked(name).estimate(parameter)[-1]))
         better = f"{float(other['index'].mean(axis=1)[rows].mean()):.3f}"
-    same = {"K1": 0.01 <= mean <= 0.03, "K8": peak > 2.0 * mean, "K6": mean < 0.03, "K4": mean < 0.03}[parameter]
-    return (
-        row(
-            "averaged index from 5 min after the fault on: mean, largest",
-            INDICES[parameter],
-            f"{mean:.3f}, {peak:.3f}",
-            better,
-            same=same,
-            otherwise="it is high at low flow, too, as figure 7.25 is off there",
-            remark="bank: the mean of a model with its estimate" if better else "",
-        ),
+    yield told
+    yield from tank.index_panels(name, found, 0.15)
+    yield row(
+        f"averaged index from 5 min after the fault on: mean, largest | {INDICES[parameter]}",
+        f"{mean:.3f}, {peak:.3f}",
+        better,
+        same={"K1": 0.01 <= mean <= 0.03, "K8": peak > 2.0 * mean, "K6": mean < 0.03, "K4": mean < 0.03}[parameter],
+        otherwise="it is high at low flow, too, as figure 7.25 is off there",
+        remark="bank: the mean of a model with its estimate" if better else "",
     )
 
 
@@ -258,16 +224,14 @@ def figure_7_28() -> Parts:
     yield tank.many(found, found["errors"], found.tested, "error index, average of both outputs", LEADING, high=0.1)
     yield tank.bank_panel("leak", ("K6", "K4", "K3"))
     yield row(
-        "lowest two, by their means from 5 min after the alarm on",
-        "K6, K4",
+        "lowest two, by their means from 5 min after the alarm on | K6, K4",
         ", ".join(lowest),
-        bank=tank.banked("leak").ranking(2),
+        tank.banked("leak").ranking(2),
         same=lowest == ["K6", "K4"],
         otherwise="the leak is small, and most indices are low",
     )
     yield row(
-        "all means",
-        "most also low",
+        "all means | most also low",
         ", ".join(f"{key} {value:.3f}" for key, value in tank.usually(found, "errors", found.tested).items()),
     )
 
@@ -279,16 +243,14 @@ def figure_7_29() -> Parts:
     lowest = _lowest("leak", "hitting", 7)
     yield tank.many(found, found["hitting"], found.hypotheses, "hitting index", LEADING, low=None)
     yield row(
-        "lowest two, highest, by the same means",
-        "K6, K4; K2",
+        "lowest two, highest, by the same means | K6, K4; K2",
         f"{', '.join(lowest[:2])}; {lowest[-1]}",
-        bank=tank.banked("leak").ranking(2),
+        tank.banked("leak").ranking(2),
         same=lowest[:2] == ["K6", "K4"],
         otherwise="see figure 7.28",
     )
     yield row(
-        "extra flow out, from K6",
-        "0.0766 l/s",
+        "extra flow out, from K6 | 0.0766 l/s",
         f"{(estimate('leak', 'K6') - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
-        bank=f"{(tank.banked('leak').estimate('K6')[-1] - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
+        f"{(tank.banked('leak').estimate('K6')[-1] - tank.nominal('K6')) / tank.LITRE:.4f} l/s",
     )

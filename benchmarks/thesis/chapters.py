@@ -7,94 +7,64 @@ Only what is between the marks of the page is written.
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from benchmarks.shared.page import as_markdown, write_part
-from benchmarks.thesis import appendix, reach, routes, static
-from benchmarks.thesis import chapter3 as store
+from benchmarks.thesis import appendix, routes, static
 from benchmarks.thesis import chapter5 as circuit
-from benchmarks.thesis import chapter5_index as alarms
 from benchmarks.thesis import chapter6 as conflict
-from benchmarks.thesis import chapter6_exact as exact
 from benchmarks.thesis import chapter7 as detecting
 from benchmarks.thesis import chapter7_multiple as multiple
 from benchmarks.thesis import chapter7_single as single
-from benchmarks.thesis import chapter7_valve as valve
 from benchmarks.thesis import hypotheses as motor
 from benchmarks.thesis import sets as conflicts
-from benchmarks.thesis.page import COLUMNS, DIFFERS, HEADER, SAME, Figure, Table, as_text, write_pictures
+from benchmarks.thesis.page import COLUMNS, DIFFERS, HEADER, SAME, Shown, as_text, write_pictures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "thesis.md"
 SUMMARY = "corrections"
 ERRATUM = "erratum: "
 
 
-def chapter_3() -> tuple[Table, ...]:
-    """Give the tables of chapter 3."""
-    return (
-        routes.table_3_1(),
-        static.figures_3_4_and_3_5(),
-        static.full_adder(),
-        static.table_3_3(),
-        static.table_of_figure_3_14(0),
-        static.table_of_figure_3_14(1),
-        static.figure_3_17(),
-        static.table_3_6(),
-        routes.figure_3_19(),
-        static.section_3_10(),
-    )
+def _all(*makers: Callable[[], Shown]) -> Callable[[], tuple[Shown, ...]]:
+    return lambda: tuple(make() for make in makers)
 
 
-def chapter_4() -> tuple[Table, ...]:
-    """Give the tables of chapter 4."""
-    return (
-        routes.section_4_1(),
-        routes.table_4_1(),
-        routes.section_4_2_1(),
-        routes.section_4_2_2(),
-        routes.section_4_2_3(),
-        routes.section_4_3(),
-    )
-
-
-def chapter_6() -> tuple[Table, ...]:
-    """Give the tables of chapter 6 up to section 6.5, but for that of three components."""
-    return (
-        conflicts.table_6_1(),
-        conflicts.table_6_2(),
-        conflicts.conflicts_of_6_1(),
-        motor.section_6_1_2(),
-        motor.long_record(),
-        conflicts.figure_6_13(),
-        conflicts.table_6_4(),
-        motor.tables_6_5_and_6_6(),
-        motor.section_6_5(),
-        motor.twin_faults(),
-    )
-
-
-def appendix_a() -> tuple[Table, ...]:
-    """Give the tables of appendix A."""
-    found = appendix.search()
-    return appendix.voltage_alone(), appendix.section_a_3(found), appendix.table_a_1(found), appendix.closed_forms()
-
-
-PARTS: Mapping[str, Callable[[], tuple[Table | Figure, ...]]] = {
-    "chapter-3": chapter_3,
-    "figure-3-19": store.figures,
-    "chapter-4": chapter_4,
-    "section-5-3": circuit.figures,
-    "section-5-4": alarms.figures,
-    "chapter-6": chapter_6,
-    "section-6-2-1": exact.figures,
-    "section-6-2-2": conflict.figures,
-    "reach": lambda: (reach.three_components(),),
-    "section-6-6": lambda: (conflicts.section_6_6(),),
-    "section-7-1": valve.figures,
+PARTS: Mapping[str, Callable[[], tuple[Shown, ...]]] = {
+    "chapter-3": _all(
+        *(routes.table_3_1, static.figures_3_4_and_3_5, static.full_adder, static.table_3_3),
+        *(partial(static.table_of_figure_3_14, 0), partial(static.table_of_figure_3_14, 1), static.figure_3_17),
+        *(static.table_3_6, routes.figures_3_18_and_3_19, static.section_3_10),
+    ),
+    "figure-3-19": _all(routes.figure_3_19),
+    "chapter-4": _all(
+        *(routes.section_4_1, routes.table_4_1, routes.section_4_2_1, routes.section_4_2_2, routes.section_4_2_3),
+        routes.section_4_3,
+    ),
+    "section-5-3": _all(
+        *(circuit.figure_5_3, circuit.figure_5_4, circuit.figure_5_5, circuit.figure_5_6, circuit.figure_5_8),
+        *(circuit.figure_5_9, circuit.figure_5_10),
+    ),
+    "section-5-4": _all(
+        *(circuit.figure_5_11, circuit.figure_5_12, circuit.figure_5_13, circuit.figure_5_14, circuit.figure_5_15)
+    ),
+    "chapter-6": _all(
+        *(conflicts.table_6_1, conflicts.table_6_2, conflicts.conflicts_of_6_1, motor.section_6_1_2),
+        *(motor.long_record, conflicts.figure_6_13, conflicts.table_6_4, motor.tables_6_5_and_6_6),
+        *(motor.section_6_5, motor.twin_faults),
+    ),
+    "section-6-2-1": _all(conflict.figure_6_3, conflict.figure_6_4, conflict.figure_6_5),
+    "section-6-2-2": conflict.noisy,
+    "reach": _all(motor.three_components),
+    "section-6-6": _all(conflicts.section_6_6),
+    "section-7-1": _all(detecting.figure_7_4, detecting.figure_7_5),
     "section-7-2": detecting.figures,
     "section-7-3": single.figures,
-    "section-7-4": multiple.figures,
-    "appendix-a": appendix_a,
+    "section-7-4": _all(
+        *(multiple.figure_7_34, multiple.figure_7_35, multiple.figure_7_36, multiple.figure_7_37),
+        *(multiple.figure_7_38, multiple.figure_7_39, multiple.figure_7_40),
+    ),
+    "appendix-a": _all(*(appendix.voltage_alone, appendix.section_a_3, appendix.table_a_1, appendix.closed_forms)),
 }
 
 
@@ -154,7 +124,3 @@ def main() -> None:
         write_part(PAGE, name, as_text(part))
         write_pictures(part)
     write_part(PAGE, SUMMARY, summary(PAGE.read_text(encoding="utf-8")))
-
-
-if __name__ == "__main__":
-    main()

@@ -5,24 +5,23 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 
+from benchmarks.shared.ladders import components_of
+from benchmarks.shared.plants import EXAMPLES
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.routes.questions import parameters
 from faultbond.algebra.solving.backward_euler import NumericPlant, Record, plant_of, simulate
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import solve
-from faultbond.equations.causality import assign_causality
-from faultbond.equations.component_network import ComponentNetwork, Equation, build_components, frame_name
-from faultbond.equations.constraint_network import build_network
+from faultbond.equations.component_network import ComponentNetwork, Equation, frame_name
 from faultbond.equations.inversion import substitute
 from faultbond.equations.numeric import Value
 from faultbond.model.expression import Expression, Name
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "thesis"
+THESIS = EXAMPLES / "thesis"
 
 NOMINAL = {"R": Fraction(3), "L": Fraction(5, 2), "J": Fraction(3, 2), "C": Fraction(2, 5), "K": Fraction(2)}
 HALF = Fraction(1, 2)
@@ -89,9 +88,8 @@ class System:
 @cache
 def system(name: str) -> System:
     """Give one of the models."""
-    graph = load_model(EXAMPLES / f"{name}.yaml")
-    network = build_components(graph, build_network(graph, assign_causality(graph)))
-    return System(network=network, plant=plant_of(graph))
+    graph = load_model(THESIS / f"{name}.yaml")
+    return System(network=components_of(graph), plant=plant_of(graph))
 
 
 def record_of(values: Mapping[str, Fraction], volts: Sequence[int] = VOLTS) -> Record:

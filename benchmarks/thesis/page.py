@@ -130,16 +130,21 @@ def figure(source: str, columns: int = 2) -> Callable[[Callable[[], Parts]], Cal
     def make(parts: Callable[[], Parts]) -> Callable[[], Figure]:
         @wraps(parts)
         def whole() -> Figure:
-            found, number = list(parts()), parts.__name__.removeprefix("figure_").replace("_", ".")
-            panels = tuple(item for item in found if isinstance(item, Panel))
-            rows = tuple(item for item in found if isinstance(item, Line))
-            words = "".join(item for item in found if isinstance(item, str))
-            caption = _doc(parts)
-            return Figure(number, caption[0].lower() + caption[1:], source, panels, rows, words, columns)
+            number, caption = parts.__name__.removeprefix("figure_").replace("_", "."), _doc(parts)
+            return drawn(number, caption[0].lower() + caption[1:], source, parts(), columns)
 
         return whole
 
     return make
+
+
+def drawn(number: str, caption: str, source: str, parts: Parts, columns: int = 2) -> Figure:
+    """Make a figure of its words, panels and lines."""
+    found = list(parts)
+    panels = tuple(item for item in found if isinstance(item, Panel))
+    rows = tuple(item for item in found if isinstance(item, Line))
+    words = "".join(item for item in found if isinstance(item, str))
+    return Figure(number, caption, source, panels, rows, words, columns)
 
 
 def _doc(parts: Callable[P, Parts]) -> str:
@@ -159,17 +164,10 @@ def as_text(shown: Iterable[Shown]) -> str:
 
 
 def row(
-    what: str,
-    printed: str = "",
-    classic: str = "",
-    bank: str = "",
-    *,
-    same: bool | None = None,
-    remark: str = "",
-    otherwise: str = "",
+    text: str, classic: str = "", bank: str = "", *, same: bool | None = None, remark: str = "", otherwise: str = ""
 ) -> Line:
-    """Give a line of a figure; its parts are those of `Line`."""
-    told = None if same is None else bool(same)
+    """Give a line of a figure; text : what is compared, and, behind ` | `, what the thesis says of it."""
+    (what, _, printed), told = text.partition(" | "), None if same is None else bool(same)
     return Line(what=what, printed=printed, ours=classic, bank=bank, same=told, remark=remark, otherwise=otherwise)
 
 

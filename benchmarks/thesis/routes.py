@@ -7,8 +7,9 @@ from itertools import combinations
 import numpy as np
 import sympy as sp
 
-from benchmarks.thesis.motor import EXAMPLES, FIGURE_4_4, HYPOTHESES, in_figure_4_4, signals_of, system
-from benchmarks.thesis.page import Line, Parts, equal, number, table, words
+from benchmarks.thesis.chart import Curve, panel
+from benchmarks.thesis.motor import FIGURE_4_4, HYPOTHESES, THESIS, in_figure_4_4, signals_of, system
+from benchmarks.thesis.page import Line, Parts, equal, figure, number, row, table, words
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import find_route
@@ -25,6 +26,7 @@ from faultbond.model.expression import Expression
 from faultbond.model.parser import parse_expression, to_text
 from faultbond.model.text import load_model
 
+STORE_RATE = 10.0  # samples a second
 SIZES = ("one parameter", "two parameters", "three parameters", "four parameters", "all five parameters")
 
 
@@ -69,7 +71,7 @@ def through_a_store() -> tuple[Solution, Solution, tuple[np.ndarray, ...]]:
 
 
 @table("3.9, pages 48 and 49")
-def figure_3_19() -> Parts:
+def figures_3_18_and_3_19() -> Parts:
     """Figures 3.18 and 3.19: noise through a store."""
     forward, backward, (_, y, ahead, back) = through_a_store()
     off = np.std(ahead - y[1:])
@@ -80,12 +82,27 @@ def figure_3_19() -> Parts:
     yield words("y from x and the last y, figure (C)", "very close to the measured y", f"{off:.3f} off (rms)")
     yield words("x from y and the last y, figure (D): mean", "about 1", f"{np.mean(back):.3f}")
     yield words("the same: standard deviation", "very bad, very noisy", f"{np.std(back):.2f}, that of x is 0.01")
-    yield (formulas(forward, backward))
+    yield formulas(forward, backward)
+
+
+@figure("3.9")
+def figure_3_19() -> Parts:
+    """Propagating noise through dynamic components."""
+    _, _, (x, y, ahead, back) = through_a_store()
+    time = np.arange(x.size) / STORE_RATE
+    off, ratio = float(np.std(ahead - y[1:])), float(np.std(back) / np.std(x))
+    yield "The numbers are in the table of figures 3.18 and 3.19 above."
+    yield panel("A: measured input", Curve("value", time, x))
+    yield panel("B: measured output", Curve("value", time, y))
+    yield panel("C: output from the input and the last output", Curve("value", time[1:], ahead))
+    yield panel("D: input from the output and the last output", Curve("value", time[1:], back))
+    yield row("(C) against (B), rms | very close", f"{off:.3f}", same=off < 0.05, otherwise="more noise")
+    yield row("noise of (D) over that of (A) | very bad", f"{ratio:.0f}", same=ratio > 5.0, otherwise="less noise")
 
 
 def _recorded(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Give the input and the output of a recording."""
-    rows = list(read_rows(EXAMPLES / f"{name}.csv", columns_of(load_model(EXAMPLES / f"{name}.yaml"))))
+    rows = list(read_rows(THESIS / f"{name}.csv", columns_of(load_model(THESIS / f"{name}.yaml"))))
     return np.array([row.u[0] for row in rows]), np.array([row.y[0] for row in rows])
 
 
@@ -243,7 +260,7 @@ def table_4_1() -> Parts:
     yield number("number of equations", "10", len(route.steps))
     yield equal("signals known", "a, d, m", ", ".join(known))
     yield equal("how they are solved", "simultaneously", _how(route))
-    yield ("Solved for the speed:\n\n" + formulas(solution))
+    yield "Solved for the speed:\n\n" + formulas(solution)
 
 
 def _constraints(
@@ -297,7 +314,7 @@ def section_4_3() -> Parts:
     yield words(
         "h by this line", "", f"{float(found):.12g}", f"in the simulation {float(record['armature.f'][4]):.12g}"
     )
-    yield (formulas(solution))
+    yield formulas(solution)
 
 
 def at_50_hz(volts: Sequence[float]) -> Record:

@@ -6,11 +6,11 @@ What the thesis prints stands here as data; what we print comes from the files o
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import sympy as sp
 
+from benchmarks.thesis.motor import THESIS
 from benchmarks.thesis.page import Line, Parts, Table, equal, number, numbers, sets, table, words
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
@@ -21,19 +21,17 @@ from faultbond.networks.static_network import READING, Observation, StaticNetwor
 from faultbond.sets import hypotheses, minimal_diagnoses, minimal_hitting_sets
 from faultbond.thesis.tables import Solved, relations, solve, table_of_pairs, table_of_singles
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "thesis"
-
 
 def observed(figure: str, rows: Iterable[Sequence[float]] = ()) -> tuple[StaticNetwork, list[Observation]]:
     """Give the network of a figure with its observations, or with others: inputs, then outputs."""
-    network = static_network(load_model(EXAMPLES / f"{figure}.yaml"))
+    network = static_network(load_model(THESIS / f"{figure}.yaml"))
     count = len(network.graph.inputs)
     points: Iterable[GridPoint] = [
         GridPoint(index=k, time=float(k), dt=0.0, u=np.array(row[:count]), y=np.array(row[count:]))
         for k, row in enumerate(rows)
     ]
     if not points:
-        points = on_grid(read_rows(EXAMPLES / f"{figure}.csv", columns_of(network.graph)), Grid(None))
+        points = on_grid(read_rows(THESIS / f"{figure}.csv", columns_of(network.graph)), Grid(None))
     return network, [observation(network, point) for point in points]
 
 
@@ -70,9 +68,9 @@ def as_exact(value: object) -> sp.Expr:
 
 def full_adder() -> Table:
     """Give the diagnoses of figures 3.7 to 3.11."""
-    graph = load_model(EXAMPLES / "fig_3_7.yaml")
+    graph = load_model(THESIS / "fig_3_7.yaml")
     network = logic_network(graph)
-    (row,) = read_rows(EXAMPLES / "fig_3_7.csv", columns_of(graph))
+    (row,) = read_rows(THESIS / "fig_3_7.csv", columns_of(graph))
     names = [*(item.name for item in graph.inputs), *(item.name for item in graph.sensors)]
     seen = dict(zip(names, (bool(value) for value in (*row.u, *row.y)), strict=True))
     healthy = predict(network, {name: seen[name] for name in network.inputs})

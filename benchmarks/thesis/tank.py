@@ -9,13 +9,12 @@ from functools import cache
 
 import numpy as np
 
-from benchmarks.shared.plants import EXAMPLES, recipe_module, tank_case
+from benchmarks.shared.plants import graph_of, recipe_module, tank_case
 from benchmarks.thesis.chart import Curve, Panel, panel
 from benchmarks.thesis.watch import Banked, Curves, bank, watch
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.simulate import Fault, Inputs, Simulation, simulate
 from faultbond.thesis.online.settings import Erratum, Settings
 
@@ -34,10 +33,9 @@ HIGH = 0.2 * LITRE  # m3/s
 EVERY = 4  # samples between the points of the curves
 
 
-@cache
 def graph() -> BondGraph:
     """Give the model."""
-    return load_model(EXAMPLES / "tank" / "model.yaml")
+    return graph_of("tank")
 
 
 @cache

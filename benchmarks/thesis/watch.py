@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.shared.play import samples, watched
 from benchmarks.thesis.page import percent, set_text
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.monitor import finish
+from faultbond.runtime.state import init
 from faultbond.simulate import Simulation
 from faultbond.synthesis.engine import build_engine
 from faultbond.thesis.offline.build import build_classic
@@ -86,11 +87,7 @@ def watch(
     values = healthy or {}
     state.healthy[:] = [values.get(item.name, item.nominal) for item in spec.parameters]
     points, detection, alarm = [], None, None
-    steps = np.diff(recording.time, prepend=recording.time[0])
-    for k in range(start, recording.time.size):
-        sample = Sample(
-            time=float(recording.time[k]), dt=float(steps[k]), u=recording.inputs[k], y=recording.outputs[k]
-        )
+    for k, sample in enumerate(samples(recording)[start:], start=start):
         state, report = classic_watch.step(spec, plan, state, sample)
         if state.running > 0 and (k % every == 0 or report.detection is not None):
             points.append(point_of(spec, plan, state))
@@ -142,22 +139,15 @@ def bank(graph: BondGraph, recording: Simulation) -> Banked:
     """Pass a recording through method `bank`."""
     spec, engine = build_engine(graph)
     state, detection = init(spec), None
-    diagnoses: list[Diagnosis] = []
+    diagnoses: list[Diagnosis | None] = []
     expected = []
-    steps = np.diff(recording.time, prepend=recording.time[0])
-    for time, dt, u, y in zip(recording.time, steps, recording.inputs, recording.outputs, strict=True):
-        state, report = step(spec, engine, state, Sample(time=float(time), dt=float(dt), u=u, y=y))
+    for _, after, report in watched(spec, engine, samples(recording)):
+        state = after
         expected.append(report.expected)
         detection = report.detection or detection
-        if report.diagnosis is not None:
-            diagnoses.append(report.diagnosis)
-    last = finish(spec, state)
-    return Banked(
-        time=recording.time,
-        expected=np.array(expected),
-        detection=detection,
-        diagnoses=tuple([*diagnoses, last] if last is not None else diagnoses),
-    )
+        diagnoses.append(report.diagnosis)
+    found = tuple(item for item in (*diagnoses, finish(spec, state)) if item is not None)
+    return Banked(time=recording.time, expected=np.array(expected), detection=detection, diagnoses=found)
 
 
 def _candidate(diagnosis: Diagnosis, parameters: Iterable[str]) -> Candidate | None:

@@ -4,25 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from benchmarks.trust import plants
 from benchmarks.trust.arrival import interrupted, with_late, with_missing
-from benchmarks.trust.plants import (
-    MOTOR,
-    MOTOR_SECONDS,
-    MOVING_AFTER,
-    NEVER,
-    TANK_SECONDS,
-    Make,
-    any_pair,
-    any_triple,
-    disobeyed,
-    drifting,
-    expected,
-    healthy,
-    healthy_moving,
-    misread,
-    roughly_modelled,
-    stepped,
-)
+from benchmarks.trust.plants import MOTOR, MOTOR_SECONDS, MOVING_AFTER, NEVER, TANK_SECONDS, Make
 from faultbond.types import FaultKind
 
 SMALL = ("K2", "K3", "K4", "K7", "K8")
@@ -74,56 +58,56 @@ class Case:
 
 
 def _all_healthy() -> Iterator[Case]:
-    yield Case(key="tank.healthy", make=partial(healthy, "tank", TANK_SECONDS))
-    yield Case(key="moved.healthy", make=healthy_moving)
-    yield Case(key="tank.rough", make=roughly_modelled)
-    yield Case(key="motor.healthy", make=partial(healthy, "dc_motor", 300.0))
-    yield Case(key="current.healthy", make=partial(healthy, "dc_motor_current", 300.0))
+    yield Case(key="tank.healthy", make=partial(plants.healthy, "tank", TANK_SECONDS))
+    yield Case(key="moved.healthy", make=plants.healthy_moving)
+    yield Case(key="tank.rough", make=plants.roughly_modelled)
+    yield Case(key="motor.healthy", make=partial(plants.healthy, "dc_motor", 300.0))
+    yield Case(key="current.healthy", make=partial(plants.healthy, "dc_motor_current", 300.0))
 
 
 def _tank() -> Iterator[Case]:
     for key, factors in _SETS.items():
-        make = partial(stepped, "tank", factors)
+        make = partial(plants.stepped, "tank", factors)
         yield Case(key=f"tank.{key}", make=make, looks=_TANK_LOOKS, opened=_OPENED)
-        make = partial(stepped, "tank", factors, moving=True, after=MOVING_AFTER)
+        make = partial(plants.stepped, "tank", factors, moving=True, after=MOVING_AFTER)
         yield Case(key=f"moved.{key}", make=make, looks=_TANK_LOOKS, opened=_OPENED, settled=_SETTLED)
 
 
 def _small() -> Iterator[Case]:
-    yield Case(key="small.K6", make=partial(stepped, "tank", (("K6", SMALL_LEAK),), after=SMALL_AFTER))
+    yield Case(key="small.K6", make=partial(plants.stepped, "tank", (("K6", SMALL_LEAK),), after=SMALL_AFTER))
     for word, factor in (("up", 1.1), ("down", 0.9)):
         for name in SMALL:
-            make = partial(stepped, "tank", ((name, factor),), after=SMALL_AFTER)
+            make = partial(plants.stepped, "tank", ((name, factor),), after=SMALL_AFTER)
             yield Case(key=f"small.{name}.{word}", make=make)
         for name in SMALL_MOVED:
-            make = partial(stepped, "tank", ((name, factor),), after=SMALL_AFTER, moving=True)
+            make = partial(plants.stepped, "tank", ((name, factor),), after=SMALL_AFTER, moving=True)
             yield Case(key=f"moved.small.{name}.{word}", make=make)
 
 
 def _motor() -> Iterator[Case]:
     for name in MOTOR:
         for word, factor in (("up", 1.5), ("down", 1.0 / 1.5)):
-            make = partial(stepped, "dc_motor", ((name, factor),))
+            make = partial(plants.stepped, "dc_motor", ((name, factor),))
             yield Case(key=f"motor.{name}.{word}", make=make, looks=_MOTOR_LOOKS)
-    yield Case(key="motor.R.double", make=partial(stepped, "dc_motor", (("R", 2.0),)), looks=_MOTOR_LOOKS)
-    yield Case(key="motor.pairs.alike", make=partial(any_pair, "dc_motor", True), looks=_MOTOR_LOOKS)
-    yield Case(key="motor.pairs.any", make=partial(any_pair, "dc_motor", False), looks=_MOTOR_LOOKS)
-    yield Case(key="current.triples", make=partial(any_triple, "dc_motor_current"), looks=_MOTOR_LOOKS)
+    yield Case(key="motor.R.double", make=partial(plants.stepped, "dc_motor", (("R", 2.0),)), looks=_MOTOR_LOOKS)
+    yield Case(key="motor.pairs.alike", make=partial(plants.any_pair, "dc_motor", True), looks=_MOTOR_LOOKS)
+    yield Case(key="motor.pairs.any", make=partial(plants.any_pair, "dc_motor", False), looks=_MOTOR_LOOKS)
+    yield Case(key="current.triples", make=partial(plants.any_triple, "dc_motor_current"), looks=_MOTOR_LOOKS)
 
 
 def _sensors() -> Iterator[Case]:
-    tank, motor = partial(healthy, "tank", TANK_SECONDS), partial(healthy, "dc_motor", MOTOR_SECONDS)
-    current = partial(healthy, "dc_motor_current", MOTOR_SECONDS)
+    tank, motor = partial(plants.healthy, "tank", TANK_SECONDS), partial(plants.healthy, "dc_motor", MOTOR_SECONDS)
+    current = partial(plants.healthy, "dc_motor_current", MOTOR_SECONDS)
     for kind in (FaultKind.BIAS, FaultKind.NOISE, FaultKind.GAIN, FaultKind.STUCK, FaultKind.INTERMITTENT):
         word = kind.value
         for sensor in ("flow", "pressure"):
-            yield Case(key=f"{word}.{sensor}", make=partial(misread, tank, sensor, kind), looks=_TANK_LOOKS)
-        yield Case(key=f"{word}.omega", make=partial(misread, motor, "omega", kind), looks=_MOTOR_LOOKS)
+            yield Case(key=f"{word}.{sensor}", make=partial(plants.misread, tank, sensor, kind), looks=_TANK_LOOKS)
+        yield Case(key=f"{word}.omega", make=partial(plants.misread, motor, "omega", kind), looks=_MOTOR_LOOKS)
     for sensor in ("omega", "i"):
-        make = partial(misread, current, sensor, FaultKind.BIAS)
+        make = partial(plants.misread, current, sensor, FaultKind.BIAS)
         yield Case(key=f"bias.current.{sensor}", make=make, looks=_MOTOR_LOOKS)
     for sensor in ("flow", "pressure"):
-        make = partial(misread, healthy_moving, sensor, FaultKind.BIAS)
+        make = partial(plants.misread, plants.healthy_moving, sensor, FaultKind.BIAS)
         yield Case(key=f"moved.bias.{sensor}", make=make, looks=_TANK_LOOKS)
 
 
@@ -133,11 +117,11 @@ def _actuators() -> Iterator[Case]:
         ("tank", "u_out", TANK_SECONDS, _TANK_LOOKS),
         ("dc_motor", "V", MOTOR_SECONDS, _MOTOR_LOOKS),
     ):
-        yield Case(key=f"bias.{name}", make=partial(disobeyed, folder, name, seconds), looks=looks)
+        yield Case(key=f"bias.{name}", make=partial(plants.disobeyed, folder, name, seconds), looks=looks)
 
 
 def _disturbed() -> Iterator[Case]:
-    leak, winding = partial(stepped, "tank", (_LEAK,)), partial(stepped, "dc_motor", (("R", 2.0),))
+    leak, winding = partial(plants.stepped, "tank", (_LEAK,)), partial(plants.stepped, "dc_motor", (("R", 2.0),))
     for name, make, looks in (("K6", leak, _TANK_LOOKS), ("R", winding, _MOTOR_LOOKS)):
         opened = _OPENED if name == "K6" else 0.0  # as of the plain run
         yield Case(key=f"missing.{name}", make=partial(with_missing, make, _PART), looks=looks, opened=opened)
@@ -146,12 +130,12 @@ def _disturbed() -> Iterator[Case]:
 
 
 def _expected() -> Iterator[Case]:
-    yield Case(key=f"{EXPECTED}.tank", make=partial(expected, "tank"), looks=_TANK_LOOKS, opened=_OPENED)
-    yield Case(key=f"{EXPECTED}.motor", make=partial(expected, "dc_motor"), looks=_MOTOR_LOOKS)
+    yield Case(key=f"{EXPECTED}.tank", make=partial(plants.expected, "tank"), looks=_TANK_LOOKS, opened=_OPENED)
+    yield Case(key=f"{EXPECTED}.motor", make=partial(plants.expected, "dc_motor"), looks=_MOTOR_LOOKS)
 
 
 def _cases() -> list[Case]:
-    drift = Case(key="drift.K1", make=drifting, looks=(NEVER,))
+    drift = Case(key="drift.K1", make=plants.drifting, looks=(NEVER,))
     faulty = [*_tank(), *_small(), *_motor(), *_sensors(), *_actuators(), drift]
     return [*_all_healthy(), *faulty, *_disturbed(), *_expected()]
 

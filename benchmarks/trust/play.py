@@ -1,6 +1,6 @@
 """One run of the table of trust: the recording passes the monitor, and what it says is kept in few numbers."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -12,7 +12,7 @@ from benchmarks.trust.arrival import watched
 from benchmarks.trust.cases import Case
 from benchmarks.trust.plants import Played
 from faultbond.app.classic import Classic
-from faultbond.contract.findings import Detection, Diagnosis, Suspect
+from faultbond.contract.findings import Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import candidate_names
 from faultbond.runtime.monitor import finish
@@ -85,13 +85,34 @@ def play(case: Case, seed: int, method: Method = Method.BANK) -> Run:
                 break
     final = last() if last is not None else None
     diagnoses += [final] if final is not None else []
-    return replace(_run(case, seed, made, detection, diagnoses, cusum), method=method.value)
+    early, looks = detection is not None and detection.time < made.onset, []
+    claims: tuple[Claim, ...] = ()
+    if detection is not None and not early:
+        claims = tuple(_claim(made, item, detection.time) for item in diagnoses)
+    for after in case.looks if claims else ():
+        waited = case.waits and after == max(case.looks)
+        seen = [item for item in claims if item.after <= after + EPSILON]
+        looks.append(claims[-1] if waited or not seen else seen[-1])
+    return Run(
+        key=case.key,
+        folder=made.folder,
+        seed=seed,
+        delay=detection.time - made.onset if detection is not None and not early else None,
+        early=early,
+        cusum=cusum,
+        unexplained=sum(item.unexplained is not None for item in diagnoses),
+        looks=tuple(looks),
+        claims=claims,
+        method=method.value,
+    )
 
 
 def _by_bank(made: Played) -> Iterator[Seen]:
     spec, engine = engine_of(made.folder)
-    if made.rate:
-        spec = _with_limit(spec, made.suspects)
+    if made.rate:  # a limit for the parameter that drifts
+        limited = (replace(item, limits=(LIMIT * item.nominal,)) for item in spec.parameters)
+        both = zip(spec.parameters, limited, strict=True)
+        spec = replace(spec, parameters=tuple(new if old.name in made.suspects else old for old, new in both))
     for sample, state, report in watched(spec, engine, made):
         yield sample, report, partial(finish, spec, state)
 
@@ -136,30 +157,6 @@ class _Patience:
         return settled and self._opened >= case.opened and sample.time >= alarm + self._until - EPSILON
 
 
-def _run(
-    case: Case, seed: int, made: Played, detection: Detection | None, diagnoses: Sequence[Diagnosis], cusum: float
-) -> Run:
-    early = detection is not None and detection.time < made.onset
-    found = detection is not None and not early
-    claims = tuple(_claim(made, item, detection.time) for item in diagnoses) if detection is not None and found else ()
-    looks = []
-    for after in case.looks if claims else ():
-        final = case.waits and after == max(case.looks)
-        seen = [item for item in claims if item.after <= after + EPSILON]
-        looks.append(claims[-1] if final or not seen else seen[-1])
-    return Run(
-        key=case.key,
-        folder=made.folder,
-        seed=seed,
-        delay=detection.time - made.onset if detection is not None and found else None,
-        early=early,
-        cusum=cusum,
-        unexplained=sum(item.unexplained is not None for item in diagnoses),
-        looks=tuple(looks),
-        claims=claims,
-    )
-
-
 def _claim(made: Played, diagnosis: Diagnosis, alarm: float) -> Claim:
     sets = [candidate_names(item) for item in diagnosis.candidates]
     place = sets.index(made.suspects) if made.suspects in sets else len(sets)
@@ -196,11 +193,3 @@ def _covered(made: Played, moving: Suspect) -> bool:
     early = found.earliest is None or found.earliest > end
     late = found.latest is not None and found.latest < end
     return not early and not late
-
-
-def _with_limit(spec: EngineSpec, names: frozenset[str]) -> EngineSpec:
-    """Give the specification with a limit for the parameters that drift."""
-    parameters = tuple(
-        replace(item, limits=(LIMIT * item.nominal,)) if item.name in names else item for item in spec.parameters
-    )
-    return replace(spec, parameters=parameters)

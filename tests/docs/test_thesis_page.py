@@ -6,8 +6,8 @@ from functools import cache
 
 import pytest
 from benchmarks.thesis.chapters import PAGE, PARTS, SUMMARY, summary
+from benchmarks.thesis.hypotheses import exact_count, is_possible
 from benchmarks.thesis.page import FOLDER, Figure, Table, as_text, equal, is_printed, number, printed_value, row
-from benchmarks.thesis.reach import exact_count, is_possible
 
 NUMBER = re.compile(r"(?<![A-Za-z_])-?\d+\.?\d*(?:e-?\d+)?")
 PRINTED, PIXELS = 1.0, 2.0  # units of the last digit by which a number of the text may differ, and pixels of a picture
@@ -130,9 +130,9 @@ def test_no_difference_without_a_remark() -> None:
         number("M1", "4", 5)
     assert equal("minimal sets", "{B}", "{B}, {A, C}", "erratum: two").same is False
     with pytest.raises(ValueError, match=r"alarm: never, printed 6\.7 s, and no remark says why"):
-        row("alarm", "6.7 s", "never", same=False)
-    assert row("alarm", "6.7 s", "never", same=False, otherwise="small").cells[-1] == "differs: small"
-    assert row("alarm", "6.7 s", "6.7 s", same=True, otherwise="small").cells[-1] == "same"
+        row("alarm | 6.7 s", "never", same=False)
+    assert row("alarm | 6.7 s", "never", same=False, otherwise="small").cells[-1] == "differs: small"
+    assert row("alarm | 6.7 s", "6.7 s", same=True, otherwise="small").cells[-1] == "same"
 
 
 def test_printed_numbers() -> None:

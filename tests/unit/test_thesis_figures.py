@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from benchmarks.thesis import chapter5 as circuit
-from benchmarks.thesis import chapter6_exact as exact
+from benchmarks.thesis import chapter6 as exact
 from benchmarks.thesis.chart import LEFT, POINTS, TOP, WIDTH, Curve, Panel, draw
 from benchmarks.thesis.page import Figure, row
 
@@ -51,7 +51,7 @@ def test_long_curves_are_thinned_and_keep_their_peaks() -> None:
 def test_a_figure_has_number_picture_and_table() -> None:
     """All stand in its text, under a heading that begins with the number."""
     panel = Panel("y", (Curve("y", X, X),))
-    figure = Figure("9.12", "nothing", "9.1", panels=(panel,), rows=(row("y", "2", "2", same=True),))
+    figure = Figure("9.12", "nothing", "9.1", panels=(panel,), rows=(row("y | 2", "2", same=True),))
     assert figure.text.startswith(
         "### Figure 9.12: nothing\n\nThesis 9.1.\n\n![nothing](images/thesis/figure_9_12.svg)"
     )
