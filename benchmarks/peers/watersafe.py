@@ -34,6 +34,7 @@ LARGE = 9.8  # cm3/s; smaller switchings are within the rig's own balance error 
 BEFORE = 10  # rows whose median is the flow before a switching
 STARTS_EVERY = 500  # rows between the starts of healthy runs
 WIDTH = 120  # of a page
+Cells = tuple[str, ...]
 WINDOW_HEADER = ("opened at", "alarm after", "onset", "first", "probability", "outflow", "or the area until")
 HEALTHY_HEADER = ("from", "LS_A1", "LS_A2", "LS_A3", "LS_A4", "limit", "alarm")
 HIDDEN_HEADER = ("switchings", "detected", "median", "90 %", "right tank", "right leak first", "leak in the group")
@@ -56,28 +57,6 @@ class Switching:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
-    """Tank 4 alone, through one opening of C4. Times in s after the opening (before: a false alarm), flows in cm3/s."""
-
-    opening: float
-    delay: float | None
-    onset: float | None
-    best: tuple[str, ...] = ()
-    probability: float | None = None
-    outflow: float | None = None
-    undecided_until: float | None = None  # last diagnosis at which outflow and area could not be told apart
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Healthy:
-    """All tanks, nothing hidden, from a row on: largest CUSUM of each sensor."""
-
-    start: float
-    alarm: float | None
-    cusum: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Hidden:
     """All tanks, one switching hidden. Delay in s, flows in cm3/s; `leak_listed`: the right leak is in the group."""
 
@@ -89,7 +68,6 @@ class Hidden:
     right_tank: bool = False
     right_leak: bool = False
     leak_listed: bool = False
-    leak: float | None = None
 
     @property
     def large(self) -> bool:
@@ -99,11 +77,10 @@ class Hidden:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """All that was measured."""
+    """All that was measured; of windows and healthy runs the lines of their tables."""
 
-    limit: float
-    windows: tuple[Window, ...]
-    healthy: tuple[Healthy, ...]
+    windows: tuple[Cells, ...]
+    healthy: tuple[Cells, ...]
     hidden: tuple[Hidden, ...]
 
 
@@ -134,30 +111,28 @@ def candidate(diagnosis: Diagnosis, *parameters: str) -> Candidate | None:
     return next((item for item in diagnosis.candidates if item.parameters == parameters), None)
 
 
-def windows(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Window]:
+def windows(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Cells]:
     """Watch tank 4 alone, from each closing of C4 through its next opening to the closing after that."""
     own = [item for item in switchings if item.valve == "VA_C4"]
     for closing, opening, following in zip(own, own[1:], [*own[2:], None], strict=False):
-        if opening.opening[1] < opening.opening[0]:
-            continue
-        end = following.time if following is not None else np.inf
-        yield _window(opening, rig.watch(points[rows_of(points, closing.end + SETTLED, end)]))
+        if opening.opening[1] >= opening.opening[0]:
+            end = following.time if following is not None else np.inf
+            yield _window(opening.time, rig.watch(points[rows_of(points, closing.end + SETTLED, end)]))
 
 
-def _window(opening: Switching, found: Outcome) -> Window:
+def _window(opened: float, found: Outcome) -> Cells:
+    """Give times after the opening (before: a false alarm), and until when outflow and area could not be told apart."""
     if found.detection is None:
-        return Window(opening=opening.time, delay=None, onset=None)
+        return f"{opened:.0f} s", *["-"] * (len(WINDOW_HEADER) - 1)
     last = found.diagnoses[-1]
     outlet = candidate(last, "Q4")
-    undecided = [item.time - opening.time for item in found.diagnoses if _listed(item, "Q4") and _listed(item, "A4")]
-    return Window(
-        opening=opening.time,
-        delay=found.detection.time - opening.time,
-        onset=found.detection.change_time - opening.time,
-        best=last.candidates[0].parameters,
-        probability=last.candidates[0].probability,
-        outflow=None if outlet is None else outlet.suspects[0].estimate / CM3,
-        undecided_until=max(undecided, default=None),
+    undecided = [item.time - opened for item in found.diagnoses if _listed(item, "Q4") and _listed(item, "A4")]
+    moments = (opened, found.detection.time - opened, found.detection.change_time - opened)
+    return (
+        *(f"{value:.0f} s" for value in moments),
+        *(", ".join(last.candidates[0].parameters), f"{last.candidates[0].probability:.3f}"),
+        _number(None if outlet is None else outlet.suspects[0].estimate / CM3, 1, " cm3/s"),
+        _number(max(undecided, default=None), 0, " s"),
     )
 
 
@@ -167,12 +142,13 @@ def _listed(diagnosis: Diagnosis, *parameters: str) -> bool:
     return found is not None and found.group
 
 
-def healthy(rig: Rig, points: Sequence[GridPoint]) -> Iterator[Healthy]:
-    """Watch all tanks with nothing hidden, from the first row on and from later ones."""
+def healthy(rig: Rig, points: Sequence[GridPoint]) -> Iterator[Cells]:
+    """Watch all tanks with nothing hidden, from the first row on and from later ones: largest CUSUM of each sensor."""
     for first in range(0, len(points), STARTS_EVERY):
         found = rig.watch(points[first:])
-        cusum = tuple(float(value) for value in found.cusum)
-        yield Healthy(start=points[first].time, alarm=found.alarm, cusum=cusum)
+        alarm = "none" if found.alarm is None else f"at {found.alarm:.0f} s"
+        limit, cusums = f"{rig.spec.thresholds.cusum_limit:.3g}", (f"{value:.1f}" for value in found.cusum)
+        yield f"{points[first].time:.0f} s", *cusums, limit, alarm
 
 
 def hidden(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Hidden]:
@@ -208,7 +184,6 @@ def _hidden(item: Switching, found: Outcome) -> Hidden:
         right_tank=all(name[-1] == item.tank for name in best.components),
         right_leak=leak is not None and best.parameters == leak.parameters,
         leak_listed=leak is not None and leak.group,
-        leak=None if leak is None else leak.suspects[0].estimate / CM3,
     )
 
 
@@ -218,33 +193,17 @@ def measure(folder: Path) -> Results:
     tank4, tanks = build_rig(MODELS / "tank4.yaml"), build_rig(MODELS / "tanks.yaml")
     points = tanks.read(folder / "watersafe.csv")
     return Results(
-        limit=tanks.spec.thresholds.cusum_limit,
         windows=tuple(windows(tank4, tank4.read(folder / "watersafe.csv"), switchings)),
         healthy=tuple(healthy(tanks, points)),
         hidden=tuple(hidden(tanks, points, switchings)),
     )
 
 
-def tables(results: Results) -> tuple[tuple[str, Sequence[str], list[tuple[str, ...]]], ...]:
+def tables(results: Results) -> tuple[tuple[str, Sequence[str], Sequence[Cells]], ...]:
     """Give the tables, each with its title and header."""
-    opened: list[tuple[str, ...]] = [
-        (
-            *(f"{row.opening:.0f} s", _number(row.delay, 0, " s"), _number(row.onset, 0, " s")),
-            *(", ".join(row.best) or "-", _number(row.probability, 3), _number(row.outflow, 1, " cm3/s")),
-            _number(row.undecided_until, 0, " s"),
-        )
-        for row in results.windows
-    ]
-    quiet = [
-        (
-            *(f"{row.start:.0f} s", *(f"{value:.1f}" for value in row.cusum), f"{results.limit:.3g}"),
-            "none" if row.alarm is None else f"at {row.alarm:.0f} s",
-        )
-        for row in results.healthy
-    ]
     return (
-        ("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s", WINDOW_HEADER, opened),
-        ("All tanks, nothing hidden: largest CUSUM of each level", HEALTHY_HEADER, quiet),
+        ("Tank 4 alone, each opening of its outlet from 7 to about 18 cm3/s", WINDOW_HEADER, results.windows),
+        ("All tanks, nothing hidden: largest CUSUM of each level", HEALTHY_HEADER, results.healthy),
         ("All tanks, one switching hidden", HIDDEN_HEADER, _hidden_rows(results)),
     )
 
