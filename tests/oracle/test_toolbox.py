@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.classes import redundancy
 from faultbond.diagnosability.isolability import Interpretation, isolability

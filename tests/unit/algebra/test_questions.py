@@ -1,7 +1,7 @@
 """The functions of thesis 4.2 on plants whose answers are known, and on all kinds of networks."""
 
 import pytest
-from benchmarks.ladders import components_of, example
+from benchmarks.shared.ladders import components_of, example
 from solved import earlier
 
 from faultbond.algebra.route import Question, Route

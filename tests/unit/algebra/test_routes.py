@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from benchmarks.ladders import components_of, example, ladder
+from benchmarks.shared.ladders import components_of, example, ladder
 from solved import earlier
 
 from faultbond.algebra.route import Question, Route, RouteStep

@@ -1,7 +1,7 @@
 """Classes, minimal overdetermined sets and minimal supports of models known by hand or from publications."""
 
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.classes import classes, redundancy
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
