@@ -105,7 +105,7 @@ def _latencies(spec: EngineSpec, engine: Engine, given: Sequence[Sample], status
 def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: Sequence[Sample]) -> tuple[float, float]:
     """Give the median time per sample of the bank on the first engine, and how many times as long the second takes."""
     begun = passed(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
-    packed = begun.trail_samples[(begun.index - 1) % len(begun.trail_times)]
+    packed = begun.past.samples[-1]
     compiled = _rate(spec, engines[0], begun.bank, packed, DIAGNOSED // 2)
     return compiled, _rate(spec, engines[1], begun.bank, packed, MACHINE_SAMPLES) / compiled
 
