@@ -166,10 +166,11 @@ def draw(
     errors = np.zeros((n, len(spec.slow_errors)))
     now = spec.slow_sizes * generator.standard_normal(len(spec.slow_errors))
     memories = np.array([item.memory for item in spec.slow_errors])
-    for row in range(n):
-        left = np.exp(-dt[row] / memories)
-        gained = np.sqrt(spec.slow_sizes**2 * (1.0 - left**2) + stand.samples[row, place["kick"]])
-        now = left * now + gained * generator.standard_normal(len(now))
+    left = np.exp(-dt / memories)
+    gained = np.sqrt(spec.slow_sizes**2 * (1.0 - left**2) + stand.samples[:, place["kick"]])
+    pushed = gained * generator.standard_normal(errors.shape)
+    for row in range(n if memories.size else 0):
+        now = left[row] * now + pushed[row]
         errors[row] = slow * now
     sizes = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
     rest = np.hstack([errors, factors, sizes * generator.standard_normal((n, len(sizes)))])
@@ -178,16 +179,15 @@ def draw(
     stated = np.array([item.start_sd or 0.0 for item in spec.states])
     first = np.concatenate([stand.start + stated * generator.standard_normal(len(stated)), spec.loops])
     before, u = stand.samples[:, place["u_before"]], stand.samples[:, place["u"]]
-    course = _course(stand.model).mapaccum(n)
-    _, y = course(first, rest[[0, *range(n - 1)]].T, rest.T, before.T, u.T, dt.T, unknown.T)
+    _, y = _course(stand.model, n)(first, rest[[0, *range(n - 1)]].T, rest.T, before.T, u.T, dt.T, unknown.T)
     samples = stand.samples.copy()
     samples[:, place["y"]] = y.full().T + spec.output_noise * generator.standard_normal((n, len(spec.outputs)))
     return factors, samples
 
 
 @cache
-def _course(model: StepModel) -> ca.Function:
-    """Give (states and implicit signals, rest of v before and now, inputs, dt, noise) -> (the same after, readings)."""
+def _course(model: StepModel, n: int) -> ca.Function:
+    """Give n times (states and implicit signals, rest of v before and now, inputs, dt, noise) -> (after, readings)."""
     n_x, n_u, n_z = len(model.states), model.u.numel(), model.z.numel()
     x, before, now, noise = (
         ca.SX.sym(name, size)
@@ -196,9 +196,10 @@ def _course(model: StepModel) -> ca.Function:
     held, u, z, dt = ca.SX.sym("held", n_u), ca.SX.sym("u", n_u), ca.SX.sym("z", n_z), ca.SX.sym("dt")
     after, _, solved = model.predict(ca.vertcat(x, before), held, z, dt)
     y, _, solved = model.measure(ca.vertcat(after + noise, now), u, solved)
-    return ca.Function(
+    course = ca.Function(
         "course", [ca.vertcat(x, z), before, now, held, u, dt, noise], [ca.vertcat(after + noise, solved), y]
     )
+    return course.mapaccum(n)
 
 
 def knowing(spec: EngineSpec, lane: FloatArray, fault: tuple[str, float]) -> FloatArray:

@@ -1,7 +1,7 @@
 """The page with the thesis' tables holds what the program computes, and says of every difference what is right."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 import pytest
@@ -9,11 +9,33 @@ from benchmarks.thesis.chapters import PAGE, PARTS, SUMMARY, summary
 from benchmarks.thesis.hypotheses import exact_count, is_possible
 from benchmarks.thesis.page import FOLDER, Figure, Table, as_text, equal, is_printed, number, printed_value, row
 
+from faultbond.algebra.route import Route
+from faultbond.algebra.solving.backward_euler import NumericPlant
+from faultbond.algebra.solving.solution import Solution
+from faultbond.algebra.solving.solve import SolvingLimits, solve
+from faultbond.equations.component_network import ComponentNetwork
+
 NUMBER = re.compile(r"(?<![A-Za-z_])-?\d+\.?\d*(?:e-?\d+)?")
 PRINTED, PIXELS = 1.0, 2.0  # units of the last digit by which a number of the text may differ, and pixels of a picture
 POINTS = re.compile(rf"(?:{NUMBER.pattern}[ ,]*)+")
 MOST = 0.9  # of the numbers of a picture that have to be the same
 TEXT = PAGE.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def solved_once() -> Iterator[None]:
+    """Solve each route of a plant once, with whatever settings the plant is watched."""
+    known: dict[object, Solution] = {}
+
+    def solved(network: ComponentNetwork, route: Route, plant: NumericPlant, limits: SolvingLimits) -> Solution:
+        key = network, route, repr(plant), repr(limits)
+        if key not in known:
+            known[key] = solve(network, route, plant, limits)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("faultbond.thesis.offline.functions.solve", solved)
+        yield
 
 
 def part(name: str) -> str:
