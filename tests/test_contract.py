@@ -24,12 +24,12 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-import faultbond.contract.records
+import faultbond.contract.json_records
 import faultbond.report
 from fake import counts_of, tank_graph, tank_history
 from faultbond.app import classic, methods
+from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method
-from faultbond.app.watcher import Watcher
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, History
 from faultbond.contract.lanes import plan_lanes
@@ -530,7 +530,7 @@ def test_a_report_tells_runs_apart(name: str) -> None:
 def records() -> dict[str, Callable[[Any], dict[str, Any]]]:
     """Give the functions that make a record of something found."""
     found: dict[str, Callable[[Any], dict[str, Any]]] = {}
-    for name, item in getmembers(faultbond.contract.records, isfunction):
+    for name, item in getmembers(faultbond.contract.json_records, isfunction):
         kinds = [kind for key, kind in get_type_hints(item).items() if key != "return"]
         if name.endswith("_record") and kinds and is_dataclass(kinds[0]):
             found[name] = item

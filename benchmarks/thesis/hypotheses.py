@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.thesis.motor import HALF, HYPOTHESES, NOMINAL, THESIS, VOLTS, record_of, samples, system
 from benchmarks.thesis.page import Line, Parts, equal, number, set_text, sets_text, table, words
 from faultbond.algebra.solving.solution import solve_samples
+from faultbond.analysis.other_roots import OtherSolutions, other_solutions, reachable
 from faultbond.analysis.ranks import ReducedSensitivities, reduce, set_ranks
-from faultbond.analysis.solutions import OtherSolutions, other_solutions, reachable
 from faultbond.analysis.testable import SetVerdict, generic_run, judge
 from faultbond.analysis.twins import twins
 from faultbond.equations.numeric import Real

@@ -19,12 +19,12 @@ from faultbond.contract.findings import (
     Suspect,
     Unexplained,
 )
-from faultbond.contract.records import diagnosis_record
+from faultbond.contract.json_records import diagnosis_record
 from faultbond.model.text import load_model
 from faultbond.report import RunCounts, render_report
 from faultbond.report.chart import payload
-from faultbond.report.charts import chart_sections
 from faultbond.report.numbers import Notation
+from faultbond.report.run_figures import chart_sections
 from faultbond.report.verdict import table_rows, verdict_sentence
 from faultbond.types import CheckKind, FaultKind
 

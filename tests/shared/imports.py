@@ -13,7 +13,7 @@ LEVELS = {
     "arrays": 0,
     "lazy": 0,
     "sets": 0,
-    "starting": 0,
+    "interrupt": 0,
     "contract": 1,
     "model": 2,
     "runtime": 2,

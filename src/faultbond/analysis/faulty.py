@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.analysis.alarms import alarming, ratios_of
 from faultbond.analysis.batch import Batch
+from faultbond.analysis.false_alarm_trials import alarming, ratios_of
 from faultbond.analysis.operation import Operation, advance_function
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec

@@ -20,8 +20,8 @@ from math import log
 
 import numpy as np
 
-from faultbond.analysis.alarms import REALISATIONS, Bisection, Detector, windows_of
 from faultbond.analysis.comparison import NO_TIME, Allowance
+from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
 from faultbond.analysis.faulty import FaultCase, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray

@@ -18,8 +18,8 @@ import numpy as np
 
 from faultbond.analysis.comparison import Allowance, Bench, changed, places_of, short_benches
 from faultbond.analysis.levenberg_marquardt import fit_together
+from faultbond.analysis.other_roots import FEW_STARTS, STARTS
 from faultbond.analysis.ranks import ReducedSensitivities, reduce
-from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import lanes_of
 from faultbond.arrays import FloatArray

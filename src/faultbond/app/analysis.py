@@ -4,7 +4,7 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from faultbond.app.naming import check_names
+from faultbond.app.parameter_names import check_names
 from faultbond.app.wishes import Wishes
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
@@ -57,7 +57,7 @@ def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     from faultbond.app.answers import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
-    from faultbond.report.formulas import CodeForm, code  # noqa: PLC0415 - loads rich
+    from faultbond.report.closed_forms import CodeForm, code  # noqa: PLC0415 - loads rich
 
     with threadpool_limits(1):  # as in `analyse`
         found = answers(graph, network, wishes)

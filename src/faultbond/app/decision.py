@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from faultbond.app.kept_run import read_before
+from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method
-from faultbond.app.watcher import Watcher
 from faultbond.contract.findings import Decider, Decision, Diagnosis
-from faultbond.contract.records import decision_record, diagnosis_record
+from faultbond.contract.json_records import decision_record, diagnosis_record
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.files import locked
 from faultbond.io.out import Out

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from faultbond.app.engines import NO_COMPILER, build_watcher
+from faultbond.app.engine_choice import NO_COMPILER, build_watcher
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.spec import Engine
@@ -41,7 +41,7 @@ def fit(
 
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
-    from faultbond.report.fitted import fit_record, fitted_model, print_fit  # noqa: PLC0415 - loads rich
+    from faultbond.report.fit_result import fit_record, fitted_model, print_fit  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)

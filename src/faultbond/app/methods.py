@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultbond.app.engines import build_watcher
-from faultbond.app.watcher import Numbers, Watcher
+from faultbond.app.engine_choice import build_watcher
+from faultbond.app.method_face import Numbers, Watcher
 from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import Engine, EngineSpec

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from faultbond.app.engines import engine_title
+from faultbond.app.engine_choice import engine_title
 from faultbond.io.out import Out
 from faultbond.model.text import load_model
 from faultbond.types import EngineChoice

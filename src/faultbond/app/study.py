@@ -11,14 +11,14 @@ from faultbond.analysis.capability import CapabilityView, in_general, on_record
 from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
-from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.other_roots import other_solutions
+from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import Recursion, build_recursion
 from faultbond.analysis.sensor_advice import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
-from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.twins import compare
 from faultbond.app.answers import answers, left_out
-from faultbond.app.naming import check_names
+from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulation import solved_start
 from faultbond.app.wishes import Wishes
@@ -33,7 +33,7 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.report import analysis
-from faultbond.report.formulas import print_routes, routes_record
+from faultbond.report.closed_forms import print_routes, routes_record
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 

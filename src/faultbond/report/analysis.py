@@ -12,12 +12,12 @@ from rich.console import Console
 from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
+from faultbond.analysis.other_roots import OtherSolutions
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
-from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
 from faultbond.report.console import lines, table, title, under

@@ -7,7 +7,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.fit.whiteness import Whiteness
 from faultbond.report.chart import Chart, ChartLine, ChartSection, in_unit, payload
-from faultbond.report.fitted import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
+from faultbond.report.fit_result import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
 from faultbond.report.html import render_page
 from faultbond.report.numbers import MINUS, Notation, duration_text, unit_text
 

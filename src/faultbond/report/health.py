@@ -7,7 +7,7 @@ from dataclasses import asdict
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.false_alarms import FARTHEST
 from faultbond.fit.lack_of_fit import Region

@@ -9,9 +9,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from faultbond.contract.findings import Diagnosis, History
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import ChartSection, payload
-from faultbond.report.charts import chart_sections
 from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.numbers import NO_BREAK, TIMES, Notation, clock_text, duration_text, probability_text
+from faultbond.report.run_figures import chart_sections
 from faultbond.report.suspects import instrument_title
 from faultbond.report.verdict import RunCounts, RunView, decided_text, fault_probabilities, view_of
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from rich.console import Console
 
 from faultbond.contract import lanes
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.equations.sequence import Loop

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.graph import BondGraph
 from faultbond.report.console import headline, lines

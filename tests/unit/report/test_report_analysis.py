@@ -9,9 +9,9 @@ from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
+from faultbond.analysis.other_roots import OtherSolutions
 from faultbond.analysis.ranks import Rank
 from faultbond.analysis.smallest import Effect, SmallestFault
-from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.testable import Judgement, SetVerdict
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability

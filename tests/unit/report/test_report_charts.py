@@ -9,7 +9,7 @@ import pytest
 from fake import kind_of, moving, suspect, tank_graph, tank_history, wrong
 from faultbond.contract.findings import Candidate, Diagnosis, Forecast, History, Suspect, Unexplained
 from faultbond.report.chart import Chart, ChartLine, payload
-from faultbond.report.charts import chart_sections, estimate_charts, forecast_charts
+from faultbond.report.run_figures import chart_sections, estimate_charts, forecast_charts
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa

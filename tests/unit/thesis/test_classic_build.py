@@ -17,7 +17,7 @@ from faultbond.model.text import load_model
 from faultbond.thesis.offline.build import build_classic, largest_sets
 from faultbond.thesis.offline.functions import expected, from_before, from_samples, read_by, state_signals
 from faultbond.thesis.offline.sides import independent, independent_relations
-from faultbond.thesis.offline.tapes import compile_torn
+from faultbond.thesis.offline.tape_writer import compile_torn
 from faultbond.thesis.offline.torn import tear
 from faultbond.thesis.online.newton import solve_torn
 from faultbond.thesis.online.plan import ClassicPlan, Programs

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.errors import ModelError
 from faultbond.fit.identification import Fit
 from faultbond.fit.outcome import Estimate, NoiseFound, Silence, estimates_of, noises_of, residual_sizes, silences_of

@@ -27,7 +27,7 @@ from faultbond.algebra.solving.formula import (
 )
 from faultbond.algebra.solving.latex import to_latex
 from faultbond.algebra.solving.solution import Solution
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
