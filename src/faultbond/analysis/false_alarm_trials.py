@@ -93,13 +93,16 @@ def alarming(spec: EngineSpec) -> list[int]:
 
 
 def ratios_of(spec: EngineSpec, joint: FloatArray) -> FloatArray:
-    """Give the alarming slow errors of joint vectors (.., n_joint) in declared standard deviations."""
+    """Give the alarming slow errors (..., n_alarming) of joint vectors (..., n_joint), in declared sd."""
     places = alarming(spec)
     return np.asarray(joint[..., spec.slow_slice][..., places] / spec.slow_sizes[places])
 
 
 def alarms(spec: EngineSpec, sums: Sums, ratios: FloatArray) -> BoolArray:
-    """Give whether a statistic has crossed its limit; sums (.., n_outputs), ratios (.., n_alarming)."""
+    """Give whether a statistic has crossed its limit, (...,).
+
+    The sums are of innovations (..., n_outputs); ratios (..., n_alarming) are slow errors in declared sd.
+    """
     crossed = np.any(height_of(spec.thresholds, sums) > spec.thresholds.cusum_limit, axis=-1)
     return np.asarray(crossed | np.any(np.abs(ratios) > spec.thresholds.slow_error_limit, axis=-1))
 

@@ -301,13 +301,13 @@ def solve_scaled(matrix: FloatArray, right: FloatArray, size: FloatArray) -> tup
 
     Parameters
     ----------
-    matrix : float array, shape (.., n, n)
-    right : float array, shape (.., n, m)
-    size : float array, shape (.., n), sizes of the solution; rows and columns are scaled by them to like sizes
+    matrix : float array, shape (..., n, n)
+    right : float array, shape (..., n, m)
+    size : float array, shape (..., n), sizes of the solution; rows and columns are scaled by them to like sizes
 
     Returns
     -------
-    float array, shape (.., n, m), and bool array, shape (..)
+    float array, shape (..., n, m), and bool array, shape (...,)
     """
     column = np.where(size > TINY, size, 1.0)
     scaled = matrix * column[..., None, :]
@@ -325,11 +325,11 @@ def solve_scaled(matrix: FloatArray, right: FloatArray, size: FloatArray) -> tup
 
 
 def sane(*arrays: FloatArray) -> BoolArray:
-    """Whether all numbers of arrays (lanes, ..) are finite, and so small that sums of their squares are, by lane."""
+    """Whether all numbers of arrays (n_lanes, ...) are finite, and so small that sums of squares are, (n_lanes,)."""
     return np.asarray(np.all([(np.abs(item) < _HUGE).reshape(len(item), -1).all(axis=1) for item in arrays], axis=0))
 
 
 def still(array: FloatArray) -> FloatArray:
-    """Make an array of any shape read-only: a frozen class does not freeze what it holds."""
+    """Make an array (...,) read-only: a frozen class does not freeze what it holds."""
     array.setflags(write=False)
     return array

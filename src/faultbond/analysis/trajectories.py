@@ -47,7 +47,7 @@ class Lanes:
 class Paths:
     """What the lanes do: w (lanes, samples, n_w), contents and implicit signals; y (lanes, samples, n_outputs).
 
-    w_by, y_by: (.., k + n_states), by the parameters of `places`, for a change by their `step`, and by the start.
+    w_by, y_by: (..., k + n_states), by the parameters of `places`, for a change by their `step`, and by the start.
     good: (lanes,), whether there is a solution; the numbers of other lanes mean nothing.
     """
 

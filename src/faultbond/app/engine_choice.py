@@ -12,7 +12,13 @@ NO_COMPILER = (
 
 
 def build_watcher(graph: BondGraph, choice: EngineChoice) -> tuple[EngineSpec, Engine]:
-    """Build the engine that was chosen."""
+    """Build the engine that was chosen.
+
+    Raises
+    ------
+    GenerationError
+        Where it is compiled C, and there is no compiler that works.
+    """
     from faultbond.synthesis.engine import build_engine  # noqa: PLC0415 - loads casadi
 
     spec, engine = build_engine(graph, compiled=choice is not EngineChoice.MACHINE)
@@ -22,7 +28,13 @@ def build_watcher(graph: BondGraph, choice: EngineChoice) -> tuple[EngineSpec, E
 
 
 def engine_title(choice: EngineChoice) -> str:
-    """Say which engine would be taken, without building it."""
+    """Say which engine would be taken, without building it.
+
+    Raises
+    ------
+    GenerationError
+        Where compiled C was chosen, and there is no compiler.
+    """
     from faultbond.synthesis.compile import cache_folder, find_compiler  # noqa: PLC0415 - only for `check`
 
     compiler = None if choice is EngineChoice.MACHINE else find_compiler()

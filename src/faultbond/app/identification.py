@@ -127,7 +127,13 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
 
 
 def likelihood_engine(step_model: Any, choice: EngineChoice) -> Engine:
-    """Build what evaluates the likelihood of a model in discrete time, compiled where that is possible."""
+    """Build what evaluates the likelihood of a model in discrete time, compiled where that is possible.
+
+    Raises
+    ------
+    GenerationError
+        Where compiled C was chosen and cannot be built, or what was built cannot be loaded.
+    """
     from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.compile import compile_library, find_compiler  # noqa: PLC0415 - only here
     from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi

@@ -42,7 +42,7 @@ class BankWatcher:
 
     @property
     def in_use(self) -> BoolArray:
-        """Which sensors are used."""
+        """Which sensors are used, (n_outputs,)."""
         return np.isfinite(self._state.normal.noise)
 
     def resume(self) -> None:

@@ -26,7 +26,13 @@ from faultbond.types import Method, Verdict
 
 
 def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
-    """Watch a recording of a plant in time, and give the verdict."""
+    """Watch a recording of a plant in time, and give the verdict.
+
+    Raises
+    ------
+    RecordingError
+        Where the recording cannot be read, or has no row with a time, or none later than the end of the saved run.
+    """
     stamp = stamp_of(wanted.state)
     before = read_before(wanted.state, graph, wanted.method)
     live = recording == STANDARD_INPUT

@@ -44,7 +44,13 @@ class Stopping:
             signal.signal(number, handler)
 
     def between(self, items: Iterable[Item]) -> Iterator[Item]:
-        """Give items; a signal raises `Stopped` while one is waited for, never while one is worked on."""
+        """Give items.
+
+        Raises
+        ------
+        Stopped
+            Where a signal came; raised while an item is waited for, never while one is worked on.
+        """
         self._patient, upstream = True, iter(items)
         while True:
             self._waits = True

@@ -38,11 +38,11 @@ class LanePlan:
 
     hypothesis: IntArray  # (n_lanes,)
     suspected: BoolArray  # (n_parameters, n_lanes)
-    values: FloatArray  # (n_parameters, n_lanes): starts of the suspects, see `Start`
+    values: FloatArray  # (n_parameters, n_lanes): starts of the suspects, see `LaneStart`
     sds: FloatArray  # (n_parameters, n_lanes)
     jumps: BoolArray  # (n_lanes, n_states): the stored content goes on at the change, else the effort (C) or flow (I)
-    first: IntArray  # first lane of each hypothesis
-    sizes: FloatArray  # suspects in each hypothesis
+    first: IntArray  # (n_hypotheses,): first lane of each
+    sizes: FloatArray  # (n_hypotheses,): suspects in each
     tied: bool = False  # whether a jump is bound to the factor of its suspect, as it may where that is nearly known
 
     @property

@@ -203,7 +203,7 @@ class EngineSpec:
 
     @cached_property
     def reserve_costs(self) -> FloatArray:
-        """Cost of the suspects of each set in reserve, nats."""
+        """Cost of the suspects of each set in reserve, (n_sets,), nats."""
         return _still(self.thresholds.cost_per_suspect * np.array([float(len(chosen)) for chosen in self.reserve]))
 
     def members(self, hypothesis: int) -> tuple[int, ...]:
@@ -375,7 +375,7 @@ def unpack(spec: EngineSpec, packed: FloatArray) -> FloatArray:
 
 
 def pack(full: FloatArray) -> FloatArray:
-    """Give the upper triangle of a symmetric matrix, row by row."""
+    """Give the upper triangle (n_packed,) of a symmetric matrix (n_joint, n_joint), row by row."""
     return full[np.triu_indices(full.shape[0])]
 
 

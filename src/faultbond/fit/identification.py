@@ -105,8 +105,10 @@ def fit_plant(
 
     Raises
     ------
+    NoVerdictError
+        Where the recordings have no more readings than there are unknowns.
     RecordingError
-        Where the plant has no course along the recordings, or they have fewer readings than there are unknowns.
+        Where the plant has no course along the recordings.
     """
     unknown, readings = len(plant.unknowns.places) + plant.n_own * len(records), sum(item.readings for item in records)
     if readings <= unknown:

@@ -20,7 +20,8 @@ LOG_2_PI = float(np.log(2.0 * np.pi))
 class FittedPlant:
     """All that an evaluation needs of a plant.
 
-    begin: see `build_begin`; free: states whose start is to be found; own: places in q of parameters that each
+    begin: see `build_begin`; base: (n_q,), q as the model file states it, see `Layout`; implicit: (n_z,), a first guess
+    of the implicit signals, SI; free: states whose start is to be found; own: places in q of parameters that each
     recording has for itself, with the sd before the data, in factors.
     """
 

@@ -18,9 +18,10 @@ NOISE_PRIOR = 3.0  # sd of the logarithm of a size of noise: a factor of 20 eith
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unknowns:
-    """Places in q of what is to be found: parameters first, then sizes of noise. All arrays are per unknown.
+    """Places in q of what is to be found: parameters first, then sizes of noise. All arrays are (n,), per unknown.
 
-    logarithmic: the unknown is the logarithm of the factor (of the sd, of noise). prior: sd before the data.
+    logarithmic: the unknown is the logarithm of the factor (of the sd in SI, of noise), else the factor; nominal, lower
+    and upper are values of it. prior: its sd before the data.
     """
 
     places: IntArray

@@ -21,9 +21,9 @@ SLIGHT = 0.1  # a correlation below this is said to be slight
 class Whiteness:
     """The test of one sensor over all recordings.
 
-    correlation: autocorrelation at lags 1, 2, ...; p: probability of a statistic as large from white noise, nan where
-    there is too little; bound: 95 % of the correlations of white noise lie within it. spread: sd of the residuals, in
-    those that the filter expects. mean: of the residuals, likewise.
+    correlation: (n_shown,), autocorrelation at lags 1, 2, ...; p: probability of a statistic as large from white noise,
+    nan where there is too little; bound: 95 % of the correlations of white noise lie within it. spread: sd of the
+    residuals, in those that the filter expects. mean: of the residuals, likewise.
     """
 
     sensor: str

@@ -56,8 +56,9 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GridPoint:
-    """One step of the engine: `dt` seconds after the point before it (0 for the first), values as in `Row`.
+    """One step of the engine: `dt` seconds after the point before it (0 for the first).
 
+    u (n_inputs,), y (n_outputs,): SI, as in `Row`; nan where there is no value.
     resumes: what was between the point before and this one is not known, as the clock was set or rows are absent for
     too long; `dt` is then one sample.
     """
@@ -96,8 +97,9 @@ class GridClock:
     """Where a grid stands that holds nothing back: enough for a later recording to go on from there.
 
     counts: what has been passed. placed: the last rows. origin: index and time of the point at which the grid began.
-    usual: interval of rows before it began anew. last_index, last_time: of the last point. frozen: what is remembered
-    of values that stay the same, see `Frozen`. firsts: digests of the rows with which the last recordings began.
+    usual: interval of rows before it began anew. last_index, last_time: of the last point. frozen: (3, n_outputs), what
+    is remembered of values that stay the same, see `Frozen`. firsts: digests of the rows with which the last recordings
+    began.
     """
 
     counts: Counts

@@ -59,7 +59,7 @@ class ChartSection:
 
 
 def in_unit(values: FloatArray, unit: Unit) -> FloatArray:
-    """Give SI values, of any shape, in a unit of the model file."""
+    """Give SI values (...,) in a unit of the model file."""
     return (values - unit.offset) / unit.factor
 
 

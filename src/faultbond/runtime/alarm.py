@@ -20,6 +20,7 @@ def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations:
     """CUSUMs of the normalised innovations and of their scatter; missing and blanked values leave them as they are.
 
     So do all while an input is unknown for several samples: it may stand elsewhere, and then errs to one side.
+    `packed` (n_sample,) is the sample, `innovations` (2 * n_outputs,), SI, those of the healthy filter.
     """
     settings, place, n_y = spec.thresholds, spec.sample_fields, len(spec.outputs)
     score = innovations[:n_y] / np.sqrt(innovations[n_y:])
@@ -67,7 +68,10 @@ def usual_squares(state: State, score: FloatArray) -> FloatArray:
 
 
 def detect(spec: EngineSpec, state: State, peak: FloatArray) -> tuple[Detection | None, int]:
-    """Give the detection, if a statistic crossed, and the sample of the estimated onset; `peak`: see `statistic`."""
+    """Give the detection, if a statistic crossed, and the sample of the estimated onset.
+
+    `peak` (n_outputs,) is what `statistic` gives.
+    """
     settings, clock = spec.thresholds, state.clock
     crossed = peak > settings.cusum_limit
     if not crossed.any() and not _slow_error_alarms(spec, state):

@@ -23,7 +23,7 @@ class Allowed:
     infinite: bool = False
 
     def admits(self, values: FloatArray) -> bool:
-        """Whether all values are allowed."""
+        """Whether all values (...,) are allowed."""
         unknown, endless = np.isnan(values), np.isinf(values)
         known = values[~unknown]
         fractions = values[~unknown & ~endless] % 1.0 if self.whole else known[:0]

@@ -40,7 +40,7 @@ class Bank:
 
     @property
     def likelihoods(self) -> FloatArray:
-        """Log-likelihoods of all lanes, steps first."""
+        """Log-likelihoods of all lanes, (n + m,), steps first."""
         return np.concatenate([self.steps[-1], self.slots[-1]])
 
 

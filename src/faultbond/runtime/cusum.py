@@ -29,8 +29,8 @@ Floats = NDArray[Any]  # float64, or float32 where many realisations are summed 
 class Sums:
     """The sums after a sample; the axes behind the first are those of its innovations.
 
-    slow, fast: (2, ..), up and down. scatter: (LAGS, ..), and `before` the last innovations, the newest first, in their
-    standard deviations; nan: nothing to compare with.
+    slow, fast: (2, ...), up and down. scatter: (LAGS, ...), and `before`, alike, the last innovations, the newest
+    first, in their standard deviations; nan: nothing to compare with.
     """
 
     slow: Floats
@@ -51,7 +51,7 @@ def clip(settings: Thresholds, score: Floats) -> Floats:
 
 
 def climb(sums: Floats, score: Floats, drift: float) -> Floats:
-    """Take one clipped sample into two-sided sums (2, ..)."""
+    """Take one clipped sample into two-sided sums (2, ...)."""
     return np.maximum(sums + (np.array([score, -score]) - drift), 0.0)
 
 
@@ -72,7 +72,7 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray, forge
     ----------
     settings : limits and drifts
     sums : before
-    score : array, shape (..)
+    score : array, shape (...,)
         Innovations in their standard deviations.
     use : array of bool that broadcasts to `score`
         False leaves the sums as they are; so does a score that is no number.
@@ -95,7 +95,7 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray, forge
 
 
 def height_of(settings: Thresholds, sums: Sums) -> Floats:
-    """Give the largest of the sums, (..), in the scale of the slow ones: above `cusum_limit` is an alarm.
+    """Give the largest of the sums, (...,), in the scale of the slow ones: above `cusum_limit` is an alarm.
 
     The scatter counts as far as it is seen against each of the last innovations.
     """

@@ -33,7 +33,7 @@ class Drifting:
         return Drifting(spec=self.spec.slotted, engine=self.engine.slot, rates=self.rates, wander=self.wander)
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter all lanes over a block of samples; see `Engine.advance`."""
+        """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
         current, found = self.engine.advance(lanes, samples[:0])
         innovations = [found]
         for sample in samples:
@@ -51,5 +51,5 @@ class Drifting:
 
 
 def drifting(spec: EngineSpec, engine: Engine, rates: FloatArray, wander: FloatArray) -> Engine:
-    """Give the engine, with drifts if there are any."""
+    """Give the engine, with drifts if there are any; `rates`, `wander` (n_parameters,): see `Drifting`."""
     return Drifting(spec=spec, engine=engine, rates=rates, wander=wander) if np.any(rates) else engine

@@ -50,7 +50,7 @@ def step_suspects(spec: EngineSpec, lane: FloatArray, chosen: tuple[int, ...]) -
 def slot_suspects(
     spec: EngineSpec, slots: FloatArray, lane: int, time: float, absorbed: Absorbed
 ) -> tuple[tuple[Suspect, ...], bool]:
-    """Give the suspect of a lane with a slot, and whether its fault is there now.
+    """Give the suspect of one of the lanes with a slot (n_numbers, n_lanes), and whether its fault is there now.
 
     While a fault that comes and goes is gone, its size is that which the lane without it remembers: the other one has
     just been told that the fault is there, and bends the size to that.

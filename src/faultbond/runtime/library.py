@@ -37,7 +37,7 @@ class CompiledEngine:
         return f"compiled C, {LANES} lanes ({self.compiler})"
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter all lanes over a block of samples; see `Engine.advance`.
+        """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`.
 
         Lanes know nothing of each other, so where they are many, as at the alarm of a large bank, each processor takes
         a part of them, with the same result.

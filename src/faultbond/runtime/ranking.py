@@ -29,7 +29,7 @@ _KINDS = tuple(FaultKind)
 class LaneTable:
     """Of each lane, steps first: its hypothesis, index of its kind among all kinds, prior weight (in logarithm).
 
-    costs: of the suspects of each hypothesis.
+    Of lanes (n_lanes,); costs (n_hypotheses,) of the suspects of each hypothesis, nats.
     """
 
     hypothesis: IntArray

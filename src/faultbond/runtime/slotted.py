@@ -107,7 +107,7 @@ def renew_slots(spec: EngineSpec, engine: Engine, trail: Trail, slots: FloatArra
 
 
 def renewed_groups(plan: SlotPlan) -> list[IntArray]:
-    """Give the lanes of each drift of a parameter, and of each bias of an input."""
+    """Give the lanes (n,) of each drift of a parameter, and of each bias of an input."""
     groups: dict[int, list[int]] = {}
     for k, lane in enumerate(plan.lanes[: plan.switched]):
         if lane.input >= 0 or (lane.kind is FaultKind.DRIFT and lane.parameter >= 0):
@@ -252,13 +252,16 @@ def widened(spec: EngineSpec, lane: FloatArray) -> FloatArray:
 
 
 def shared(spec: EngineSpec) -> IntArray:
-    """Give the places in z of a slot lane of what a lane without a slot holds too."""
+    """Give the places (n_joint,) in z of a slot lane of what a lane without a slot, of `spec`, holds too."""
     wide = spec.slotted
     return np.concatenate([np.arange(wide.slot_slice.start), np.arange(wide.slot_slice.stop, wide.n_joint)])
 
 
 def interacted(spec: EngineSpec, lanes: FloatArray) -> FloatArray:
-    """Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode."""
+    """Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode.
+
+    The lanes (n_numbers, n_lanes) have a slot; those of a pair are side by side, that with the fault first.
+    """
     there, gone = lanes[:, 0::2], lanes[:, 1::2]
     stay, switch = log1p(-SWITCHING), log(SWITCHING)
     one, two = (np.where(np.isfinite(item[-1]), item[-1], LOWEST) for item in (there, gone))

@@ -60,8 +60,11 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Report:
-    """What one sample brought. Arrays are per output; `slow` is per slow error, in declared sd.
+    """What one sample brought; nan: nothing yet.
 
+    expected, variance : (n_outputs,), reading of the healthy plant, SI, and variance of the measured one, SI squared
+    cusum : (n_outputs,), largest sum of each sensor, see `faultbond.runtime.alarm.statistic`
+    slow : (n_slow_errors,), slow errors in declared sd
     wild : values that were refused, or cut, since they lie far beyond all that was seen
     """
 
@@ -110,7 +113,7 @@ class InputMemory:
 
     @property
     def peak(self) -> FloatArray:
-        """Largest size of each input; 0 where none was seen."""
+        """Largest size of each input, (n_inputs,), SI; 0 where none was seen."""
         return np.where(self.lowest <= self.highest, np.maximum(np.abs(self.lowest), np.abs(self.highest)), 0.0)
 
 
@@ -125,7 +128,7 @@ class SensorMemory:
     cusum_start: FloatArray  # (2, n_outputs): sample at which each began to grow
     fast: FloatArray  # (2, n_outputs): sums with the larger drift
     scatter: FloatArray  # (LAGS, n_outputs): sums of the scatter
-    scatter_start: FloatArray
+    scatter_start: FloatArray  # (LAGS, n_outputs): sample at which each of these began to grow
     before: FloatArray  # (LAGS, n_outputs): last innovations in their sd, the newest first
 
 
@@ -150,11 +153,11 @@ class Normal:
 
     lane: FloatArray  # (n_numbers, 1): the one that was accepted last
     gain: FloatArray  # (n_outputs,)
-    offset: FloatArray
-    noise: FloatArray
+    offset: FloatArray  # (n_outputs,), SI
+    noise: FloatArray  # (n_outputs,)
     input_offset: FloatArray  # (n_inputs,)
     rates: FloatArray  # (n_parameters,)
-    wander: FloatArray
+    wander: FloatArray  # (n_parameters,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

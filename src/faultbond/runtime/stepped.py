@@ -26,7 +26,11 @@ _Jump = tuple[int, int, float, IntArray]  # state, parameter, exponent, lanes
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mixture:
-    """Lanes over several onsets: the numbers of the best onset of each, its likelihood, and that of all together."""
+    """Lanes over several onsets.
+
+    lanes : (n_numbers, n_lanes), those of the best onset of each
+    best, total : (n_lanes,), log-likelihood of the best onset, and of all together
+    """
 
     lanes: FloatArray
     best: FloatArray
@@ -76,7 +80,10 @@ def advance_steps(
 
 
 def relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
-    """Let filters that may be far from the truth linearise twice, and learn from nearly any innovation."""
+    """Let filters that may be far from the truth linearise twice, and learn from nearly any innovation.
+
+    `samples` are packed, (n, n_sample), and so is what is given.
+    """
     again = samples.copy()
     again[:, spec.sample_fields["again"]] = 1.0
     again[:, spec.sample_fields["bound"]] = spec.thresholds.bank_bound
@@ -87,7 +94,8 @@ def renew_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatArray
     """Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
 
     A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
-    nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier.
+    nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier. `bank` is
+    (n_numbers, n_lanes), and so is what is given.
     """
     plan = plan_lanes(spec)
     best, worst = extremes(plan, bank[-1])
@@ -106,6 +114,7 @@ def renew_all_steps(spec: EngineSpec, engine: Engine, trail: Trail, bank: FloatA
     What a filter has once linearised far from the truth stays in its covariance. It then follows the data too well, and
     over thousands of samples its likelihood passes that of filters which began nearer. It is kept as it was where the
     new beginning led astray. All others go on from the best of their hypothesis, as little likely as they were.
+    `bank` is (n_numbers, n_lanes), and so is what is given.
     """
     plan, likelihoods = plan_lanes(spec), _likelihoods(bank)
     best, _ = extremes(plan, likelihoods)
@@ -192,7 +201,7 @@ def _likelihoods(lanes: FloatArray) -> FloatArray:
 
 
 def mix(mixture: Mixture | None, lanes: FloatArray, width: float) -> Mixture:
-    """Add lanes of one more onset to the mixture."""
+    """Add lanes (n_numbers, n_lanes) of one more onset, which stands for `width` samples, to the mixture."""
     likelihood = _likelihoods(lanes)
     if mixture is None:
         return Mixture(lanes=lanes, best=likelihood, total=likelihood + np.log(width))
@@ -205,7 +214,7 @@ def mix(mixture: Mixture | None, lanes: FloatArray, width: float) -> Mixture:
 
 
 def mixed(spec: EngineSpec, mixture: Mixture | None) -> FloatArray:
-    """Give the best onset of each lane, with the mean likelihood over the onsets."""
+    """Give the best onset of each lane, (n_numbers, n_lanes), with the mean likelihood over the onsets."""
     if mixture is None:
         raise AssertionError("there is always an onset to try")
     lanes = mixture.lanes.copy()
@@ -214,7 +223,7 @@ def mixed(spec: EngineSpec, mixture: Mixture | None) -> FloatArray:
 
 
 def forget_slow_errors(spec: EngineSpec, numbers: FloatArray) -> FloatArray:
-    """Begin the slow errors anew: near the alarm they have already taken up part of the fault."""
+    """Begin the slow errors of a lane (n_numbers,) anew: near the alarm they already hold a part of the fault."""
     fresh = numbers.copy()
     full = unpack(spec, fresh[spec.covariance_slice])
     slow = spec.slow_slice

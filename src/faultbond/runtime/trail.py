@@ -73,7 +73,10 @@ class Past:
         return Past(table=table, end=end + 1, written=written, last=number, n_sample=self.n_sample)
 
     def mended(self, samples: FloatArray, lanes: FloatArray, wildness: FloatArray) -> "Past":
-        """Give this past with other numbers in its last rows, as many as there are of these."""
+        """Give this past with other numbers in its last n rows.
+
+        They are samples (n, n_sample), lanes (n, n_numbers), and largest innovations (n,), sd.
+        """
         rows = self.rows.copy()
         last = rows[len(rows) - len(samples) :]
         last[:, : self.n_sample], last[:, self.n_sample : -2], last[:, -1] = samples, lanes, wildness
@@ -81,7 +84,7 @@ class Past:
 
 
 def past_of(rows: FloatArray, last: int, n_sample: int) -> Past:
-    """Give the past with these rows, see `Past.rows`, up to the sample of number `last`."""
+    """Give the past with these rows (depth, n_sample + n_numbers + 2), see `Past.table`, up to sample number `last`."""
     table = np.concatenate([rows, np.zeros_like(rows)])
     return Past(table=table, end=len(rows), written=[len(rows)], last=last, n_sample=n_sample)
 

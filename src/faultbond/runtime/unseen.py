@@ -23,8 +23,8 @@ RARELY = 0.5  # presence of an input that is logged when it changes
 def wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
     """Give the sd that states gain by a gap of so many samples before this one: by chance, or to where they have been.
 
-    From so far off one linear update leads to near the truth only. So the samples that follow add a part of it again,
-    each of them a step of Newton's method, down to what counts as nothing.
+    It is (n_states,), SI. From so far off one linear update leads to near the truth only. So the samples that follow
+    add a part of it again, each of them a step of Newton's method, down to what counts as nothing.
     """
     astray = state.healthy.astray
     if not gap and not astray.any():
@@ -36,7 +36,7 @@ def wandered(spec: EngineSpec, state: State, gap: float) -> FloatArray:
 
 
 def travelled(state: State) -> FloatArray:
-    """Give how far each state has ever moved."""
+    """Give how far each state has ever moved, (n_states,), SI."""
     return np.asarray(np.maximum(state.healthy.travel[1] - state.healthy.travel[0], 0.0))
 
 
@@ -45,7 +45,8 @@ def told_inputs(
 ) -> InputMemory:
     """Give what is known of the inputs after a sample in which some were told, are `u`, and moved by so much.
 
-    An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
+    `told`, `u` and `moved` are (n_inputs,), SI; `gap` is in samples. An input that is mostly not told is one that is
+    logged when it changes: between, its value is known after all.
     """
     whole = told & (inputs.guessed == 0.0) & (gap == 0.0)  # both ends of the move were seen
     leap = np.hypot(np.sqrt(1.0 - 1.0 / MOVES) * inputs.leap, np.sqrt(1.0 / MOVES) * moved)
@@ -61,7 +62,7 @@ def told_inputs(
 
 
 def is_restless(inputs: InputMemory) -> BoolArray:
-    """Tell which inputs are usually told, and move; where these stand while they are not told nobody knows."""
+    """Tell which inputs, (n_inputs,), are usually told, and move; where they stand while not told nobody knows."""
     return np.asarray((inputs.leap > 0.0) & (inputs.habit > RARELY))
 
 
@@ -71,10 +72,11 @@ def unknown_inputs(inputs: InputMemory) -> BoolArray:
 
 
 def doubt(inputs: InputMemory, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Give by how much each input may have been off before a sample, SI, and over how many samples.
+    """Give by how much each input may have been off before a sample, SI, and over how many samples; (n_inputs,) each.
 
-    An input whose value is missing is held. When it is told again, it may have changed at any sample since; while it is
-    not, and sensors are, it may be off by as much as it usually moves.
+    `u` (n_inputs,), SI, are the values of this sample. An input whose value is missing is held. When it is told again,
+    it may have changed at any sample since; while it is not, and sensors are, it may be off by as much as it usually
+    moves.
     """
     told = np.isfinite(sample.u)
     if not np.any(told) and not np.any(np.isfinite(sample.y)):
@@ -90,8 +92,8 @@ def allowed(
 ) -> FloatArray:
     """Let states be as uncertain as what inputs may have done unseen makes them, by one step of the healthy filter.
 
-    `doubted`: by how much each input may have been off, and over how many samples, (n_inputs,) each. No state goes
-    farther by that than it ever has, unless one step takes it there.
+    `packed` is (n_sample,), and so is what is given. `doubted`: by how much each input may have been off, SI, and over
+    how many samples, (n_inputs,) each. No state goes farther by that than it ever has, unless one step takes it there.
     """
     change, count = doubted
     if not np.any(change):

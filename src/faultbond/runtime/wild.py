@@ -35,8 +35,9 @@ OnePast = tuple[FloatArray, FloatArray]  # a lane, and a packed sample as it is 
 def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, FloatArray, State, int]:
     """Give the state before a sample, the sample as the engine takes it, the state after, and how many inputs are wild.
 
-    While an input is refused a second filter, the rival, runs beside as if its value were real, until the readings tell
-    which of the two is right. If the rival is, it is the healthy filter from then on.
+    The sample is then packed, (n_sample,). While an input is refused a second filter, the rival, runs beside as if its
+    value were real, until the readings tell which of the two is right. If the rival is, it is the healthy filter from
+    then on.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def said_for_second(one: FloatArray, two: FloatArray, counted: BoolArray) -> flo
 
     Parameters
     ----------
-    one, two : float arrays of one shape
+    one, two : float arrays of one shape (...,)
         What each past leaves of the readings, in sd; what is no number counts as far off.
     counted : bool array of this shape
         Which readings are compared.
@@ -149,7 +150,10 @@ def said_for_second(one: FloatArray, two: FloatArray, counted: BoolArray) -> flo
 
 
 def surprising(spec: EngineSpec, packed: FloatArray, innovations: FloatArray) -> bool:
-    """Whether a reading lies so far from what is expected that it, or an input before it, may be wild."""
+    """Whether a reading lies so far from what is expected that it, or an input before it, may be wild.
+
+    `packed` (n_sample,) is the sample, `innovations` (2 * n_outputs,), SI, those of the healthy filter.
+    """
     n_y = len(spec.outputs)
     off = np.abs(innovations[:n_y]) > SPIKE * np.sqrt(np.maximum(innovations[n_y:], 0.0))
     return bool(off.any()) and bool((off & (packed[spec.sample_fields["use"]] > 0)).any())

@@ -27,7 +27,7 @@ class VirtualMachine:
         return self.slot_engine or self
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter all lanes over a block of samples; see `Engine.advance`."""
+        """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
         n = lanes.shape[1]
         if n == 0:  # CasADi takes no columns for one
             return lanes.copy(), np.empty((samples.shape[0], self.function.numel_out(1), 0))
