@@ -28,7 +28,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import FaultbondError, StructureError
-from faultbond.model.logic import Diagnosis, LogicNetwork, Scenario
+from faultbond.model.logic import GateSet, LogicNetwork, Scenario
 from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses
 from faultbond.networks.logic.dxc import is_circuit, read_circuit, read_scenario
 
@@ -41,8 +41,8 @@ class Result:
 
     circuit: str
     scenario: str
-    diagnoses: tuple[Diagnosis, ...] | None
-    truth: tuple[Diagnosis, ...] | None
+    diagnoses: tuple[GateSet, ...] | None
+    truth: tuple[GateSet, ...] | None
     score: float | None
     disputed: bool
     seconds: float
@@ -54,12 +54,12 @@ class Result:
         return self.truth is not None and self.diagnoses is not None and set(self.diagnoses) == set(self.truth)
 
 
-def utility(diagnosis: Diagnosis, truth: Diagnosis, n_suspects: int) -> float:
+def utility(diagnosis: GateSet, truth: GateSet, n_suspects: int) -> float:
     """Give m_utl of one diagnosis against one true one, see above."""
     return float(_utility(len(diagnosis - truth), len(truth - diagnosis), len(diagnosis), n_suspects))
 
 
-def score(answer: Sequence[Diagnosis], truth: Sequence[Diagnosis], n_suspects: int, normalization: float) -> float:
+def score(answer: Sequence[GateSet], truth: Sequence[GateSet], n_suspects: int, normalization: float) -> float:
     """Give the score of an answer, see above; that of no answer at all is that of the empty diagnosis.
 
     Parameters
@@ -87,7 +87,7 @@ def _utility(
     return np.asarray(1 - false_alarm - negatives * (count - size + 1) / (count * (negatives + 1)))
 
 
-def _incidence(diagnoses: Sequence[Diagnosis], columns: dict[str, int]) -> FloatArray:
+def _incidence(diagnoses: Sequence[GateSet], columns: dict[str, int]) -> FloatArray:
     """Give 1 where a diagnosis (row) has a component (column)."""
     matrix = np.zeros((len(diagnoses), len(columns)), dtype=np.float64)
     for row, diagnosis in enumerate(diagnoses):
@@ -100,7 +100,7 @@ def measure(circuit: Path, scenario: Path, time_limit: float) -> Result:
     begin = time.perf_counter()
     network, made = read_circuit(circuit), read_scenario(scenario)
     rows = [item.values for item in made.observations]
-    answer: tuple[Diagnosis, ...] | None = None
+    answer: tuple[GateSet, ...] | None = None
     problem = ""
     try:
         answer = minimum_diagnoses(network, rows, time_limit=time_limit)
@@ -119,7 +119,7 @@ def measure(circuit: Path, scenario: Path, time_limit: float) -> Result:
     )
 
 
-def score_of(answer: Sequence[Diagnosis] | None, scenario: Scenario, n_suspects: int) -> float | None:
+def score_of(answer: Sequence[GateSet] | None, scenario: Scenario, n_suspects: int) -> float | None:
     """Give the score against the truth of the file, None where it has none."""
     truth = scenario.diagnoses
     if not truth:
@@ -128,7 +128,7 @@ def score_of(answer: Sequence[Diagnosis] | None, scenario: Scenario, n_suspects:
     return 0.0 if answer is None else score(answer, truth, n_suspects, best)
 
 
-def is_disputed(answer: Sequence[Diagnosis], network: LogicNetwork, scenario: Scenario) -> bool:
+def is_disputed(answer: Sequence[GateSet], network: LogicNetwork, scenario: Scenario) -> bool:
     """Whether answers that are not in the truth, and have no more gates, explain what was observed.
 
     Not where there are too many ways to try.

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork
-from faultbond.networks.logic.circuit import build_circuit, simulate
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork
+from faultbond.networks.logic.circuit import build_circuit, simulate_gates
 
 TRIES = 40  # scenarios of which the one with the most wrong outputs is kept
 KINDS = ("and", "nand", "nand", "or", "nor")
@@ -153,19 +153,21 @@ def adders(width: int, count: int) -> LogicNetwork:
     return maker.network(f"adders{width}x{count}", [bit for word in words for bit in word], [*outputs, *total])
 
 
-def observe(network: LogicNetwork, abnormal: Diagnosis, inputs: dict[str, bool]) -> dict[str, bool]:
+def observe(network: LogicNetwork, abnormal: GateSet, inputs: dict[str, bool]) -> dict[str, bool]:
     """Give inputs and outputs while abnormal gates give the opposite of what they should."""
     circuit = build_circuit(network, network.outputs)
     flips = {node.output: 1 for node in circuit.nodes if node.component in abnormal}
     words = dict(
-        zip(circuit.names, simulate(circuit, [int(inputs[name]) for name in network.inputs], 1, flips), strict=True)
+        zip(
+            circuit.names,
+            simulate_gates(circuit, [int(inputs[name]) for name in network.inputs], 1, flips),
+            strict=True,
+        )
     )
     return inputs | {name: bool(words[name]) for name in network.outputs}
 
 
-def made_scenario(
-    network: LogicNetwork, n_faults: int, seed: int
-) -> tuple[dict[str, bool], dict[str, bool], Diagnosis]:
+def made_scenario(network: LogicNetwork, n_faults: int, seed: int) -> tuple[dict[str, bool], dict[str, bool], GateSet]:
     """Give what is observed before and after, and the faults: of some random ones those with the most wrong outputs."""
     random = np.random.default_rng(seed)
     found = []
@@ -212,7 +214,7 @@ def _kind(gate: Gate) -> str:
     return f"{gate.function.value}{len(gate.inputs)}"
 
 
-def scenario_text(before: dict[str, bool], after: dict[str, bool], injected: Diagnosis) -> str:
+def scenario_text(before: dict[str, bool], after: dict[str, bool], injected: GateSet) -> str:
     """Give a scenario without its truth."""
 
     def sensors(values: dict[str, bool]) -> str:

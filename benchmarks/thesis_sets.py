@@ -19,7 +19,7 @@ from faultbond.sets import (
     minimal_diagnoses,
     minimal_hitting_sets,
 )
-from faultbond.thesis.tables import relations, solve, table_of_pairs
+from faultbond.thesis.tables import solve_suspects, table_of_pairs, table_relations
 
 SUBSETS = {  # table 6.1: the subset taken as healthy, and the parameters of the others from observation 1 and 2
     ("A", "B"): ("1.0", "0.66"),
@@ -41,9 +41,9 @@ def table_6_1() -> Table:
             what = f"{set_text(subset)} healthy, observation {k + 1}: {suspects[0]}"
             remark = "erratum: 0.667, as in the text" if text == "0.66" else ""
             if len(suspects) == 1:
-                lines.append(number(what, text, falling(solve(network, suspects, [rows[k]]))[0][0], remark))
+                lines.append(number(what, text, falling(solve_suspects(network, suspects, [rows[k]]))[0][0], remark))
             else:
-                (found,) = relations(network, suspects, rows[k])
+                (found,) = table_relations(network, suspects, rows[k])
                 ours = found.text.partition(" = ")[2]
                 lines.append(equal(what, text, ours, same=_is_printed_law(text, ours, suspects[1])))
     return Table(
@@ -93,12 +93,12 @@ def conflicts_of_6_1() -> Table:
     """Give conflict sets and diagnoses, with constancy over observations and without."""
     network, rows = observed("fig_6_1")
     tested = (frozenset[str](), *hypotheses("ABC", 2))
-    apart = {item: all(solve(network, _ordered(item), [row]).explains for row in rows) for item in tested}
-    constant = {item: solve(network, _ordered(item), rows).explains for item in tested}
+    apart = {item: all(solve_suspects(network, _ordered(item), [row]).explains for row in rows) for item in tested}
+    constant = {item: solve_suspects(network, _ordered(item), rows).explains for item in tested}
     every = conflict_sets("ABC", apart)
     conflicts = conflict_sets("ABC", constant)
     diagnoses = minimal_hitting_sets(conflicts)
-    points = {item: falling(solve(network, _ordered(item), rows))[0] for item in diagnoses}
+    points = {item: falling(solve_suspects(network, _ordered(item), rows))[0] for item in diagnoses}
     remark = "erratum: {A, C} meets all three, too; table 6.2 gives its values"
     return Table(
         title="Section 6.1: conflict sets and hitting sets",

@@ -23,7 +23,7 @@ from faultbond.sets import (
     minimal_diagnoses,
     minimal_hitting_sets,
 )
-from faultbond.thesis.tables import Solved, relations, solve, table_of_pairs, table_of_singles
+from faultbond.thesis.tables import Solved, solve_suspects, table_of_pairs, table_of_singles, table_relations
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "thesis"
 
@@ -57,7 +57,7 @@ def figures_3_4_and_3_5() -> Table:
     network, (seen,) = observed("fig_3_4")
     (single,) = table_of_singles(network, [seen])
     known = predicted(network, seen)
-    (tied,) = relations(network, ("i", "ii"), seen)
+    (tied,) = table_relations(network, ("i", "ii"), seen)
     return Table(
         title="Figures 3.4 and 3.5: two multipliers in a row",
         source="3.4.1 and 3.5.2, pages 25 and 29",
@@ -127,7 +127,7 @@ def table_3_3() -> Table:
         for k in range(2)
         for name in ("M1", "M2")
     ]
-    left = [(name,) for name in network.suspects if solve(network, (name,), rows).explains]
+    left = [(name,) for name in network.suspects if solve_suspects(network, (name,), rows).explains]
     return Table(
         title="Table 3.3: comparing the two observations",
         source="3.7.1, figures 3.12 and 3.13, page 40",
@@ -166,7 +166,7 @@ def figure_3_17() -> Table:
     count = sum(len(solved.points) for solved in pairs.values())
     remark = f"erratum: (2, 15) is one of {count} solutions of {len(pairs)} pairs"
     lines = [_pair(pair, pairs[pair], remark if pair == ("M1", "M3") else "fits too") for pair in pairs]
-    left = [(pair, falling(solve(network, pair, third))) for pair in pairs]
+    left = [(pair, falling(solve_suspects(network, pair, third))) for pair in pairs]
     return Table(
         title="Figure 3.17: the diagnosis of two components",
         source="3.7.2, page 43",

@@ -15,7 +15,9 @@ from rooms import PICTURE, drawn
 
 from faultbond.cli import build_parser, main
 from faultbond.io.faults import parse_fault
-from faultbond.model import FUNCTIONS, model_schema, parse_model
+from faultbond.model.expression import FUNCTIONS
+from faultbond.model.schema import model_schema
+from faultbond.model.text import parse_model
 from faultbond.synthesis.compile import find_compiler
 from faultbond.types import ElementType
 

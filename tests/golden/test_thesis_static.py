@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
+from itertools import combinations
 from math import sqrt
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from faultbond.networks.logic.diagnoses import explains, logic_network
 from faultbond.networks.propagation import suspend
 from faultbond.networks.static_network import READING, Observation, StaticNetwork, observation, static_network
 from faultbond.sets import conflict_sets, hypotheses, minimal_diagnoses, minimal_hitting_sets
-from faultbond.thesis.tables import Solved, relations_of_pairs, solve, table_of_pairs, table_of_singles
+from faultbond.thesis.tables import Solved, solve_suspects, table_of_pairs, table_of_singles, table_relations
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "thesis"
 
@@ -149,7 +150,9 @@ def test_pairs_of_figure_3_17_exactly() -> None:
 def test_a_third_observation_tells_the_pair() -> None:
     """With M1 = 2 and M3 = 15 in a third observation, only (2, 15) is left (E3)."""
     network, rows = observed("fig_3_14", [(3, 2, 4, 160), (2, 2, 2, 94), (1, 3, 1, 79)])
-    verdicts = {pair: numbers(solve(network, pair, rows)) for pair in (("M1", "M2"), ("M1", "M3"), ("M2", "M3"))}
+    verdicts = {
+        pair: numbers(solve_suspects(network, pair, rows)) for pair in (("M1", "M2"), ("M1", "M3"), ("M2", "M3"))
+    }
     assert verdicts == {("M1", "M2"): [], ("M1", "M3"): [(2, 15)], ("M2", "M3"): []}
 
 
@@ -196,7 +199,9 @@ def test_table_6_1_upper_part() -> None:
 
 def test_table_6_1_lower_part() -> None:
     """One observation ties two parameters by a relation (G4)."""
-    found = [{pair: row[pair][0].text for pair in row} for row in relations_of_pairs(*observed("fig_6_1"))]
+    network, rows = observed("fig_6_1")
+    pairs = list(combinations(network.suspects, 2))
+    found = [{pair: table_relations(network, pair, row)[0].text for pair in pairs} for row in rows]
     assert [row["B", "C"] for row in found] == ["B = 17/3 - 2*C/3", "B = 27/5 - 3*C/5", "B = 13/3 - C/3"]
     assert [row["A", "C"] for row in found] == ["A = 14/5 - 4*C/5", "A = 12/5 - 3*C/5", "A = 8/5 - C/5"]
     assert [row["A", "B"] for row in found] == ["A = 18/B - 4", "A = 15/B - 3", "A = 9/B - 1"]
@@ -214,11 +219,11 @@ def test_conflicts_of_table_6_1() -> None:
     """Sets that no constant values of the other parameters explain are conflicts; {B} and {A, C} meet them (G5, E8)."""
     network, rows = observed("fig_6_1")
     tested = (frozenset[str](), *hypotheses("ABC", 2))
-    verdicts = {item: solve(network, tuple(sorted(item)), rows).explains for item in tested}
+    verdicts = {item: solve_suspects(network, tuple(sorted(item)), rows).explains for item in tested}
     conflicts = conflict_sets("ABC", verdicts)
     assert conflicts == (frozenset("AB"), frozenset("BC"), frozenset("ABC"))
     assert minimal_hitting_sets(conflicts) == (frozenset("B"), frozenset("AC"))
-    (pair,) = solve(network, ("A", "C"), rows).points
+    (pair,) = solve_suspects(network, ("A", "C"), rows).points
     assert pair == {"A": sp.Rational(6, 5), "C": 2}
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from faultbond import sets
 from faultbond.thesis.online.indices import add_error, indices_of, limits_of, trust_in_samples
 from faultbond.thesis.online.prefilter import filtered
-from faultbond.thesis.online.ranking import CLIP, hitting_indices, left_over
+from faultbond.thesis.online.ranking import CLIP, cleared_parts, hitting_indices
 from faultbond.thesis.online.settings import Settings
 
 USUAL = Settings()
@@ -97,7 +97,7 @@ def test_reasoning_is_that_of_the_sets(
     assert np.allclose(hitting_indices(contains, np.array(errors)), wanted)
     verdicts = {frozenset(item): bool(told) for item, told in zip(tested, explains, strict=True)}
     left = sets.hypotheses_left(verdicts)
-    found = left_over(contains, explains)
+    found = cleared_parts(contains, explains) == 1.0
     assert [frozenset(item) in left for item in hypotheses] == found.tolist()
 
 

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from strategies import as_text, gates, networks, plants
 
 from faultbond.errors import ModelError
-from faultbond.model import load_model, parse_expression, parse_model, parse_relation, to_text, unit
 from faultbond.model.expression import FUNCTIONS, LOGIC, NOT, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.parser import parse_expression, parse_relation, to_text
 from faultbond.model.quantities import quantity, spread, spread_over
+from faultbond.model.text import load_model, parse_model
+from faultbond.model.units import unit
 
 TANK = (Path(__file__).parents[2] / "examples" / "tank" / "model.yaml").read_text()
 MOTOR = (Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml").read_text()

@@ -9,7 +9,7 @@ from benchmarks.made_circuits import made_scenario, random_circuit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Observation
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, SignalValues
 from faultbond.networks.logic.answers import Case, smallest_sets
 from faultbond.networks.logic.circuit import build_circuit
 from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses, predict
@@ -56,7 +56,7 @@ FORMULAS: dict[GateFunction, Callable[[Sequence[bool]], bool]] = {
 }
 
 
-def possible(network: LogicNetwork, abnormal: Diagnosis, seen: Observation) -> bool:
+def possible(network: LogicNetwork, abnormal: GateSet, seen: SignalValues) -> bool:
     """Whether some values of all signals agree with the healthy gates and with what was seen."""
     names = [*network.inputs, *(gate.output for gate in network.gates)]
     healthy = [gate for gate in network.gates if gate.trusted or gate.name not in abnormal]
@@ -69,7 +69,7 @@ def possible(network: LogicNetwork, abnormal: Diagnosis, seen: Observation) -> b
     return False
 
 
-def tried(network: LogicNetwork, rows: Sequence[Observation]) -> set[Diagnosis]:
+def tried(network: LogicNetwork, rows: Sequence[SignalValues]) -> set[GateSet]:
     """Give all smallest sets by trying every one."""
     for size in range(len(network.suspects) + 1):
         sets = map(frozenset, combinations(network.suspects, size))

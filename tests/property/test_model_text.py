@@ -7,8 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from strategies import ELEMENTS, LAWS, UNITS, Mapping, as_text, gates, networks, plants, shuffled
 
-from faultbond.model import BondGraph, dump_model, parse_model
 from faultbond.model.defaults import in_force
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import dump_model, parse_model
 from faultbond.types import ElementType
 
 fast = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -9,11 +9,11 @@ import pytest
 from benchmarks.circuits import main, score, utility
 from benchmarks.made_circuits import circuit_text, corrector, made_scenario, scenario_text
 
-from faultbond.model.logic import Diagnosis
+from faultbond.model.logic import GateSet
 from faultbond.networks.logic.diagnoses import minimum_diagnoses
 
 
-def sets(*texts: str) -> list[Diagnosis]:
+def sets(*texts: str) -> list[GateSet]:
     """Give diagnoses from `a b`."""
     return [frozenset(text.split()) for text in texts]
 
@@ -50,7 +50,7 @@ def test_a_score_is_the_mean_over_all_pairs() -> None:
     assert score([], truth, 50, 1.0) == score([frozenset()], truth, 50, 1.0)
 
 
-def group(diagnoses: list[Diagnosis]) -> str:
+def group(diagnoses: list[GateSet]) -> str:
     """Give the statement of the truth."""
     listed = ", ".join("{ " + ", ".join(sorted(item)) + " }" for item in diagnoses)
     return f"ambiguityGroup @7000 size = {len(diagnoses)}, minCardinality = 1, diagnoses = {{ {listed} }};\n"

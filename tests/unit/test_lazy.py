@@ -6,7 +6,7 @@ from importlib import import_module
 
 import pytest
 
-LAZY = ("faultbond", "faultbond.app", "faultbond.io", "faultbond.model", "faultbond.report")
+LAZY = ("faultbond", "faultbond.app", "faultbond.io", "faultbond.report")
 
 
 @pytest.mark.parametrize("package", LAZY)

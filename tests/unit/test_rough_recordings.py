@@ -13,7 +13,7 @@ from faultbond.app import methods
 from faultbond.app.engines import build_watcher
 from faultbond.cli import main
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.model import BondGraph
+from faultbond.model.graph import BondGraph
 from faultbond.types import EngineChoice
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

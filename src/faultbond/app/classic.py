@@ -58,7 +58,7 @@ class Classic:
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
-        self._state = decision.resumed(self._state)
+        self._state = decision.after_pause(self._state)
 
     def step(self, sample: Sample) -> Report:
         """Take one sample; the statistic is that part of its limit which it is of the bank's."""

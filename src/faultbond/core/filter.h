@@ -277,7 +277,7 @@ static void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sampl
     expect(lane, lane, sample, lane + AT_IMPLICIT, &found);
     const mask says_much = innovate(lane, sample, &found, innovations);
     const int again = !READINGS_ARE_LINEAR && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
-    lanes *p_first = !again ? lane + AT_COVARIANCE : any_of(~says_much) ? p_guess : NULL;
+    lanes *p_first = !again ? lane + AT_COVARIANCE : !all_of(says_much) ? p_guess : NULL;
     lane[AT_LIKELIHOOD] += update(lane, sample, &found, shift, p_first, 1);
     shifted(lane, shift, guess);
     if (again) update_again(lane, sample, says_much, guess, p_first);

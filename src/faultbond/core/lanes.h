@@ -10,6 +10,10 @@ typedef int64_t mask;
 static inline lanes choose(mask m, lanes a, lanes b) { return m ? a : b; }
 static inline lanes broadcast(double a) { return a; }
 static inline int any_of(mask m) { return m != 0; }
+static inline int all_of(mask m) { return m != 0; }
+static inline mask bits_of(lanes a) { mask r; memcpy(&r, &a, sizeof r); return r; }
+static inline lanes of_bits(mask a) { lanes r; memcpy(&r, &a, sizeof r); return r; }
+static inline lanes of_whole(mask a) { return (double)a; }
 #define FB_EACH(name) \
     static inline lanes v_##name(lanes a) { return name(a); }
 #define FB_EACH_PAIR(name) \
@@ -17,6 +21,10 @@ static inline int any_of(mask m) { return m != 0; }
 #else
 typedef double lanes __attribute__((vector_size(FB_LANES * sizeof(double))));
 typedef int64_t mask __attribute__((vector_size(FB_LANES * sizeof(int64_t))));
+
+static inline mask bits_of(lanes a) { return (mask)a; }
+static inline lanes of_bits(mask a) { return (lanes)a; }
+static inline lanes of_whole(mask a) { return __builtin_convertvector(a, lanes); }
 
 /* Where a mask is true a, else b; bit by bit, so that what is not chosen may be anything. */
 static inline lanes choose(mask m, lanes a, lanes b) { return (lanes)(((mask)a & m) | ((mask)b & ~m)); }
@@ -34,6 +42,8 @@ static inline int any_of(mask m)
     for (int l = 0; l < FB_LANES; l++) found |= m[l];
     return found != 0;
 }
+static inline int all_of(mask m) { return !any_of(~m); }
+
 #define FB_EACH(name) \
     static inline lanes v_##name(lanes a) { lanes r; for (int l = 0; l < FB_LANES; l++) r[l] = name(a[l]); return r; }
 #define FB_EACH_PAIR(name) \

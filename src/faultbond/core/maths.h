@@ -21,22 +21,18 @@ FB_EACH_PAIR(pow)
    series up to the 21st power, to 4e-16 of the result or of 1. Numbers below the least normal one count as near it. */
 static inline lanes log_of(lanes x)
 {
-#if FB_LANES == 1
-    return log(x);
-#else
-    const mask bits = (mask)x;
+    const mask bits = bits_of(x);
     mask e = ((bits >> 52) & 0x7ff) - 1023;
-    lanes m = (lanes)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
+    lanes m = of_bits((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
     const mask big = m > FB_SQRT2;
     m = choose(big, m * 0.5, m);
-    e = e - big; /* true is -1 */
+    e = e + (big & 1); /* true is -1 in vectors, 1 alone */
     const lanes f = (m - 1.0) / (m + 1.0), g = f * f;
     lanes series = broadcast(1.0 / 21.0);
     for (int power = 19; power >= 3; power -= 2) series = series * g + 1.0 / power;
-    const lanes found = __builtin_convertvector(e, lanes) * FB_LN2 + 2.0 * (f + f * g * series);
+    const lanes found = of_whole(e) * FB_LN2 + 2.0 * (f + f * g * series);
     const lanes none = choose(x == 0.0, broadcast(-INFINITY), broadcast(NAN)); /* of what is not positive */
     return choose(x > 0.0, choose(x <= FB_LARGEST, found, x), none);
-#endif
 }
 
 #endif

@@ -1,129 +1,122 @@
 """Block networks: names, laws between signals, and which law defines which signal. Source: thesis 3.4 to 3.9, 6.1."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from faultbond.errors import ModelError
-from faultbond.model.defaults import Defaults
 from faultbond.model.expression import LOGIC, NOT, RATE, Binary, Call, Expression, Name, Negative, Number, names, walk
 from faultbond.model.graph import Component, Relation, Start
-from faultbond.model.kind import Kind
+from faultbond.model.head import Head
+from faultbond.model.keys import BLOCK_KEYS
 from faultbond.model.laws import StartEntry, check_finite, read_start, stated_laws
 from faultbond.model.parser import parse_expression, parse_relation, to_text
-from faultbond.model.source import NAME, Entry, Source, Text, closest, shown
+from faultbond.model.source import NAME, Source, closest, shown
+from faultbond.model.spot import Spot
 from faultbond.model.values import RESERVED_IN_BLOCKS, Values, read_suspect
 from faultbond.model.wiring import MAX_PARTS, Part, Wiring
 from faultbond.types import ElementType
 
-BLOCK_KEYS = ("law", "parameters", "signals", "start", "suspect")
 
+def block_wiring(source: Source, fields: Mapping[str, Spot]) -> Wiring:
+    """Read the names and keys of `blocks`.
 
-def block_wiring(source: Source, fields: Mapping[str, Entry]) -> Wiring:
-    """Read the names and keys of `blocks`."""
-    entries = source.table(fields["blocks"].value, "blocks").entries
-    if len(entries) > MAX_PARTS:
-        raise source.error(fields["blocks"], f"{len(entries)} blocks; at most {MAX_PARTS} are read. Split the network")
-    if not entries:
-        raise source.error(fields["blocks"], "no blocks; state them, such as `blocks: {gain: {law: y = 2*x}}`")
-    return Wiring({part.name: part for part in (_part(source, entry) for entry in entries)}, {}, ())
-
-
-def _part(source: Source, entry: Entry) -> Part:
-    name = source.name(entry, "blocks")
-    return Part(name, ElementType.BLOCK, source.fields(entry.value, f"block {name}", BLOCK_KEYS), entry.line)
-
-
-@dataclass(frozen=True, slots=True)
-class _Draft:
-    """A block whose laws are parsed and whose names are not yet resolved."""
-
-    part: Part
-    laws: tuple[Relation, ...]
-    signals: tuple[str, ...]
-
-    @property
-    def stores(self) -> tuple[str, ...]:
-        return tuple(law.store for law in self.laws if law.store is not None)
+    Raises
+    ------
+    ModelError
+        where there are none, too many, or one that is no table of its keys.
+    """
+    place = fields["blocks"]
+    count = len(place.entries())
+    if count > MAX_PARTS:
+        raise source.error(place.line, f"{count} blocks; at most {MAX_PARTS} are read. Split the network")
+    if not count:
+        raise source.error(place.line, "no blocks; state them, such as `blocks: {gain: {law: y = 2*x}}`")
+    parts = (Part(item, ElementType.BLOCK, item.fields(BLOCK_KEYS)) for item in place.things("block"))
+    return Wiring({part.name: part for part in parts}, {}, ())
 
 
 class BlockReader:
     """Reads laws and other expressions of one block network; signals keep their bare names."""
 
-    def __init__(self, source: Source, plant: Wiring, values: Values, defaults: Defaults, kind: Kind) -> None:
-        self.source, self.plant, self.values, self.defaults, self.kind = source, plant, values, defaults, kind
+    def __init__(self, head: Head, plant: Wiring, values: Values) -> None:
+        self.head, self.source, self.plant, self.values = head, head.source, plant, values
         self.starts: list[StartEntry] = []
         self.owners: dict[str, tuple[str, int]] = {}  # signal -> block, line
         self.stores: set[str] = set()
 
     def components(self) -> tuple[Component, ...]:
         """Give all blocks with their laws."""
-        owned: dict[str, list[str]] = {}
-        for item in self.values.parameters:
-            owned.setdefault(item.owner, []).append(item.name)
-        drafts = [self._draft(part) for part in self.plant.parts.values()]
-        return tuple(self._component(draft, tuple(owned.get(draft.part.name, ()))) for draft in drafts)
+        owned = self.values.owned
+        drafts = [(part, *self._draft(part)) for part in self.plant.parts.values()]
+        return tuple(
+            Component(
+                name=part.name,
+                type=part.type,
+                laws=tuple(self._resolved(law, part) for law in laws),
+                parameters=owned.get(part.name, ()),
+                start=self._start(part, [law.store for law in laws if law.store is not None]),
+                signals=signals,
+                suspect=read_suspect(part.fields),
+                line=part.line,
+            )
+            for part, laws, signals in drafts
+        )
 
     def is_signal(self, name: str) -> bool:
         """Whether a name is that of a signal."""
         return name in self.owners
 
-    def expression(self, text: str, line: int, what: str) -> Expression:
+    def expression(self, place: Spot) -> Expression:
         """Give a resolved expression outside a block, such as what a sensor reads."""
-        where = f"{self.source.at(line)}{what}: "
+        text, where = place.text(), place.where(": ")
         return self._checked(parse_expression(text, where, blocks=True), where)
 
     def signal(self, name: str, where: str) -> str:
-        """Give a name if it is a signal of the network."""
+        """Give a name if it is a signal of the network.
+
+        Raises
+        ------
+        ModelError
+            where it is none.
+        """
         if name not in self.owners:
             raise ModelError(where + self._unknown(name))
         return name
 
-    def _draft(self, part: Part) -> _Draft:
-        texts = stated_laws(self.source, part)
+    def _draft(self, part: Part) -> tuple[tuple[Relation, ...], tuple[str, ...]]:
+        """Give the laws of a block, their names not yet resolved, and the signals that it states beside theirs."""
+        texts = stated_laws(part)
         if not texts:
-            problem = f"block {part.name}: `law` is missing; write one, such as `law: y = 2*x`"
-            raise self.source.error(part.line, problem)
+            raise part.place.error(": `law` is missing; write one, such as `law: y = 2*x`")
         laws = tuple(self._relation(part, text, line) for text, line in texts)
         for law in laws:
             if law.signal is not None:
-                self._claim(law.signal, part, law.line, f"law of {part.name}")
-        signals = self._listed(part)
-        draft = _Draft(part, laws, signals)
-        self.stores.update(draft.stores)
-        return draft
+                self._claim(law.signal, part, f"{self.source.at(law.line)}law of {part.name}: ", law.line)
+        signals = []
+        for place in part.fields["signals"].one_or_more() if "signals" in part.fields else ():
+            name = place.text()
+            if not NAME.fullmatch(name):
+                raise place.error(f": `{shown(name)}` is not a name; write a list of names, such as `signals: [T]`")
+            line = place.line or part.fields["signals"].line
+            self._claim(name, part, f"{self.source.at(line)}{place.words}: ", line)
+            signals.append(name)
+        self.stores.update(law.store for law in laws if law.store is not None)
+        return laws, tuple(signals)
 
     def _relation(self, part: Part, text: str, line: int) -> Relation:
         where = f"{self.source.at(line)}law of {part.name}: "
         left, right = parse_relation(text, where, blocks=True)
         law = Relation(left=left, right=right, line=line)
         inner = right if law.store is not None else Binary("-", left, right)
-        if any(isinstance(item, Call) and item.function == RATE for item in walk(inner)):
+        if _has_rate(inner):
             problem = "a rate stands alone on the left of a law, as in `der(y) = x/P`"
             raise ModelError(f"{where}`{shown(text)}`: {problem}")
-        if law.store is not None and self.kind.static:
+        if law.store is not None and self.head.static:
             problem = f"`der({law.store})` makes a store, and with `sample_time: none` there is no time"
             raise ModelError(f"{where}{problem}; state a sample_time such as `1 s`")
         return law
 
-    def _listed(self, part: Part) -> tuple[str, ...]:
-        """Give the signals that a block states beside those which its laws define."""
-        if "signals" not in part.fields:
-            return ()
-        entry, what = part.fields["signals"], f"block {part.name}: signals"
-        nodes = (entry.value,) if isinstance(entry.value, Text) else self.source.items(entry.value, what)
-        found = []
-        for node in nodes:
-            name = self.source.text(node, what)
-            if not NAME.fullmatch(name):
-                problem = f"`{shown(name)}` is not a name; write a list of names, such as `signals: [T]`"
-                raise self.source.error(node, f"{what}: {problem}")
-            self._claim(name, part, node.line or entry.line, what)
-            found.append(name)
-        return tuple(found)
-
-    def _claim(self, name: str, part: Part, line: int, what: str) -> None:
+    def _claim(self, name: str, part: Part, where: str, line: int) -> None:
         """Take a name for a signal; an error if anything else has it."""
-        where = f"{self.source.at(line)}{what}: "
         if "." in name:
             raise ModelError(f"{where}`{name}`: signals of blocks have no dot; write `{name.partition('.')[2]}`")
         if name in RESERVED_IN_BLOCKS:
@@ -140,19 +133,6 @@ class BlockReader:
             raise ModelError(f"{where}{problem}. Rename it, or write a further equation as `0 = ...`")
         self.owners[name] = (part.name, line)
 
-    def _component(self, draft: _Draft, parameters: tuple[str, ...]) -> Component:
-        part = draft.part
-        return Component(
-            name=part.name,
-            type=part.type,
-            laws=tuple(self._resolved(law, part) for law in draft.laws),
-            parameters=parameters,
-            start=self._start(draft),
-            signals=draft.signals,
-            suspect=read_suspect(self.source, part.fields, f"block {part.name}"),
-            line=part.line,
-        )
-
     def _resolved(self, law: Relation, part: Part) -> Relation:
         where = f"{self.source.at(law.line)}law of {part.name}: "
         left = law.left if law.store is not None else self._checked(law.left, where)
@@ -163,12 +143,15 @@ class BlockReader:
         for name in names(expression):
             if name not in self.owners and name not in self.values.measures:
                 raise ModelError(where + self._unknown(name))
-        if any(isinstance(item, Call) and item.function == RATE for item in walk(expression)):
+        if _has_rate(expression):
             raise ModelError(f"{where}`{shown(to_text(expression))}`: a rate is no signal; `der(y)` is for laws")
-        if self.kind.logic:
+        if self.head.logic:
             self._check_logic(expression, where)
+        elif found := _first_logic(expression):
+            advice = "write `**` for a power, or give inputs and sensors" if found == "^" else "give inputs and sensors"
+            problem = f"`{found}` is logic, but no input and no sensor is; {advice} `unit: logic`"
+            raise ModelError(f"{where}`{shown(to_text(expression))}`: {problem}")
         else:
-            self._check_numbers(expression, where)
             check_finite(expression, self.values.nominals, where)
         return expression
 
@@ -185,7 +168,7 @@ class BlockReader:
     def _check_logic(self, expression: Expression, where: str) -> None:
         """Refuse numbers in a network of logic."""
         whole = f"{where}`{shown(to_text(expression))}`: "
-        advice = f"{self.kind.logic_by} is logic; write `&`, `|`, `^`, `~`, signals, 0 and 1"
+        advice = f"{self.head.logic_by} is logic; write `&`, `|`, `^`, `~`, signals, 0 and 1"
         for item in walk(expression):
             match item:
                 case Binary(operator) if operator not in LOGIC:
@@ -199,35 +182,30 @@ class BlockReader:
                 case Name(text) if text in self.values.nominals:
                     raise ModelError(f"{whole}`{text}` is a number, but {advice}")
 
-    def _check_numbers(self, expression: Expression, where: str) -> None:
-        """Refuse logic in a network of numbers."""
-        found = _first_logic(tuple(walk(expression)))
-        if found:
-            advice = "write `**` for a power, or give inputs and sensors" if found == "^" else "give inputs and sensors"
-            problem = f"`{found}` is logic, but no input and no sensor is; {advice} `unit: logic`"
-            raise ModelError(f"{where}`{shown(to_text(expression))}`: {problem}")
-
-    def _start(self, draft: _Draft) -> Start | None:
+    def _start(self, part: Part, stores: Sequence[str]) -> Start | None:
         """Give the known start of a block's store."""
-        part, stores = draft.part, draft.stores
         if "start" not in part.fields:
             if stores:
-                self.defaults.add("start", "solved from the first samples", part.name)
+                self.head.defaults.missing(BLOCK_KEYS, "start", part.name)
             return None
-        entry, what = part.fields["start"], f"start of {part.name}"
+        place = Spot(self.source, f"start of {part.name}", part.fields["start"].entry)
         if len(stores) != 1:
-            problem = f"a block with a start has one law `der(..) = ..`, and this one has {len(stores)}"
-            raise self.source.error(entry, f"{what}: {problem}; split or mend the block")
+            problem = f": a block with a start has one law `der(..) = ..`, and this one has {len(stores)}"
+            raise place.error(f"{problem}; split or mend the block")
         if stores[0] == "sd":
-            raise self.source.error(entry, f"{what}: `sd` is the standard deviation here; rename the signal")
-        start, found = read_start(self.source, entry, what, stores[0])
-        self.starts.append(StartEntry(stores[0], found, entry.line))
+            raise place.error(": `sd` is the standard deviation here; rename the signal")
+        start, found = read_start(place, stores[0])
+        self.starts.append(StartEntry(stores[0], found, place.line))
         return start
 
 
-def _first_logic(parts: Sequence[Expression]) -> str:
+def _has_rate(expression: Expression) -> bool:
+    return any(isinstance(item, Call) and item.function == RATE for item in walk(expression))
+
+
+def _first_logic(expression: Expression) -> str:
     """Give the first logic operator of an expression; empty if there is none."""
-    for item in parts:
+    for item in walk(expression):
         match item:
             case Binary(operator) if operator in LOGIC:
                 return operator

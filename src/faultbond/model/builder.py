@@ -9,8 +9,8 @@ from faultbond.model.parser import number_text
 from faultbond.model.resolve import resolve
 from faultbond.model.source import Entry, Items, Node, Source, Table, Text, shown
 
-Value = str | float | bool
-Fields = Mapping[str, "Value | Sequence[Value] | Fields | None"]
+Scalar = str | float | bool
+Fields = Mapping[str, "Scalar | Sequence[Scalar] | Fields | None"]
 
 
 class ModelBuilder:
@@ -44,12 +44,12 @@ class ModelBuilder:
         self,
         name: str,
         *,
-        sample_time: Value,
+        sample_time: Scalar,
         max_faults: int | None = None,
-        accuracy: Value | None = None,
-        warm_up: Value | None = None,
-        time: Value | Fields | None = None,
-        time_between_false_alarms: Value | None = None,
+        accuracy: Scalar | None = None,
+        warm_up: Scalar | None = None,
+        time: Scalar | Fields | None = None,
+        time_between_false_alarms: Scalar | None = None,
         instrument_faults: bool | None = None,
     ) -> None:
         self._source = Source(f"model {shown(str(name))}", has_lines=False)
@@ -59,7 +59,7 @@ class ModelBuilder:
         self._sections: dict[str, dict[str, Node]] = {}
         self._bonds: list[Text] = []
 
-    def constant(self, name: str, value: Value) -> Self:
+    def constant(self, name: str, value: Scalar) -> Self:
         """Add a trusted number, never a suspect."""
         return self._add("constants", name, value)
 
@@ -69,9 +69,9 @@ class ModelBuilder:
         *,
         unit: str | None = None,
         column: str | None = None,
-        noise: Value | None = None,
-        settling: Value | None = None,
-        range: Value | Sequence[Value] | None = None,
+        noise: Scalar | None = None,
+        settling: Scalar | None = None,
+        range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured or commanded input."""
@@ -84,8 +84,8 @@ class ModelBuilder:
         type: str,
         *,
         law: str | Sequence[str] | None = None,
-        parameters: Mapping[str, Value | Fields] | None = None,
-        start: Mapping[str, Value] | None = None,
+        parameters: Mapping[str, Scalar | Fields] | None = None,
+        start: Mapping[str, Scalar] | None = None,
     ) -> Self:
         """Add an element, its law (two for TF and GY) and the parameters that it owns."""
         return self._add("components", name, {"type": type, "law": law, "parameters": parameters, "start": start})
@@ -95,16 +95,16 @@ class ModelBuilder:
         name: str,
         law: str | Sequence[str],
         *,
-        parameters: Mapping[str, Value | Fields] | None = None,
+        parameters: Mapping[str, Scalar | Fields] | None = None,
         signals: Sequence[str] | None = None,
-        start: Mapping[str, Value] | None = None,
+        start: Mapping[str, Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a block: its laws, `y = K*x`, the parameters that it owns, and unknowns that no law defines."""
         fields: Fields = {"law": law, "parameters": parameters, "signals": signals, "start": start, "suspect": suspect}
         return self._add("blocks", name, fields)
 
-    def junction(self, name: str, type: Value) -> Self:
+    def junction(self, name: str, type: Scalar) -> Self:
         """Add a 0- or 1-junction."""
         return self._add("junctions", name, type)
 
@@ -118,10 +118,10 @@ class ModelBuilder:
         name: str,
         reads: str,
         *,
-        noise: Value | None = None,
+        noise: Scalar | None = None,
         unit: str | None = None,
         column: str | None = None,
-        range: Value | Sequence[Value] | None = None,
+        range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
@@ -129,7 +129,7 @@ class ModelBuilder:
         return self._add("sensors", name, {**fields, "range": range, "suspect": suspect})
 
     def slow_error(
-        self, target: str, size: Value, *, after: Sequence[str] | None = None, each: Value | None = None
+        self, target: str, size: Scalar, *, after: Sequence[str] | None = None, each: Scalar | None = None
     ) -> Self:
         """Add a known imperfection of a signal or sensor, `2 % over 600 s`."""
         return self._add("slow_error", target, {"size": size, "after": after, "each": each})
@@ -138,11 +138,11 @@ class ModelBuilder:
         self,
         name: str,
         *,
-        cost: Value | None = None,
-        move: Value | None = None,
+        cost: Scalar | None = None,
+        move: Scalar | None = None,
         reads: str | None = None,
         unit: str | None = None,
-        noise: Value | None = None,
+        noise: Scalar | None = None,
     ) -> Self:
         """Add what can be checked by hand: a component, an input (`move`), or under a new name a signal (`reads`)."""
         return self._add("checks", name, {"cost": cost, "move": move, "reads": reads, "unit": unit, "noise": noise})
@@ -162,7 +162,7 @@ class ModelBuilder:
             entries.append(Entry("bonds", Items(tuple(self._bonds))))
         return resolve(Table(tuple(entries)), self._source, "model")
 
-    def _add(self, section: str, name: str, value: "Value | Sequence[Value] | Fields") -> Self:
+    def _add(self, section: str, name: str, value: "Scalar | Sequence[Scalar] | Fields") -> Self:
         table = self._sections.setdefault(section, {})
         if name in table:
             raise self._source.error(0, f"{section}: `{shown(str(name))}` is added twice; choose another name")

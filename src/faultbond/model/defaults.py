@@ -2,13 +2,7 @@
 
 import math
 
-ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
-CHANGE = 200.0  # per cent of the nominal
-MAX_FAULTS = 2
-CHECK_COST = 1.0
-WARM_UP_SAMPLES = 20
-WARM_UP_SECONDS = 20.0  # for a variable grid
-WARM_UP_MEMORY = 0.3  # of the longest memory of a plant signal's slow error
+from faultbond.model.keys import Keys
 
 
 def default_range(nominal: float) -> tuple[float, float]:
@@ -25,6 +19,10 @@ class Defaults:
     def add(self, what: str, value: str, who: str = "") -> None:
         """Record that `what` (of `who`) was not stated, so that `value` holds."""
         self._who.setdefault((what, value), []).extend([who] if who else [])
+
+    def missing(self, keys: Keys, key: str, who: str = "", more: str = "") -> None:
+        """Record that a key (of `who`) is missing, so that its default, and what more there is of it, holds."""
+        self.add(key, keys.known[key].default + more, who)
 
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Give the lines (thing, value) in the order in which they came up."""

@@ -5,7 +5,6 @@ numbers written without a unit, are unknowns; each law gives linear equations be
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 from faultbond.errors import ModelError
@@ -16,67 +15,60 @@ from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
 from faultbond.model.values import Values
 from faultbond.model.wiring import Wiring
 
-ONE = Fraction(1)
+UNKNOWN = "?"  # starts the name of an unknown dimension
 MAX_WORK = 200_000
 MAX_BLAME_WORK = 20_000
 _SAME = {"abs", "min", "max", "where"}
 _PURE = {"exp", "log", "sin", "cos", "tan", "tanh"}
 
 
-@dataclass(frozen=True, slots=True)
-class DimensionForm:
-    """A dimension times unknown dimensions to rational powers."""
+def _unknown(name: str) -> Dimension:
+    """Give an unknown dimension: of an effort `e:..`, a flow `f:..`, a signal `s:..`, or a number without unit."""
+    return Dimension(((UNKNOWN + name, Fraction(1)),))
 
-    known: Dimension = DIMENSIONLESS
-    unknown: tuple[tuple[str, Fraction], ...] = ()
 
-    def __mul__(self, other: "DimensionForm") -> "DimensionForm":
-        powers = dict(self.unknown)
-        for name, power in other.unknown:
-            powers[name] = powers.get(name, Fraction(0)) + power
-        return DimensionForm(self.known * other.known, tuple((name, power) for name, power in powers.items() if power))
+def _unknowns(form: Dimension) -> tuple[tuple[str, Fraction], ...]:
+    return tuple(item for item in form.powers if item[0].startswith(UNKNOWN))
 
-    def __truediv__(self, other: "DimensionForm") -> "DimensionForm":
-        return self * other ** Fraction(-1)
 
-    def __pow__(self, exponent: Fraction) -> "DimensionForm":
-        powers = ((name, power * exponent) for name, power in self.unknown)
-        return DimensionForm(self.known**exponent, tuple((name, power) for name, power in powers if power))
+def _known(form: Dimension) -> Dimension:
+    return Dimension(tuple(item for item in form.powers if not item[0].startswith(UNKNOWN)))
 
 
 class Solver:
     """Solves for unknown dimensions, one equation after the other.
 
-    After `MAX_WORK` terms it leaves the rest undetermined: a hostile model could need hours.
+    A form is a dimension with unknown ones among its base units. After `MAX_WORK` terms the solver leaves the rest
+    undetermined: a hostile model could need hours.
     """
 
     def __init__(self) -> None:
-        self._solved: dict[str, DimensionForm] = {}
+        self._solved: dict[str, Dimension] = {}
         self.work = 0
 
-    def reduced(self, form: DimensionForm) -> DimensionForm:
+    def reduced(self, form: Dimension) -> Dimension:
         """Give the form in terms of what is still unknown."""
-        while self.work <= MAX_WORK and any(name in self._solved for name, _ in form.unknown):
-            result = DimensionForm(form.known)
-            for name, power in form.unknown:
+        while self.work <= MAX_WORK and any(name in self._solved for name, _ in form.powers):
+            result = _known(form)
+            for name, power in _unknowns(form):
                 inner = self._solved.get(name)
-                self.work += len(result.unknown) + (len(inner.unknown) if inner else 1)
-                result *= DimensionForm(unknown=((name, power),)) if inner is None else inner**power
+                self.work += len(_unknowns(result)) + (1 if inner is None else len(_unknowns(inner)))
+                result *= Dimension(((name, power),)) if inner is None else inner**power
             form = result
         return form
 
-    def equate(self, left: DimensionForm, right: DimensionForm) -> bool:
+    def equate(self, left: Dimension, right: Dimension) -> bool:
         """Demand that two forms agree; False if they cannot."""
         if self.work > MAX_WORK:
             return True
         ratio = self.reduced(left / right)
         if self.work > MAX_WORK:
             return True
-        if not ratio.unknown:
-            return ratio.known == DIMENSIONLESS
-        name, power = max(ratio.unknown, key=lambda item: ":" not in item[0])  # a number's before a region's
-        rest = tuple(item for item in ratio.unknown if item[0] != name)
-        self._solved[name] = DimensionForm(ratio.known, rest) ** (-1 / power)
+        unknown = _unknowns(ratio)
+        if not unknown:
+            return ratio == DIMENSIONLESS
+        name, power = max(unknown, key=lambda item: ":" not in item[0])  # a number's before a region's
+        self._solved[name] = (ratio / Dimension(((name, power),))) ** (-1 / power)
         return True
 
 
@@ -87,31 +79,27 @@ class Checker:
         self.values, self.solver, self.n_parts = values, Solver(), 0
         self.regions = regions(plant)
 
-    def _name(self, name: str) -> DimensionForm:
+    def _name(self, name: str) -> Dimension:
         if name in self.values.measures:
             measure = self.values.measures[name]
-            return DimensionForm(measure.dimension) if measure else DimensionForm(unknown=((name, ONE),))
+            return measure.dimension if measure else _unknown(name)
         if "." not in name:
-            return DimensionForm(unknown=((f"s:{name}", ONE),))  # a signal of a block network
+            return _unknown(f"s:{name}")  # a signal of a block network
         part, _, signal = name.partition(".")
-        port = f"{part}.{signal[1:]}" if signal[1:] else part
-        effort = DimensionForm(unknown=((f"e:{self.regions[port]}", ONE),))
-        flow = DimensionForm(unknown=((f"f:{self.regions[port]}", ONE),))
+        region = self.regions[f"{part}.{signal[1:]}" if signal[1:] else part]
         match signal[0]:
-            case "e":
-                return effort
-            case "f":
-                return flow
+            case "e" | "f" as kind:
+                return _unknown(f"{kind}:{region}")
             case "q":
-                return flow * DimensionForm(SECOND)
-        return effort * DimensionForm(SECOND)
+                return _unknown(f"f:{region}") * SECOND
+        return _unknown(f"e:{region}") * SECOND
 
-    def infer(self, expression: Expression, where: str) -> tuple[DimensionForm | None, bool]:
+    def infer(self, expression: Expression, where: str) -> tuple[Dimension | None, bool]:
         """Give the form of an expression (None: cannot be followed), and whether it is a bare number of any unit."""
         self.n_parts += 1
         match expression:
             case Number():
-                return DimensionForm(), True
+                return DIMENSIONLESS, True
             case Name(text):
                 return self._name(text), False
             case Negative(operand):
@@ -121,54 +109,50 @@ class Checker:
                 if a is None or b is None:
                     return None, False
                 return (a * b if operator == "*" else a / b), a_free and b_free
-            case Binary("**", left, right):
-                return self._power(left, right, where)
+            case Binary("**", base, exponent):
+                form, free = self.infer(base, where)
+                value = constant_value(exponent)
+                if value is None:
+                    self._pure(exponent, "an exponent", where)
+                    return None, False
+                return (None if form is None else form ** Fraction(value).limit_denominator(1000)), free
             case Binary(operator, left, right):
-                return self.common((left, right), f"the two sides of `{operator}`", expression, where)
-            case Call(function, arguments):
-                return self._call(function, arguments, expression, where)
+                return self._common((left, right), f"the two sides of `{operator}`", expression, where)
+            case Call():
+                return self._call(expression, where)
 
-    def _power(self, base: Expression, exponent: Expression, where: str) -> tuple[DimensionForm | None, bool]:
-        form, free = self.infer(base, where)
-        value = constant_value(exponent)
-        if value is None:
-            self._pure(exponent, "an exponent", where)
-            return None, False
-        return (None if form is None else form ** Fraction(value).limit_denominator(1000)), free
-
-    def _call(
-        self, function: str, arguments: tuple[Expression, ...], whole: Expression, where: str
-    ) -> tuple[DimensionForm | None, bool]:
+    def _call(self, call: Call, where: str) -> tuple[Dimension | None, bool]:
+        function, arguments = call.function, call.arguments
         if function == "where":
             self.infer(arguments[0], where)
-            return self.common(arguments[1:], "the two results of where()", whole, where)
+            return self._common(arguments[1:], "the two results of where()", call, where)
         if function in _SAME:
-            return self.common(arguments, f"the arguments of {function}()", whole, where)
+            return self._common(arguments, f"the arguments of {function}()", call, where)
         if function in _PURE:
-            return DimensionForm(), self._pure(arguments[0], f"the argument of {function}()", where)
+            return DIMENSIONLESS, self._pure(arguments[0], f"the argument of {function}()", where)
         form, free = self.infer(arguments[0], where)
         if function == RATE:
-            return (None if form is None else form / DimensionForm(SECOND)), free
+            return (None if form is None else form / SECOND), free
         if function == "sqrt":
             return (None if form is None else form ** Fraction(1, 2)), free
-        return DimensionForm(), free
+        return DIMENSIONLESS, free
 
     def _pure(self, expression: Expression, what: str, where: str) -> bool:
         """Demand no dimension; give whether the expression is a bare number."""
         form, free = self.infer(expression, where)
         if _scaled(expression):
             return free  # in tanh(f/0.05) the number stands for 0.05 of whatever f is measured in
-        if form is not None and not free and not self.solver.equate(form, DimensionForm()):
+        if form is not None and not free and not self.solver.equate(form, DIMENSIONLESS):
             dimension = self._words(form)
             problem = f"{what}, `{shown(to_text(expression))}`, must be dimensionless but is in {dimension}"
             raise ModelError(f"{where}{problem}; divide it by a constant in {dimension}")
         return free
 
-    def common(
+    def _common(
         self, parts: Iterable[Expression], what: str, whole: Expression, where: str
-    ) -> tuple[DimensionForm | None, bool]:
+    ) -> tuple[Dimension | None, bool]:
         """Demand that all parts of a sum agree; a bare number takes the unit of the others."""
-        first: tuple[Expression, DimensionForm] | None = None
+        first: tuple[Expression, Dimension] | None = None
         free = True
         for part in parts:
             form, part_free = self.infer(part, where)
@@ -183,32 +167,43 @@ class Checker:
                 problem = f"{what} in `{shown(to_text(whole))}` disagree"
                 raise ModelError(f"{where}{problem}: {self._versus(first, (part, form))}")
         if free:
-            return DimensionForm(), True
+            return DIMENSIONLESS, True
         return (first[1] if first else None), False
 
-    def _versus(self, left: tuple[Expression, DimensionForm], right: tuple[Expression, DimensionForm]) -> str:
+    def _versus(self, left: tuple[Expression, Dimension], right: tuple[Expression, Dimension]) -> str:
         """Give the words for two expressions whose dimensions differ, and what to do."""
         a, b = (shown(to_text(expression)) for expression, _ in (left, right))
-        forms = [self.solver.reduced(form) for _, form in (left, right)]
-        if any(form.unknown for form in forms):
-            ratio = self.solver.reduced(left[1] / right[1]).known
-            return f"`{a}` is in the unit of `{b}` times {ratio}; mend the law or the unit of a parameter"
-        return f"`{a}` is in {forms[0].known}, `{b}` in {forms[1].known}; mend the law or the unit of a parameter"
+        advice = "mend the law or the unit of a parameter"
+        if any(_unknowns(self.solver.reduced(form)) for _, form in (left, right)):
+            return f"`{a}` is in the unit of `{b}` times {self._words(left[1] / right[1])}; {advice}"
+        return f"`{a}` is in {self._words(left[1])}, `{b}` in {self._words(right[1])}; {advice}"
 
-    def _words(self, form: DimensionForm) -> str:
-        return str(self.solver.reduced(form).known)
+    def _words(self, form: Dimension) -> str:
+        return str(_known(self.solver.reduced(form)))
 
     def law(self, left: Expression, right: Expression, where: str) -> None:
-        """Demand that the two sides of a law agree."""
+        """Demand that the two sides of a law agree.
+
+        Raises
+        ------
+        ModelError
+            where they do not.
+        """
         sides = [(side, *self.infer(side, where)) for side in (left, right)]
         known = [(side, form) for side, form, free in sides if form is not None and not free]
         if len(known) == 2 and not self.solver.equate(known[0][1], known[1][1]):
             raise ModelError(f"{where}the two sides disagree: {self._versus(known[0], known[1])}")
 
     def expect(self, expression: Expression, dimension: Dimension, what: str, where: str) -> None:
-        """Demand a dimension of an expression: a sensor's unit, say."""
+        """Demand a dimension of an expression: a sensor's unit, say.
+
+        Raises
+        ------
+        ModelError
+            where it has another.
+        """
         form, free = self.infer(expression, where)
-        if form is None or free or self.solver.equate(form, DimensionForm(dimension)):
+        if form is None or free or self.solver.equate(form, dimension):
             return
         found = self._words(form)
         problem = f"`{shown(to_text(expression))}` is in {found}, but {what} in {dimension}"
@@ -249,15 +244,12 @@ def check_demands(demands: Sequence[Demand], start: Callable[[], Checker]) -> No
         return
     index, error = first
     if (index + 1) * (checker.n_parts + checker.solver.work) <= MAX_BLAME_WORK:
-        spoilers = [item for item in range(index + 1) if _is_spoiler(demands, item, start)]
+        rests = ([*demands[:item], *demands[item + 1 :]] for item in range(index + 1))
+        spoilers = [item for item, rest in enumerate(rests) if _first_failure(rest, start()) is None]
         if len(spoilers) == 1:
             others = [*demands[: spoilers[0]], *demands[spoilers[0] + 1 :], demands[spoilers[0]]]
             error = (_first_failure(others, start()) or first)[1]
     raise error
-
-
-def _is_spoiler(demands: Sequence[Demand], index: int, start: Callable[[], Checker]) -> bool:
-    return _first_failure([*demands[:index], *demands[index + 1 :]], start()) is None
 
 
 def _first_failure(demands: Sequence[Demand], checker: Checker) -> tuple[int, ModelError] | None:

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-Observation = Mapping[str, bool]  # value of each observed signal
-Diagnosis = frozenset[str]  # names of abnormal gates
+SignalValues = Mapping[str, bool]  # of the signals that were observed
+GateSet = frozenset[str]  # names of abnormal gates: a diagnosis
 
 
 class GateFunction(Enum):
@@ -61,7 +61,7 @@ class TimedObservation:
     """What was seen at a time, in seconds."""
 
     time: float
-    values: Observation
+    values: SignalValues
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,7 +74,7 @@ class Scenario:
 
     name: str
     observations: tuple[TimedObservation, ...]
-    injected: Diagnosis = frozenset()
+    injected: GateSet = frozenset()
     cardinality: int | None = None
-    diagnoses: tuple[Diagnosis, ...] | None = None
+    diagnoses: tuple[GateSet, ...] | None = None
     normalization: float | None = None

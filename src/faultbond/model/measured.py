@@ -1,266 +1,268 @@
-"""Sensors and slow errors: what is measured, and known imperfections."""
+"""What is measured: sensors, their slow errors, and what can be checked by hand."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from faultbond.errors import ModelError
 from faultbond.model.blocks import BlockReader
-from faultbond.model.defaults import Defaults
-from faultbond.model.dump import shared_factor
 from faultbond.model.expression import Expression, Name, names
-from faultbond.model.graph import Input, Sensor, SlowError, Unit
-from faultbond.model.kind import Kind
+from faultbond.model.graph import Check, Input, Sensor, SlowError, Unit
+from faultbond.model.head import Head
+from faultbond.model.keys import CHECK_COST, CHECK_KEYS, SENSOR_KEYS, SLOW_ERROR_KEYS
 from faultbond.model.laws import LawReader
-from faultbond.model.quantities import NO_UNIT, Spread, quantity, spread, spread_over
-from faultbond.model.source import Entry, Node, Source, Text, closest, shown
+from faultbond.model.quantities import NO_UNIT, Spread, shared_factor, spread_over
+from faultbond.model.source import closest, shown
+from faultbond.model.spot import Spot
 from faultbond.model.units import Measure
-from faultbond.model.values import (
-    check_length,
-    check_scale,
-    needs_size,
-    range_ends,
-    read_column,
-    read_end,
-    read_instrument,
-    read_unit,
-    same_unit,
-)
-
-SENSOR_KEYS = ("reads", "unit", "noise", "column", "range", "suspect")
-SLOW_ERROR_KEYS = ("size", "after", "each")
+from faultbond.model.values import read_column, read_instrument, read_reach, read_unit
+from faultbond.types import CheckKind
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Sensors and slow errors, with the measures in which they were stated."""
+    """Sensors, slow errors and checks.
+
+    stated : of sensors and checks with a unit anywhere the measure that comes first, and where it stands
+    sizes : of slow errors of signals the measure of their size, where it has one
+    """
 
     sensors: tuple[Sensor, ...]
     slow_errors: tuple[SlowError, ...]
-    sensor_measures: Mapping[str, Measure | None]
-    noise_measures: Mapping[str, Measure | None]
-    range_measures: Mapping[str, Measure]
-    size_measures: Mapping[str, Measure]
-
-    def stated(self, name: str) -> tuple[Measure | None, str]:
-        """Give the measure that a sensor or check states first, and where."""
-        if self.sensor_measures[name] is not None:
-            return self.sensor_measures[name], "its unit"
-        if self.noise_measures[name] is not None:
-            return self.noise_measures[name], "its noise"
-        return self.range_measures.get(name), "its range"
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What is measured, in which unit, with which noise (SI standard deviation)."""
-
-    reads: Expression
-    unit: Unit
-    noise: float
+    checks: tuple[Check, ...]
+    stated: Mapping[str, tuple[Measure, str]]
+    sizes: Mapping[str, Measure]
 
 
 class MeasuredReader:
-    """Reads `sensors` and `slow_error`.
+    """Reads `sensors`, `slow_error` and `checks`."""
 
-    instruments: whether sensors that do not say so are suspects.
-    """
-
-    def __init__(
-        self, source: Source, laws: LawReader | BlockReader, defaults: Defaults, kind: Kind, instruments: bool
-    ) -> None:
-        self.source, self.laws, self.defaults, self.kind = source, laws, defaults, kind
-        self.instruments = instruments
+    def __init__(self, head: Head, laws: LawReader | BlockReader) -> None:
+        self.head, self.source, self.laws = head, head.source, laws
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
-        self.sensor_measures: dict[str, Measure | None] = {}
-        self.noise_measures: dict[str, Measure | None] = {}
-        self.range_measures: dict[str, Measure] = {}
-        self.size_measures: dict[str, Measure] = {}
+        self.units: dict[str, Measure | None] = {}  # of sensors and checks
+        self.stated: dict[str, tuple[Measure, str]] = {}
+        self.sizes: dict[str, Measure] = {}
 
-    def read(self, fields: Mapping[str, Entry]) -> Measured:
-        """Read both, in the order of the file."""
-        entries = self.source.table(fields["sensors"].value, "sensors").entries if "sensors" in fields else ()
-        if not entries:
+    def read(self, fields: Mapping[str, Spot]) -> Measured:
+        """Read all of them, in the order of the file.
+
+        Raises
+        ------
+        ModelError
+            where there is no sensor, or at the first thing that cannot be read.
+        """
+        if "sensors" not in fields or not fields["sensors"].entries():
+            line = fields["sensors"].line if "sensors" in fields else 0
             problem = "no sensors, so nothing can be compared with the model; state at least one under `sensors`"
-            raise self.source.error(fields.get("sensors", 0), problem)
-        sensors = tuple(self._sensor(entry) for entry in entries)
-        slow = self.source.table(fields["slow_error"].value, "slow_error").entries if "slow_error" in fields else ()
-        errors = tuple(self._slow_error(entry) for entry in slow)
-        known = (self.sensor_measures, self.noise_measures, self.range_measures, self.size_measures)
-        return Measured(sensors, errors, *known)
+            raise self.source.error(line, problem)
+        sensors = tuple(map(self._sensor, fields["sensors"].things("sensor")))
+        slow = fields["slow_error"].things("slow_error", checked=False) if "slow_error" in fields else ()
+        errors = tuple(map(self._slow_error, slow))
+        taken = {item.name for item in sensors}
+        places = fields["checks"].things("check") if "checks" in fields else ()
+        checks = tuple(self._check(place, taken) for place in places)
+        return Measured(sensors, errors, checks, self.stated, self.sizes)
 
-    def _sensor(self, entry: Entry) -> Sensor:
-        name = self.source.name(entry, "sensors")
-        what = f"sensor {name}"
+    def _sensor(self, place: Spot) -> Sensor:
+        name = place.name
         if name in self.inputs:
-            raise self.source.error(entry, f"{what}: an input has this name too; rename one and state its `column`")
-        fields = self.source.fields(entry.value, what, SENSOR_KEYS)
-        reading = self.reading(entry, fields, what, "sensor")
-        lower, upper = self._range(fields, name, what)
+            raise place.error(": an input has this name too; rename one and state its `column`")
+        fields = place.fields(SENSOR_KEYS)
+        reads, unit, noise = self._reading(place, fields, "sensor")
+
+        def end(place: Spot) -> float:
+            found = place.end(self.units[name])
+            if name in self.stated:
+                place.check_unit(found, self.stated[name][0])
+            elif found.measure is not None:
+                self.stated[name] = found.measure, "its range"
+            return found.value
+
+        lower, upper = read_reach(self.head, fields, end)
         return Sensor(
             name=name,
-            column=read_column(self.source, fields, what, name, self.defaults),
-            unit=reading.unit,
-            reads=reading.reads,
-            noise=reading.noise,
+            column=read_column(self.head, fields, SENSOR_KEYS, name),
+            unit=unit,
+            reads=reads,
+            noise=noise,
             lower=lower,
             upper=upper,
-            suspect=read_instrument(self.source, fields, what, self.kind, self.instruments),
-            line=entry.line,
+            suspect=read_instrument(self.head, fields),
+            line=place.line,
         )
 
-    def reading(self, entry: Entry, fields: Mapping[str, Entry], what: str, word: str) -> Reading:
-        """Give what a sensor, or a check by hand, reads; `word` says which, `what` also names it."""
-        name = entry.key
-        signal = "y" if self.kind.blocks else "vessel.e"
-        for key, example in (("reads", f"reads: {signal}"), ("noise", "noise: 180 Pa")):
-            if key not in fields and not (key == "noise" and self.kind.static):
-                meaning = "its standard deviation" if key == "noise" else "a law of signals"
-                raise self.source.error(entry, f"{what}: `{key}` is missing; state {meaning}, such as `{example}`")
-        measure = read_unit(self.source, fields, what, self.kind, entry)
-        self.sensor_measures[name] = measure
+    def _reading(self, place: Spot, fields: Mapping[str, Spot], word: str) -> tuple[Expression, Unit, float]:
+        """Give what a sensor, or a check by hand, reads, its unit, and its SI noise; `word` says which it is."""
+        name = place.name
+        signal = "y" if self.head.blocks else "vessel.e"
+        if "reads" not in fields:
+            raise place.error(f": `reads` is missing; state a law of signals, such as `reads: {signal}`")
+        if "noise" not in fields and not self.head.static:
+            raise place.error(": `noise` is missing; state its standard deviation, such as `noise: 180 Pa`")
+        measure = self.units[name] = read_unit(self.head, place, fields)
         if measure is None:
-            self.defaults.add("unit", "SI", name)
-        text = self.source.text(fields["reads"].value, f"{what}: reads")
-        reads = self.laws.expression(text, fields["reads"].line, f"{what}: reads")
+            self.head.defaults.missing(SENSOR_KEYS, "unit", name)
+        else:
+            self.stated[name] = measure, "its unit"
+        reads, text = self.laws.expression(fields["reads"]), shown(fields["reads"].text())
         if not any(self.laws.is_signal(item) for item in names(reads)):
-            raise self.source.error(fields["reads"], f"{what}: `{shown(text)}` reads no signal, such as `{signal}`")
+            raise place.at(fields["reads"]).error(f": `{text}` reads no signal, such as `{signal}`")
         if self.laws.is_signal(name) and reads != Name(name):
             advice = "rename one and state `column`" if word == "sensor" else "rename the check"
-            problem = f"a signal has this name too, and the {word} reads `{shown(text)}`; {advice}"
-            raise self.source.error(entry, f"{what}: {problem}")
+            raise place.error(f": a signal has this name too, and the {word} reads `{text}`; {advice}")
         unit = measure.unit if measure else NO_UNIT
-        return Reading(reads, unit, self._noise(fields, name, what, measure))
-
-    def _noise(self, fields: Mapping[str, Entry], name: str, what: str, measure: Measure | None) -> float:
-        """Give the SI standard deviation of a sensor; only in a static network may it be 0, which is the default."""
         if "noise" not in fields:
-            if not self.kind.logic:
-                self.defaults.add("noise", "0", name)
-            self.noise_measures[name] = None
-            return 0.0
-        entry, what = fields["noise"], f"{what}: noise"
-        noise = self._sensor_spread(entry, what, measure)
-        needs_size(self.source, entry, what, noise)
-        self.noise_measures[name] = noise.quantity.measure if noise.quantity else None
-        if noise.difference() <= 0 and not self.kind.static:
-            raise self.source.error(entry, f"{what} must be above 0; state its standard deviation")
-        check_scale(self.source, entry, what, noise.difference())
-        return noise.difference()
+            if not self.head.logic:
+                self.head.defaults.missing(SENSOR_KEYS, "noise", name)
+            return reads, unit, 0.0
+        spread = fields["noise"].spread(measure, sized=True, free=True)
+        if measure is None and spread.quantity and spread.quantity.measure:
+            self.stated[name] = spread.quantity.measure, "its noise"
+        noise = spread.difference()
+        if noise <= 0 and not self.head.static:
+            raise fields["noise"].error(" must be above 0; state its standard deviation")
+        fields["noise"].check_size(noise)
+        return reads, unit, noise
 
-    def _range(self, fields: Mapping[str, Entry], name: str, what: str) -> tuple[float, float]:
-        """Give the ends of a sensor's measuring range in SI; without a unit of the sensor, their own is checked."""
-        if "range" not in fields:
-            return -math.inf, math.inf
-        entry, what = fields["range"], f"{what}: range"
-        if self.kind.logic:
-            raise self.source.error(entry, f"{what}: a logic signal has no range; remove it")
-        lower, upper = (self._end(node, what, name) for node in range_ends(self.source, entry, what))
-        if lower >= upper:
-            raise self.source.error(entry, f"{what}: the lowest value must be below the highest; mend one")
-        return lower, upper
-
-    def _end(self, node: Node, what: str, name: str) -> float:
-        found = read_end(self.source, node, what, self.sensor_measures[name])
-        known = self.sensor_measures[name] or self.noise_measures[name] or self.range_measures.get(name)
-        if known is not None:
-            same_unit(self.source, node, what, found, known)
-        elif found.measure is not None:
-            self.range_measures[name] = found.measure
-        return found.value
-
-    def _sensor_spread(self, entry: Entry, what: str, measure: Measure | None) -> Spread:
-        """Give a standard deviation of a sensor; one that states no unit is in SI, and what it reads decides."""
-        found = spread(self.source.text(entry.value, what), f"{self.source.at(entry)}{what} ", measure)
-        if measure is not None and found.quantity is not None:
-            same_unit(self.source, entry, what, found.quantity, measure)
-        return found
-
-    def _slow_error(self, entry: Entry) -> SlowError:
-        target, what = entry.key, f"slow_error {shown(entry.key)}"
-        default = self._target_measure(entry, what)
-        if isinstance(entry.value, Text):
-            fields = {"size": Entry("size", entry.value, entry.line)}
-        else:
-            fields = self.source.fields(entry.value, what, SLOW_ERROR_KEYS)
-        if "size" not in fields:
-            raise self.source.error(entry, f"{what}: `size` is missing; write it as `size: 0.2 cm over 40 s`")
-        where = f"{self.source.at(fields['size'])}{what}: "
-        sd, memory = spread_over(self.source.text(fields["size"].value, what), where, default)
-        if sd.quantity is not None and sd.quantity.measure is not None:
-            if default is None:
-                self.size_measures[target] = sd.quantity.measure
-            else:
-                same_unit(self.source, fields["size"], f"{what}: size", sd.quantity, default)
-        check_scale(self.source, fields["size"], f"{what}: size", sd.ratio if sd.is_relative else sd.difference())
-        check_length(self.source, fields["size"], f"{what}: its memory", memory)
+    def _slow_error(self, place: Spot) -> SlowError:
+        target, default = place.name, self._target_measure(place)
+        fields = place.fields(SLOW_ERROR_KEYS)
+        size = fields["size"]
+        sd, memory = spread_over(place.at(size).text(), place.at(size).where(": "), default)
+        stated = sd.quantity.measure if sd.quantity else None
+        if stated is not None and default is None:
+            self.sizes[target] = stated
+        elif sd.quantity is not None and stated is not None:
+            size.check_unit(sd.quantity, default)
+        value = sd.ratio if sd.is_relative else sd.difference()
+        size.check_size(value)
+        place.at(size).check_time(memory, ": its memory")
         if ("after" in fields) != ("each" in fields):
             problem = "`after` and `each` belong together; write `after: [inflow], each: 0.005 cm/(cm^3/s)`"
-            raise self.source.error(entry, f"{what}: {problem}")
-        after = self._after(fields["after"], what) if "after" in fields else ()
-        stated = default if sd.quantity is None else sd.quantity.measure or default
+            raise place.error(f": {problem}")
+        after = self._after(place.at(fields["after"])) if "after" in fields else ()
+        unit = stated or default
         return SlowError(
             target=target,
-            sd=sd.ratio if sd.is_relative else sd.difference(),
+            sd=value,
             relative=sd.is_relative,
             memory=memory,
             after=after,
-            each=self._each(fields["each"], what, after, sd, default) if "each" in fields else 0.0,
-            is_sensor=target in self.sensor_measures,
-            unit=Unit("") if stated is None or sd.is_relative else stated.unit,
-            line=entry.line,
+            each=self._each(place, fields["each"], after, sd, default) if "each" in fields else 0.0,
+            is_sensor=target in self.units,
+            unit=NO_UNIT if unit is None or sd.is_relative else unit.unit,
+            line=place.line,
         )
 
-    def _target_measure(self, entry: Entry, what: str) -> Measure | None:
-        """Check the target, a signal or a sensor; give the measure of a sensor."""
-        target = entry.key
+    def _target_measure(self, place: Spot) -> Measure | None:
+        """Check the target, a signal or a sensor; give the measure of a sensor.
+
+        A signal cannot be in error where a sensor of a block network has its name, or where it is a store.
+        """
+        target = place.name
         if self.laws.is_signal(target):
-            self._check_signal(entry, what)
+            target = self.laws.signal(target, place.where(": "))
+            if target in self.units:
+                raise place.error(": a sensor and a signal have this name; rename the sensor and state its `column`")
+            if isinstance(self.laws, BlockReader) and target in self.laws.stores:
+                problem = f"`{target}` is a store; add a block with `law: y = {target}` and put the error on `y`"
+                raise place.error(f": {problem}, or on a sensor")
             return None
-        if target not in self.sensor_measures:
+        if target not in self.units:
             signal, known = ("y", self.laws.owners) if isinstance(self.laws, BlockReader) else ("line.f", {})
-            near = closest(target, [*self.sensor_measures, *known])
+            near = closest(target, [*self.units, *known])
             near = near or f"write a sensor's name or a signal such as `{signal}`"
-            raise self.source.error(entry, f"{what}: no sensor `{shown(target)}`; {near}")
-        return self.sensor_measures[target]
+            raise place.error(f": no sensor `{shown(target)}`; {near}")
+        return self.units[target]
 
-    def _check_signal(self, entry: Entry, what: str) -> None:
-        """Refuse a signal that cannot be in error; in a block network a sensor may have its name, or it is a store."""
-        target = self.laws.signal(entry.key, f"{self.source.at(entry)}{what}: ")
-        if target in self.sensor_measures:
-            problem = "a sensor and a signal have this name; rename the sensor and state its `column`"
-            raise self.source.error(entry, f"{what}: {problem}")
-        if isinstance(self.laws, BlockReader) and target in self.laws.stores:
-            problem = f"`{target}` is a store; add a block with `law: y = {target}` and put the error on `y`"
-            raise self.source.error(entry, f"{what}: {problem}, or on a sensor")
-
-    def _after(self, entry: Entry, what: str) -> tuple[str, ...]:
-        node = entry.value
-        items = (node,) if isinstance(node, Text) else self.source.items(node, f"{what}: after")
-        found = tuple(self.source.text(item, f"{what}: after") for item in items)
+    def _after(self, place: Spot) -> tuple[str, ...]:
+        """Give the inputs that `after` names."""
+        inner = replace(place, words=f"{place.words}: after")
+        found = tuple(item.text() for item in inner.one_or_more())
         for name in found:
             if name not in self.inputs:
                 near = closest(name, self.inputs) or "name inputs of the model"
-                raise self.source.error(entry, f"{what}: after: no input `{shown(name)}`; {near}")
+                raise inner.error(f": no input `{shown(name)}`; {near}")
         if not found or len(set(found)) < len(found):
-            raise self.source.error(entry, f"{what}: after names one or more inputs, each once")
+            raise place.error(": after names one or more inputs, each once")
         return found
 
-    def _each(self, entry: Entry, what: str, after: tuple[str, ...], sd: Spread, target: Measure | None) -> float:
+    def _each(self, place: Spot, each: Spot, after: tuple[str, ...], sd: Spread, target: Measure | None) -> float:
         """Give the SI growth of the standard deviation per SI change of an input."""
         if sd.is_relative:
-            raise self.source.error(entry, f"{what}: `each` needs an absolute size, such as `size: 0.2 cm over 40 s`")
-        where = f"{self.source.at(entry)}{what}: each "
-        found = quantity(self.source.text(entry.value, f"{what}: each"), where)
+            problem = ": `each` needs an absolute size, such as `size: 0.2 cm over 40 s`"
+            raise place.at(each).error(problem)
+        where = each.where()
+        found = each.quantity()
         size = target or (sd.quantity.measure if sd.quantity else None)
-        per = [self.laws.values.measures[name] for name in after]
         if found.number < 0:
             raise ModelError(f"{where}is negative; a standard deviation is 0 or more")
         if found.measure is None:
             per_unit = shared_factor(self.inputs[name].unit for name in after)
             return found.number * (size.unit.factor if size else 1.0) / per_unit
-        for name, measure in zip(after, per, strict=True):
+        for name in after:
+            measure = self.laws.values.measures[name]
             if size and measure and size.dimension / measure.dimension != found.measure.dimension:
                 wanted = size.dimension / measure.dimension
                 raise ModelError(f"{where}is in {found.measure.dimension}, but {wanted} is expected for input {name}")
+        return found.difference
+
+    def _check(self, place: Spot, sensors: set[str]) -> Check:
+        """Give what can be checked by hand: a component is looked at, an input moved, a signal measured."""
+        name, fields = place.name, place.fields(CHECK_KEYS)
+        cost = CHECK_COST
+        if "cost" in fields:
+            found = fields["cost"].quantity()
+            if found.measure is not None or found.number <= 0:
+                problem = " is a number above 0 without a unit, in any measure that you like"
+                raise fields["cost"].error(problem)
+            cost = found.number
+        else:
+            self.head.defaults.missing(CHECK_KEYS, "cost", name)
+        self._refuse_known(place, sensors, "reads" in fields)
+        if "reads" in fields:
+            if "move" in fields:
+                problem = ": a signal is measured, not moved; remove `move` or `reads`"
+                raise place.at(fields["move"]).error(problem)
+            reads, unit, noise = self._reading(place, fields, "check")
+            kind = CheckKind.SIGNAL
+            return Check(name=name, kind=kind, reads=reads, unit=unit, noise=noise, cost=cost, line=place.line)
+        for key in ("unit", "noise"):
+            if key in fields:
+                problem = f"`{key}` goes with `reads`, the law of what is measured; state that, or remove `{key}`"
+                raise place.at(fields[key]).error(f": {problem}")
+        if name in self.inputs:
+            move = self._move(fields["move"], self.inputs[name]) if "move" in fields else None
+            return Check(name=name, kind=CheckKind.INPUT, move=move, cost=cost, line=place.line)
+        if "move" in fields:
+            raise place.at(fields["move"]).error(": only an input is moved; remove `move`")
+        return Check(name=name, kind=CheckKind.COMPONENT, cost=cost, line=place.line)
+
+    def _refuse_known(self, place: Spot, sensors: set[str], reads: bool) -> None:
+        """Refuse a name that is not that of one thing to check: a signal has a new name, all else a known one."""
+        name, parts = place.name, self.laws.plant.parts
+        found = [word for word, known in (("a component", parts), ("an input", self.inputs)) if name in known]
+        if name in sensors:
+            problem = "a sensor has this name; name a component or an input, or give `reads` under a new name"
+            raise place.error(f": {problem}")
+        if reads and found:
+            problem = f"{found[0]} has this name; remove `reads`, or choose a new name for what is measured"
+            raise place.error(f": {problem}")
+        if len(found) > 1:
+            raise place.error(": a component and an input have this name; rename one")
+        if not reads and not found:
+            owner = {item.name: item.owner for item in self.laws.values.parameters}.get(name, "")
+            near = f"name its component `{owner}`" if owner else closest(name, [*parts, *self.inputs])
+            problem = f"no component or input `{shown(name)}`; {near or 'give `reads` to measure a signal by hand'}"
+            raise place.error(f": {problem}")
+
+    def _move(self, place: Spot, item: Input) -> float:
+        """Give the SI size of the change of an input."""
+        own = self.laws.values.measures[item.name]
+        if self.head.logic:
+            raise place.error(": a logic input has two values; remove it")
+        found = place.quantity(own)
+        place.check_unit(found, own)
+        if found.difference <= 0:
+            raise place.error(" is a size above 0, such as `10 percent`")
         return found.difference

@@ -7,17 +7,16 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Iterator
 from decimal import Decimal
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import FUNCTIONS, NOT, RATE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.source import choice, shown
 
-MAX_LENGTH = 2000
+MAX_LAW_LENGTH = 2000
 MAX_NODES = 500
-MAX_DEPTH = 50
-MAX_EXPONENT = 16
+MAX_LAW_DEPTH = 50
+MAX_EXPONENT = 16  # of a law and of a unit
 
 _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\n]+)
@@ -62,8 +61,10 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
     >>> to_text(parse_expression("K1 * (f*abs(f))"))
     'K1*(f*abs(f))'
     """
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}the expression has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    if len(text) > MAX_LAW_LENGTH:
+        raise ModelError(
+            f"{where}the expression has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it"
+        )
     _check_tokens(text, where, blocks=blocks)
     try:
         tree = ast.parse(" ".join(text.split()), mode="eval")
@@ -76,17 +77,26 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
 def parse_relation(text: str, where: str = "", *, blocks: bool = False) -> tuple[Expression, Expression]:
     """Give the two sides of a law `left = right`.
 
+    Raises
+    ------
+    ModelError
+        if there is not one `=`, or a side is no expression.
+
     Example
     -------
     >>> parse_relation("e = K8")
     (Name(text='e'), Name(text='K8'))
     """
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}the law has {len(text)} characters; at most {MAX_LENGTH} are read. Split it")
+    _check_length(text, where, "law")
     sides = _EQUALS.split(text)
     if len(sides) != 2:
         raise ModelError(f"{where}`{shown(text)}` is not a law; write `left = right` with one `=`, such as `e = R*f`")
     return parse_expression(sides[0], where, blocks=blocks), parse_expression(sides[1], where, blocks=blocks)
+
+
+def _check_length(text: str, where: str, word: str) -> None:
+    if len(text) > MAX_LAW_LENGTH:
+        raise ModelError(f"{where}the {word} has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it")
 
 
 def _check_tokens(text: str, where: str, *, blocks: bool) -> None:
@@ -120,8 +130,8 @@ class _Reader:
         self.nodes += 1
         if self.nodes > MAX_NODES:
             raise self.error(f"more than {MAX_NODES} numbers, names and operators; split the expression")
-        if depth > MAX_DEPTH:
-            raise self.error(f"more than {MAX_DEPTH} levels of nesting; split the expression")
+        if depth > MAX_LAW_DEPTH:
+            raise self.error(f"more than {MAX_LAW_DEPTH} levels of nesting; split the expression")
         match node:
             case ast.Constant(value=int() | float() as value):
                 return Number(float(value))
@@ -134,27 +144,25 @@ class _Reader:
             case ast.UnaryOp(op=ast.Invert(), operand=operand):
                 return Call(NOT, (self.expression(operand, depth + 1),))
             case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-                return self.binary(_OPERATORS[type(operator)], left, right, depth)
+                sides = self.expression(left, depth + 1), self.expression(right, depth + 1)
+                exponent = constant_value(sides[1]) if isinstance(operator, ast.Pow) else None
+                if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
+                    raise self.error(f"an exponent above {MAX_EXPONENT}; rewrite the power")
+                return Binary(_OPERATORS[type(operator)], *sides)
             case ast.Call():
                 return self.call(node, depth)
             case ast.Compare():
                 raise self.error("a comparison may stand only in where(condition, a, b)")
         raise self.error("only + - * / **, a minus sign, functions, numbers and names are read")
 
-    def binary(self, operator: str, left: ast.expr, right: ast.expr, depth: int) -> Expression:
-        result = Binary(operator, self.expression(left, depth + 1), self.expression(right, depth + 1))
-        if operator == "**":
-            exponent = constant_value(result.right)
-            if exponent is not None and not abs(exponent) <= MAX_EXPONENT:
-                raise self.error(f"an exponent above {MAX_EXPONENT}; rewrite the power")
-        return result
-
     def call(self, node: ast.Call, depth: int) -> Expression:
         if not isinstance(node.func, ast.Name) or node.keywords:
             raise self.error(f"only functions may be called: {', '.join(FUNCTIONS)}")
         name, n_arguments = node.func.id, len(node.args)
         if name == RATE and self.blocks:
-            return self.rate(node, depth)
+            if n_arguments == 1 and isinstance(node.args[0], ast.Name):
+                return Call(RATE, (self.expression(node.args[0], depth + 1),))
+            raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
         if name not in FUNCTIONS:
             raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
         wanted = FUNCTIONS[name]
@@ -165,12 +173,6 @@ class _Reader:
             condition = self.condition(node.args[0], depth + 1)
             return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))
         return Call(name, tuple(self.expression(item, depth + 1) for item in node.args))
-
-    def rate(self, node: ast.Call, depth: int) -> Expression:
-        match node.args:
-            case [ast.Name() as signal]:
-                return Call(RATE, (self.expression(signal, depth + 1),))
-        raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
 
     def condition(self, node: ast.expr, depth: int) -> Expression:
         match node:
@@ -202,9 +204,17 @@ def constant_value(expression: Expression) -> float | None:
 
 
 def arithmetic(operator: str, a: float, b: float) -> float:
-    """Give `a operator b` in floating point; nan where there is no finite real value."""
+    """Give `a operator b` in floating point, 1 or 0 of a comparison; nan where there is no finite real value."""
     try:
         match operator:
+            case "<":
+                return float(a < b)
+            case "<=":
+                return float(a <= b)
+            case ">":
+                return float(a > b)
+            case ">=":
+                return float(a >= b)
             case "+":
                 return a + b
             case "-":
@@ -232,45 +242,27 @@ def to_text(expression: Expression) -> str:
     >>> to_text(parse_expression("(a - (b - c)) * ((d))**2"))
     '(a - (b - c))*d**2'
     """
-    return "".join(_pieces(expression, 0))
+    return _text(expression, 0)
 
 
-def _pieces(expression: Expression, needed: int) -> Iterator[str]:
-    """Give the text in pieces, in parentheses if it binds weaker than needed."""
-    open_, close = ("(", ")") if _strength(expression) < needed else ("", "")
-    yield open_
+def _text(expression: Expression, needed: int) -> str:
+    """Give the text, in parentheses if it binds weaker than needed."""
     match expression:
         case Number(value):
-            yield number_text(value)
+            return number_text(value)
         case Name(text):
-            yield text
+            return text
         case Negative(operand):
-            yield "-"
-            yield from _pieces(operand, _MINUS)
-        case Binary(operator, left, right):
-            own = _PRECEDENCE[operator]
-            yield from _pieces(left, _ATOM if operator == "**" else own)
-            yield operator if own > _SPACED else f" {operator} "
-            yield from _pieces(right, _MINUS if operator == "**" else own + 1)
+            own, text = _MINUS, f"-{_text(operand, _MINUS)}"
         case Call("not", (operand,)):
-            yield "~"
-            yield from _pieces(operand, _MINUS)
+            own, text = _MINUS, f"~{_text(operand, _MINUS)}"
         case Call(function, arguments):
-            yield f"{function}("
-            for position, argument in enumerate(arguments):
-                yield ", " if position else ""
-                yield from _pieces(argument, 0)
-            yield ")"
-    yield close
-
-
-def _strength(expression: Expression) -> int:
-    match expression:
-        case Binary(operator, _, _):
-            return _PRECEDENCE[operator]
-        case Negative() | Call("not"):
-            return _MINUS
-    return _ATOM
+            return f"{function}({', '.join([_text(argument, 0) for argument in arguments])})"
+        case Binary(operator, left, right):
+            own, power = _PRECEDENCE[operator], operator == "**"
+            sides = _text(left, _ATOM if power else own), _text(right, _MINUS if power else own + 1)
+            text = (operator if own > _SPACED else f" {operator} ").join(sides)
+    return text if own >= needed else f"({text})"
 
 
 def number_text(value: float) -> str:

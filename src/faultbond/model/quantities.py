@@ -2,16 +2,16 @@
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from faultbond.errors import ModelError
-from faultbond.model import units
 from faultbond.model.graph import Unit
 from faultbond.model.parser import number_text
 from faultbond.model.source import shown
-from faultbond.model.units import Dimension, Measure
+from faultbond.model.units import SECOND, Dimension, Measure, measure
 
-MAX_LENGTH = 200
+MAX_QUANTITY_LENGTH = 200
 
 _NUMBER = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?=[^0-9A-Za-z_.]|$)\s*")
 NO_UNIT = Unit("")
@@ -79,6 +79,11 @@ def quantity(text: str, where: str = "", default: Measure | None = None) -> Quan
     where : start of every error message
     default : the unit of a number without one
 
+    Raises
+    ------
+    ModelError
+        where it is none, is relative, or too large.
+
     Example
     -------
     >>> quantity("20 mA").value
@@ -87,7 +92,7 @@ def quantity(text: str, where: str = "", default: Measure | None = None) -> Quan
     number, rest = _number(text, where, "a number and a unit, such as `64650 Pa`")
     if rest.startswith("%"):
         raise ModelError(f"{where}`{shown(text)}` is relative; write `percent` for a unit of 0..100, or give a value")
-    result = Quantity(number, units.measure(rest, where) if rest else default)
+    result = Quantity(number, measure(rest, where) if rest else default)
     if not (math.isfinite(result.value) and math.isfinite(result.difference)):
         raise ModelError(f"{where}`{shown(text)}` is too large for a number; rescale it")
     return result
@@ -95,6 +100,11 @@ def quantity(text: str, where: str = "", default: Measure | None = None) -> Quan
 
 def spread(text: str, where: str = "", default: Measure | None = None) -> Spread:
     """Give the standard deviation of a text: `180 Pa`, `3 %` or `2 % of 8.9 kPa`.
+
+    Raises
+    ------
+    ModelError
+        where it is none, or negative.
 
     Example
     -------
@@ -118,6 +128,11 @@ def spread(text: str, where: str = "", default: Measure | None = None) -> Spread
 def duration(text: str, where: str = "") -> float:
     """Give a time in seconds; its unit must be stated.
 
+    Raises
+    ------
+    ModelError
+        where it is none, has no unit of time, or is negative.
+
     Example
     -------
     >>> duration("10 min")
@@ -126,7 +141,7 @@ def duration(text: str, where: str = "") -> float:
     result = quantity(text, where)
     if result.dimension is None:
         raise ModelError(f"{where}`{shown(text)}` needs a time unit, such as `{number_text(result.number)} s`")
-    if result.dimension != units.SECOND:
+    if result.dimension != SECOND:
         raise ModelError(f"{where}`{shown(text)}` is in {result.dimension}, not a time; write it in s, min or h")
     if result.value < 0:
         raise ModelError(f"{where}`{shown(text)}` is negative; a time is 0 or more")
@@ -136,12 +151,17 @@ def duration(text: str, where: str = "") -> float:
 def spread_over(text: str, where: str = "", default: Measure | None = None) -> tuple[Spread, float]:
     """Give the standard deviation and the memory in seconds of a slow error, `2 % over 600 s`.
 
+    Raises
+    ------
+    ModelError
+        where it is none, or has no memory.
+
     Example
     -------
     >>> spread_over("0.5 cm^3/s over 10 min")[1]
     600.0
     """
-    parts = re.split(r"\sover\s", text[: MAX_LENGTH + 1])
+    parts = re.split(r"\sover\s", text[: MAX_QUANTITY_LENGTH + 1])
     if len(parts) != 2:
         problem = "is not a slow error; write its standard deviation and its memory, such as `2 % over 600 s`"
         raise ModelError(f"{where}`{shown(text)}` {problem}")
@@ -151,10 +171,16 @@ def spread_over(text: str, where: str = "", default: Measure | None = None) -> t
     return spread(parts[0], where, default), memory
 
 
+def shared_factor(units: Iterable[Unit]) -> float:
+    """Give the SI factor that all units share; 1 (SI) if they differ."""
+    factors = {item.factor for item in units}
+    return factors.pop() if len(factors) == 1 else 1.0
+
+
 def _number(text: str, where: str, wanted: str) -> tuple[float, str]:
     """Split a text into its number and the rest."""
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}a quantity of {len(text)} characters; at most {MAX_LENGTH} are read")
+    if len(text) > MAX_QUANTITY_LENGTH:
+        raise ModelError(f"{where}a quantity of {len(text)} characters; at most {MAX_QUANTITY_LENGTH} are read")
     match = _NUMBER.match(text)
     if match is None:
         raise ModelError(f"{where}`{shown(text)}` is not a quantity; write {wanted}")

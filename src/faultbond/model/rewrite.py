@@ -31,13 +31,7 @@ class NewSize:
     slow: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class _Edit:
-    """Replace the text between two places."""
-
-    first: int
-    end: int
-    text: str
+_Edit = tuple[int, int, str]  # replace what stands between two places by a text
 
 
 def rewrite(
@@ -70,12 +64,14 @@ def rewrite(
     for size in sizes:
         node = _at(top, ("slow_error", size.name) if size.slow else ("sensors", size.name, "noise"), graph)
         node = _values(node).get("size", node)
-        edits.append(_put(node, _scaled(str(node.value), size.times)))
-    for edit in sorted(edits, key=lambda item: item.first, reverse=True):
-        text = text[: edit.first] + edit.text + text[edit.end :]
-    lines = text.split("\n")
-    if lines[0].startswith(_MARK):
-        text = "\n".join(lines[1:])
+        old = str(node.value)
+        if match := _NUMBER.match(old):  # what follows the number stays: `2 % of 8.9 kPa over 600 s`
+            old = f"{float(match[0]) * size.times:.3g}{old[match.end() :]}"
+        edits.append(_put(node, old))
+    for first, end, new in sorted(edits, reverse=True, key=lambda edit: edit[0]):
+        text = text[:first] + new + text[end:]
+    if text.startswith(_MARK):
+        text = text.partition("\n")[2]
     return f"{_MARK}{remark}\n{text}" if remark else text
 
 
@@ -94,14 +90,8 @@ def _values(node: yaml.Node) -> dict[str, yaml.Node]:
     return {str(key.value): value for key, value in pairs}
 
 
-def _scaled(text: str, times: float) -> str:
-    """Give a size with its number so many times larger, and the rest as it was: `2 % of 8.9 kPa over 600 s`."""
-    match = _NUMBER.match(text)
-    return f"{float(match[0]) * times:.3g}{text[match.end() :]}" if match else text
-
-
 def _put(node: yaml.Node, text: str) -> _Edit:
-    return _Edit(node.start_mark.index, node.end_mark.index, text)
+    return node.start_mark.index, node.end_mark.index, text
 
 
 def _parameter_edits(text: str, node: yaml.Node, item: NewParameter) -> list[_Edit]:
@@ -119,4 +109,4 @@ def _parameter_edits(text: str, node: yaml.Node, item: NewParameter) -> list[_Ed
     line_end = text.find("\n", nominal.end_mark.index)
     line_end = len(text) if line_end < 0 else line_end
     new_lines = "".join(f"\n{' ' * column}{entry}" for entry in added)
-    return [*edits, _put(nominal, item.nominal), _Edit(line_end, line_end, new_lines)]
+    return [*edits, _put(nominal, item.nominal), (line_end, line_end, new_lines)]

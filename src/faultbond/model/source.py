@@ -87,48 +87,6 @@ class Source:
         """Give the exception for a problem at a place."""
         return ModelError(self.at(place) + problem)
 
-    def text(self, node: Node, what: str) -> str:
-        """Give a node's text; an error unless it is a text that is not empty."""
-        if not isinstance(node, Text):
-            raise self.error(node, f"{what} must be a text, not a {kind(node)}")
-        if not node.value.strip():
-            raise self.error(node, f"{what} is empty; state it or leave the key out")
-        return node.value.strip()
-
-    def table(self, node: Node, what: str) -> Table:
-        """Give a node as a table; an empty text counts as an empty table."""
-        if isinstance(node, Text) and not node.value.strip():
-            return Table((), node.line)
-        if not isinstance(node, Table):
-            raise self.error(node, f"{what} must be a table `{{key: value, ...}}`, not a {kind(node)}")
-        return node
-
-    def items(self, node: Node, what: str) -> tuple[Node, ...]:
-        """Give a node as a list; an empty text counts as an empty list."""
-        if isinstance(node, Text) and not node.value.strip():
-            return ()
-        if not isinstance(node, Items):
-            raise self.error(node, f"{what} must be a list `[...]`, not a {kind(node)}")
-        return node.items
-
-    def fields(self, node: Node, what: str, known: tuple[str, ...]) -> dict[str, Entry]:
-        """Give the entries of a table by key; an error at the first key that is not known."""
-        entries = {entry.key: entry for entry in self.table(node, what).entries}
-        for key, entry in entries.items():
-            if key not in known:
-                advice = choice(key, known)
-                if not NAME.fullmatch(key) and isinstance(entry.value, Text) and not entry.value.value:
-                    advice = "put quotes round a text with a comma"
-                raise self.error(entry, f"{what}: unknown key `{shown(key)}`; {advice}")
-        return entries
-
-    def name(self, entry: Entry, what: str) -> str:
-        """Give a key as a name; an error unless it is a letter and then letters, digits and `_`, 64 at most."""
-        if not NAME.fullmatch(entry.key):
-            rule = "a name is a letter, then letters, digits and `_`, 64 characters at most"
-            raise self.error(entry, f"{what}: `{shown(entry.key)}` is not a name; {rule}")
-        return entry.key
-
 
 def kind(node: Node) -> str:
     """Give the user's word for a node's kind."""

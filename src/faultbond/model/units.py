@@ -16,12 +16,11 @@ from typing import Any
 
 from faultbond.errors import ModelError
 from faultbond.model.graph import Unit
-from faultbond.model.parser import number_text
+from faultbond.model.parser import MAX_EXPONENT, number_text
 from faultbond.model.source import closest, shown
 
-MAX_LENGTH = 100
-MAX_EXPONENT = 16
-MAX_DEPTH = 10
+MAX_UNIT_LENGTH = 100
+MAX_PARENTHESES = 10
 
 _SYMBOLS = {
     "kilogram": "kg",
@@ -33,30 +32,11 @@ _SYMBOLS = {
     "candela": "cd",
     "percent": "percent",
 }
-_COMMON = (
-    *(
-        "m",
-        "cm",
-        "mm",
-        "km",
-        "m^2",
-        "s",
-        "ms",
-        "min",
-        "h",
-        "day",
-        "kg",
-        "g",
-        "t",
-        "K",
-        "degC",
-        "degF",
-        "mol",
-        "A",
-        "mA",
-    ),
-    *("V", "mV", "kV", "ohm", "kohm", "Mohm", "F", "mF", "uF", "nF", "H", "mH", "uH", "W", "kW", "MW", "J", "kJ", "Hz"),
-    *("kHz", "N", "kN", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "rad", "deg", "rpm", "l", "L", "ml", "percent", "C"),
+_COMMON = (  # what a misspelt unit may have been meant to be
+    *("m", "cm", "mm", "km", "m^2", "s", "ms", "min", "h", "day", "kg", "g", "t", "K", "degC", "degF", "mol"),
+    *("A", "mA", "V", "mV", "kV", "ohm", "kohm", "Mohm", "F", "mF", "uF", "nF", "H", "mH", "uH", "W", "kW", "MW"),
+    *("J", "kJ", "Hz", "kHz", "N", "kN", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "rad", "deg", "rpm"),
+    *("l", "L", "ml", "percent", "C"),
 )
 _TOKEN = re.compile(
     r"(?P<space> +)|(?P<name>[A-Za-zµμΩ°][A-Za-z0-9_µμΩ°]*)|(?P<number>\d+(?:\.\d+)?)|(?P<operator>\*\*|[-*/^()])"
@@ -65,12 +45,15 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """Powers of the base units kg m s A K mol cd percent, sorted by name, none zero."""
+    """Powers of the base units kg m s A K mol cd percent, sorted by name, none zero; `dimensions` adds unknown ones."""
 
     powers: tuple[tuple[str, Fraction], ...] = ()
 
     def __mul__(self, other: "Dimension") -> "Dimension":
-        return dimension_of({**dict(self.powers), **_sum(self, other)})
+        powers = dict(self.powers)
+        for base, power in other.powers:
+            powers[base] = powers.get(base, Fraction(0)) + power
+        return dimension_of(powers)
 
     def __truediv__(self, other: "Dimension") -> "Dimension":
         return self * other ** Fraction(-1)
@@ -87,11 +70,6 @@ class Dimension:
         up = "*".join(_power(base, power) for base, power in self.powers if power > 0)
         down = "".join(f"/{_power(base, -power)}" for base, power in self.powers if power < 0)
         return f"{up or '1'}{down}" if self.powers else ""
-
-
-def _sum(a: Dimension, b: Dimension) -> dict[str, Fraction]:
-    first = dict(a.powers)
-    return {base: first.get(base, Fraction(0)) + power for base, power in b.powers}
 
 
 def _power(base: str, power: Fraction) -> str:
@@ -187,10 +165,16 @@ def unit(text: str, where: str = "") -> Unit:
 
 
 def measure(text: str, where: str = "") -> Measure:
-    """Give the unit of a text with its dimension (dimensionless for the empty text)."""
+    """Give the unit of a text with its dimension (dimensionless for the empty text).
+
+    Raises
+    ------
+    ModelError
+        where the text is no unit.
+    """
     text = text.strip()
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}a unit of {len(text)} characters; at most {MAX_LENGTH} are read")
+    if len(text) > MAX_UNIT_LENGTH:
+        raise ModelError(f"{where}a unit of {len(text)} characters; at most {MAX_UNIT_LENGTH} are read")
     result = _measure(text)
     if isinstance(result, str):
         raise ModelError(where + result)
@@ -299,7 +283,7 @@ class _Reader:
         word = self.take()
         if word == "(":
             self.depth += 1
-            if self.depth > MAX_DEPTH:
+            if self.depth > MAX_PARENTHESES:
                 raise self.error("too many parentheses")
             inside = self.product()
             if self.take() != ")":

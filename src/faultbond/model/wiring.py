@@ -2,32 +2,42 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from faultbond.model.elements import OWN_SIGNALS
 from faultbond.model.graph import Bond, Junction
-from faultbond.model.source import NAME, Entry, Node, Source, Text, choice, closest, shown
+from faultbond.model.keys import COMPONENT_KEYS
+from faultbond.model.source import NAME, Source, choice, closest, shown
+from faultbond.model.spot import Spot
 from faultbond.types import ElementType, JunctionType
 
 MAX_PARTS = 2000
-COMPONENT_KEYS = ("type", "law", "parameters", "start")
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
     """A component or block before its laws are read."""
 
-    name: str
+    place: Spot
     type: ElementType
-    fields: Mapping[str, Entry]
-    line: int
+    fields: Mapping[str, Spot]
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.place.name
+
+    @property
+    def line(self) -> int:
+        """Its line."""
+        return self.place.line
 
     @property
     def title(self) -> str:
         """Its name with the word for what it is, for messages."""
-        return f"{'block' if self.type is ElementType.BLOCK else 'component'} {self.name}"
+        return self.place.words
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,84 +55,71 @@ class Wiring:
         return ("e1", "f1", "e2", "f2") if self.parts[name].type.n_ports == 2 else ("e", "f", "q", "p")
 
 
-def wiring(source: Source, fields: Mapping[str, Entry]) -> Wiring:
-    """Read `components`, `junctions` and `bonds`."""
-    components = source.table(fields["components"].value, "components").entries if "components" in fields else ()
-    junctions = source.table(fields["junctions"].value, "junctions").entries if "junctions" in fields else ()
+def wiring(source: Source, fields: Mapping[str, Spot]) -> Wiring:
+    """Read `components`, `junctions` and `bonds`.
+
+    Raises
+    ------
+    ModelError
+        where one of them cannot be read, or a part is not connected as its type needs.
+    """
+    components, junctions = (fields[key].entries() if key in fields else () for key in ("components", "junctions"))
     if len(components) + len(junctions) > MAX_PARTS:
         n_parts = f"{len(components)} components and {len(junctions)} junctions"
         place = fields["components"] if components else fields["junctions"]
-        raise source.error(place, f"{n_parts}; at most {MAX_PARTS} together are read. Split the plant")
+        raise source.error(place.entry, f"{n_parts}; at most {MAX_PARTS} together are read. Split the plant")
     if not components:
-        raise source.error(
-            fields.get("components") or 0,
-            "no components; state them, such as `components: {pump: {type: Se, law: e = V}}`",
-        )
-    parts = {part.name: part for part in (_part(source, entry) for entry in components)}
-    nodes = {junction.name: junction for junction in (_junction(source, entry) for entry in junctions)}
+        line = fields["components"].line if "components" in fields else 0
+        raise source.error(line, "no components; state them, such as `components: {pump: {type: Se, law: e = V}}`")
+    parts = {part.name: part for part in map(_part, fields["components"].things("component"))}
+    nodes = {}
+    for place in fields["junctions"].things("junction") if junctions else ():
+        word = place.text()
+        if word not in ("0", "1"):
+            raise place.error(f": unknown type `{shown(word)}`; it is 0 (one effort) or 1 (one flow)")
+        nodes[place.name] = Junction(name=place.name, type=JunctionType(word), line=place.line)
     for name in nodes.keys() & parts.keys():
         other = f" (also {source.at(parts[name].line).rstrip(': ')})" if source.has_lines else ""
         raise source.error(nodes[name].line, f"`{name}` is both a junction and a component{other}; rename one")
-    result = Wiring(parts, nodes, _bonds(source, fields, parts, nodes))
+    if "bonds" not in fields:
+        raise source.error(0, "no bonds; state them, such as `bonds: [pump -> line -> pipe]`")
+    bonds = _bonds(fields["bonds"], {**parts, **nodes})
+    _check_bonds(source, bonds, parts)
+    result = Wiring(parts, nodes, bonds)
     _check_connected(source, result)
     return result
 
 
-def _part(source: Source, entry: Entry) -> Part:
-    name = source.name(entry, "components")
-    what = f"component {name}"
-    fields = source.fields(entry.value, what, COMPONENT_KEYS)
-    known = [item.value for item in OWN_SIGNALS]
-    if "type" not in fields:
-        raise source.error(entry, f"{what}: `type` is missing; it is one of {', '.join(known)}")
-    word = source.text(fields["type"].value, f"{what}: type")
+def _part(place: Spot) -> Part:
+    fields, known = place.fields(COMPONENT_KEYS), [item.value for item in OWN_SIGNALS]
+    word = fields["type"].text()
     if word not in known:
-        raise source.error(fields["type"], f"{what}: unknown type `{shown(word)}`; {choice(word, known)}")
-    return Part(name, ElementType(word), fields, entry.line)
+        raise place.at(fields["type"]).error(f": unknown type `{shown(word)}`; {choice(word, known)}")
+    return Part(place, ElementType(word), fields)
 
 
-def _junction(source: Source, entry: Entry) -> Junction:
-    name = source.name(entry, "junctions")
-    word = source.text(entry.value, f"junction {name}")
-    if word not in ("0", "1"):
-        raise source.error(
-            entry, f"junction {name}: unknown type `{shown(word)}`; it is 0 (one effort) or 1 (one flow)"
-        )
-    return Junction(name=name, type=JunctionType(word), line=entry.line)
-
-
-def _bonds(
-    source: Source, fields: Mapping[str, Entry], parts: Mapping[str, Part], nodes: Mapping[str, Junction]
-) -> tuple[Bond, ...]:
-    if "bonds" not in fields:
-        raise source.error(0, "no bonds; state them, such as `bonds: [pump -> line -> pipe]`")
+def _bonds(place: Spot, known: Mapping[str, object]) -> tuple[Bond, ...]:
+    """Give the bonds of all chains `a -> b -> c`."""
     bonds: list[Bond] = []
-    for node in _chains(source, fields["bonds"].value):
-        names = [_end(source, node, word, (parts, nodes)) for word in re.split(r"\s*->\s*", node.value.strip())]
-        if len(names) < 2:
-            raise source.error(node, f"bond `{shown(node.value)}`: one part only; write `a -> b` or `a -> b -> c`")
-        pairs = pairwise(names)
-        bonds.extend(Bond(tail=tail, head=head, line=node.line) for tail, head in pairs)
-    _check_bonds(source, bonds, parts)
+    chains = place.items() if place.is_empty else place.one_or_more()
+    for text, line in [(replace(item, words="a bond").text(), item.line) for item in chains]:
+        ends = re.split(r"\s*->\s*", text)
+        what = f"bond `{shown(text)}`: "
+        for word in ends:
+            if word in known:
+                continue
+            if not NAME.fullmatch(word):
+                problem = f"`{shown(word)}` is not a name; write `a -> b -> c`, power flows along `->`"
+                raise place.source.error(line, what + problem)
+            near = closest(word, known) or "add it to `components` or `junctions`"
+            raise place.source.error(line, f"{what}no component or junction `{shown(word)}`; {near}")
+        if len(ends) < 2:
+            raise place.source.error(line, f"{what}one part only; write `a -> b` or `a -> b -> c`")
+        bonds.extend(Bond(tail=tail, head=head, line=line) for tail, head in pairwise(ends))
     return tuple(bonds)
 
 
-def _chains(source: Source, node: Node) -> tuple[Text, ...]:
-    items = source.items(node, "bonds") if not isinstance(node, Text) or not node.value.strip() else (node,)
-    return tuple(Text(source.text(item, "a bond"), item.line) for item in items)
-
-
-def _end(source: Source, node: Text, word: str, known: tuple[Mapping[str, Part], Mapping[str, Junction]]) -> str:
-    if word in known[0] or word in known[1]:
-        return word
-    what = f"bond `{shown(node.value)}`: "
-    if not NAME.fullmatch(word):
-        raise source.error(node, f"{what}`{shown(word)}` is not a name; write `a -> b -> c`, power flows along `->`")
-    near = closest(word, [*known[0], *known[1]]) or "add it to `components` or `junctions`"
-    raise source.error(node, f"{what}no component or junction `{shown(word)}`; {near}")
-
-
-def _check_bonds(source: Source, bonds: list[Bond], parts: Mapping[str, Part]) -> None:
+def _check_bonds(source: Source, bonds: Iterable[Bond], parts: Mapping[str, Part]) -> None:
     """Check each bond by itself: its ends differ, it is stated once, and R, C and I receive power."""
     seen: dict[tuple[str, str], int] = {}
     for bond in bonds:

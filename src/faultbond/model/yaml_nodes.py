@@ -24,7 +24,7 @@ from faultbond.model.source import Entry, Items, Node, Source, Table, Text, show
 
 MAX_BYTES = 2**20
 MAX_ENTRIES = 5000
-MAX_DEPTH = 10
+MAX_LEVELS = 10
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
@@ -42,35 +42,24 @@ def read_yaml(text: str, source: Source) -> Table:
     if len(text) > MAX_BYTES or len(text.encode("utf-8", "replace")) > MAX_BYTES:
         raise source.error(0, f"the model has more than {MAX_BYTES} bytes; split the plant into several models")
     text = text.removeprefix("\ufeff")
-    bad = _NOT_TEXT.search(text)
-    if bad:
-        line = text.count("\n", 0, bad.start()) + 1
-        raise source.error(line, _misplaced(bad[0]))
+    _check_letters(text, source)
     try:
         return _Composer(source, yaml.parse(text, Loader=_LOADER)).document()
     except yaml.YAMLError as error:
-        raise source.error(
-            _line_of(error), f"not YAML: {_problem_of(error)}; check indentation, quotes and brackets"
-        ) from None
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        problem = str(getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be read")
+        line, advice = int(mark.line) + 1 if mark else 0, "check indentation, quotes and brackets"
+        raise source.error(line, f"not YAML: {shown(problem)}; {advice}") from None
     except (ValueError, OverflowError, RecursionError):
         raise source.error(0, "not YAML: an escape in a quoted text cannot be read; write plain text") from None
 
 
-def _misplaced(letter: str) -> str:
-    return f"character U+{ord(letter):04X} cannot stand in a model; remove it"
-
-
-def _line(event: Event) -> int:
-    return event.start_mark.line + 1 if event.start_mark else 0
-
-
-def _line_of(error: yaml.YAMLError) -> int:
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    return int(mark.line) + 1 if mark else 0
-
-
-def _problem_of(error: yaml.YAMLError) -> str:
-    return shown(str(getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be read"))
+def _check_letters(text: str, source: Source, line: int = 0) -> None:
+    """Refuse what cannot stand in a model; `line` is that of the whole text, 0 for all of the file."""
+    bad = _NOT_TEXT.search(text)
+    if bad:
+        line = line or text.count("\n", 0, bad.start()) + 1
+        raise source.error(line, f"character U+{ord(bad[0]):04X} cannot stand in a model; remove it")
 
 
 class _Composer:
@@ -79,26 +68,23 @@ class _Composer:
     def __init__(self, source: Source, events: Iterator[Event]) -> None:
         self.source, self.events = source, events
 
-    def next(self) -> Event:
-        return next(self.events)
-
     def document(self) -> Table:
-        self.next()
-        start = self.next()
+        next(self.events)
+        start = next(self.events)
         if isinstance(start, StreamEndEvent):
             raise self.source.error(1, "the model is empty; start with `name:`")
         if isinstance(start, DocumentStartEvent) and (start.tags or start.version):
             raise self.source.error(1, "a `%` directive; remove it, a model is plain YAML")
-        top = self.node(self.next(), 1)
-        self.next()
-        if not isinstance(self.next(), StreamEndEvent):
+        top = self.node(next(self.events), 1)
+        next(self.events)
+        if not isinstance(next(self.events), StreamEndEvent):
             raise self.source.error(0, "more than one document (`---`); put each model into its own file")
         if not isinstance(top, Table):
             raise self.source.error(top.line or 1, "a model is a table of `key: value`; start with `name:`")
         return top
 
     def node(self, event: Event, depth: int) -> Node:
-        line = _line(event)
+        line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, AliasEvent):
             raise self.source.error(line, f"alias `*{shown(str(event.anchor))}`; write the value out")
         if isinstance(event, NodeEvent) and event.anchor is not None:
@@ -106,46 +92,37 @@ class _Composer:
         tag = getattr(event, "tag", None)
         if tag is not None:
             raise self.source.error(line, f"tag `{shown(str(tag))}`; remove it, every value is plain text")
-        if depth > MAX_DEPTH:
-            raise self.source.error(line, f"more than {MAX_DEPTH} levels of nesting; a model needs 5")
+        if depth > MAX_LEVELS:
+            raise self.source.error(line, f"more than {MAX_LEVELS} levels of nesting; a model needs 5")
         if isinstance(event, ScalarEvent):
-            return Text(self.plain(str(event.value), line), line)
+            text = str(event.value)
+            _check_letters(text, self.source, line)  # escapes in quotation marks may have put them there
+            return Text(text, line)
         if isinstance(event, SequenceStartEvent):
-            return Items(tuple(self.elements(depth)), line)
+            return Items(tuple(self.counted(depth, SequenceEndEvent)), line)
         if isinstance(event, MappingStartEvent):
             return Table(tuple(self.entries(depth)), line)
         raise self.source.error(line, "not YAML: a value is missing; check indentation, quotes and brackets")
 
-    def plain(self, text: str, line: int) -> str:
-        """Refuse what escapes in quotation marks may have put into a text."""
-        bad = _NOT_TEXT.search(text)
-        if bad:
-            raise self.source.error(line, _misplaced(bad[0]))
-        return text
-
-    def elements(self, depth: int) -> Iterator[Node]:
+    def counted(self, depth: int, end: type[Event]) -> Iterator[Node]:
+        """Give the items of a list, or the keys of a table."""
         count = 0
-        while not isinstance(event := self.next(), SequenceEndEvent):
+        while not isinstance(event := next(self.events), end):
             count += 1
-            self.check_count(count, event)
+            if count > MAX_ENTRIES:
+                line = event.start_mark.line + 1 if event.start_mark else 0
+                problem = f"more than {MAX_ENTRIES} entries in one list or table; split the plant"
+                raise self.source.error(line, problem)
             yield self.node(event, depth + 1)
 
     def entries(self, depth: int) -> Iterator[Entry]:
         lines: dict[str, int] = {}
-        while not isinstance(event := self.next(), MappingEndEvent):
-            key = self.node(event, depth + 1)
+        for key in self.counted(depth, MappingEndEvent):
             if not isinstance(key, Text):
-                raise self.source.error(
-                    key.line, "a key must be a plain word, not a list or table; put quotes round it"
-                )
+                problem = "a key must be a plain word, not a list or table; put quotes round it"
+                raise self.source.error(key.line, problem)
             if key.value in lines:
                 first = f"line {lines[key.value]}" if lines[key.value] != key.line else "the same line"
                 raise self.source.error(key.line, f"`{shown(key.value)}` stands twice, first on {first}; remove one")
             lines[key.value] = key.line
-            self.check_count(len(lines), event)
-            yield Entry(key.value, self.node(self.next(), depth + 1), key.line)
-
-    def check_count(self, count: int, event: Event) -> None:
-        if count > MAX_ENTRIES:
-            line = _line(event)
-            raise self.source.error(line, f"more than {MAX_ENTRIES} entries in one list or table; split the plant")
+            yield Entry(key.value, self.node(next(self.events), depth + 1), key.line)

@@ -10,20 +10,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import inf
-from typing import Protocol
 
 import numpy as np
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.networks import least_squares as static_fit
-from faultbond.networks import noisy as static_noise
-from faultbond.networks.hypothesis import Hypothesis, advance, is_consistent, nearest
+from faultbond.networks.hypothesis import Hypothesis, advance, is_consistent, some_solutions
+from faultbond.networks.least_squares import DETECTED, Data, data_of, limit, readable, whitened
 from faultbond.networks.logic.diagnoses import logic_network
 from faultbond.networks.logic.hypotheses import logic_observations, watch_logic
+from faultbond.networks.noisy import FittedHypothesis, left, trials
 from faultbond.networks.polynomial_roots import value_of
-from faultbond.networks.relations import holds
 from faultbond.networks.static_network import (
     Observation,
     StaticNetwork,
@@ -32,11 +30,12 @@ from faultbond.networks.static_network import (
     observation,
     static_network,
     with_healthy,
+    wrong_readings,
 )
 
 _SURELY = 1e-10  # relative: closer than the tolerance by what floating point may add
 
-Solution = Mapping[str, tuple[float, float]]  # value and standard deviation by parameter; inf: not determined
+Estimates = Mapping[str, tuple[float, float]]  # value and standard deviation by parameter; inf: not determined
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,17 +43,7 @@ class Explanation:
     """Suspects that explain the observations, with every solution for their parameters; of blocks, no parameter."""
 
     suspects: tuple[str, ...]
-    solutions: tuple[Solution, ...]
-
-
-class Prover(Protocol):
-    """Tells which observations contradict the healthy network, and what explains all since the detection."""
-
-    def contradicting(self, seen: Observation) -> tuple[str, ...]:
-        """Give the sensors that disagree; none where the observation agrees with the healthy network."""
-
-    def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
-        """Give all explanations of least size; asked once for each row, the last of `rows`."""
+    solutions: tuple[Estimates, ...]
 
 
 def watch(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection | Diagnosis]:
@@ -76,7 +65,7 @@ def watch(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[Detection |
         yield from watch_logic(logic_network(graph), logic_observations(graph, points))
         return
     network = static_network(graph)
-    prover: Prover = NoisyProver(network) if network.is_noisy else ExactProver(network)
+    prover = NoisyProver(network) if network.is_noisy else ExactProver(network)
     rows: list[Observation] = []
     for point in points:
         seen = observation(network, point)
@@ -105,17 +94,14 @@ class ExactProver:
         network = self.network
         if self._agrees_quickly(seen) or is_consistent(network, (), seen):
             return ()
-        known = healthy_of(network, seen)
-        read = [item for item in network.readings if item.sensor in seen.sensors]
-        told = [item for item in read if known.values.keys() >= {*item.names}]
-        wrong = tuple(item.sensor for item in told if not holds(item, known.values, known.sizes))
-        return wrong or seen.sensors
+        wrong = wrong_readings(network, seen, healthy_of(network, seen))
+        return tuple(item.sensor for item in wrong) or seen.sensors
 
     def _agrees_quickly(self, seen: Observation) -> bool:
         """Whether floating point is enough to see that an observation agrees."""
         if self.network.reader is None:
             return False
-        data = static_fit.data_of(self.network, [seen])
+        data = data_of(self.network, [seen])
         y, _, _ = self.network.reader(self.network.reader.nominal, data.u)
         there = np.isfinite(data.y)
         if not np.isfinite(y[there]).all():
@@ -124,18 +110,21 @@ class ExactProver:
         return bool(near[there].all())
 
     def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
-        """Give all explanations of least size; what was rejected stays so, and sizes only grow."""
+        """Give all explanations of least size; asked once for each row, the last of `rows`.
+
+        What was rejected stays so, and sizes only grow.
+        """
         self.conflicts |= set(conflicts(self.network, rows[-1]))
         self.left, found = self._kept((advance(self.network, item, rows) for item in self.left), rows)
         while not found and self.size < min(self.network.graph.max_faults, len(self.network.suspects)):
             self.size += 1
-            tested = (item for item in combinations(self.network.suspects, self.size) if self._meets_conflicts(item))
-            fresh = (_from_the_first(self.network, suspects, rows) for suspects in tested)
+            fresh = (
+                _from_the_first(self.network, suspects, rows)
+                for suspects in combinations(self.network.suspects, self.size)
+                if not any(conflict.isdisjoint(suspects) for conflict in self.conflicts)
+            )
             self.left, found = self._kept(fresh, rows)
         return found
-
-    def _meets_conflicts(self, suspects: tuple[str, ...]) -> bool:
-        return not any(conflict.isdisjoint(suspects) for conflict in self.conflicts)
 
     def _kept(
         self, tested: Iterable[Hypothesis], rows: Sequence[Observation]
@@ -160,7 +149,7 @@ def _explanation(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observ
     if network.of_blocks:
         return Explanation(suspects=held.suspects, solutions=({},))
     solutions = [{name: (float(value_of(point[name])), 0.0) for name in held.suspects} for point in held.points]
-    near = nearest(network, held.suspects, rows) if held.systems else None
+    near = next(some_solutions(network, held.suspects, rows), None) if held.systems else None
     if near is not None:
         solutions.append({name: (near.values[name], inf) for name in held.suspects})
     return Explanation(suspects=held.suspects, solutions=tuple(solutions))
@@ -171,47 +160,55 @@ class NoisyProver:
 
     def __init__(self, network: StaticNetwork) -> None:
         self.network = network
-        self.trials: dict[tuple[str, ...], static_noise.FittedHypothesis] = {}
+        self.trials: dict[tuple[str, ...], FittedHypothesis] = {}
 
     def contradicting(self, seen: Observation) -> tuple[str, ...]:
-        """Give the sensors that disagree beyond their noise."""
+        """Give the sensors that disagree beyond their noise; none where it explains all together."""
         if self.network.reader is None:
             return ()
+        read, data, nothing = self.network.reader.of(()), data_of(self.network, [seen]), np.zeros(0)
+        gaps, _ = whitened(read, nothing, data)
+        if float(np.sum(gaps**2)) <= limit(DETECTED, int(readable(read, data).sum())):
+            return ()
         sensors = [item.name for item in self.network.graph.sensors]
-        data = static_fit.data_of(self.network, [seen])
-        return static_fit.contradicting(self.network.reader.of(()), sensors, data)
+        own = np.eye(len(sensors), dtype=bool)[:, :, None]
+        alone = [Data(u=data.u, y=np.where(item, data.y, np.nan)) for item in own]
+        far = np.array([np.abs(whitened(read, nothing, item)[0]).max() for item in alone])
+        wrong = (far > np.sqrt(limit(DETECTED, 1))) | (far == far.max())
+        return tuple(name for name, off in zip(sensors, wrong, strict=True) if off)
 
     def explanations(self, rows: Sequence[Observation]) -> tuple[Explanation, ...]:
-        """Give all explanations of least size whose misfit passes."""
-        self.trials = static_noise.trials(self.network, self.trials, rows)
-        return tuple(self._explanation(item) for item in static_noise.left(self.trials))
-
-    def _explanation(self, trial: static_noise.FittedHypothesis) -> Explanation:
-        names = () if self.network.of_blocks else trial.suspects
-        solutions = ({n: (float(fit.values[k]), float(fit.sd[k])) for k, n in enumerate(names)} for fit in trial.fits)
-        return Explanation(suspects=trial.suspects, solutions=tuple(solutions))
+        """Give all explanations of least size whose misfit passes; asked once for each row, the last of `rows`."""
+        self.trials = trials(self.network, self.trials, rows)
+        found = []
+        for trial in left(self.trials):
+            names = () if self.network.of_blocks else trial.suspects
+            solutions = (
+                {n: (float(fit.values[k]), float(fit.sd[k])) for k, n in enumerate(names)} for fit in trial.fits
+            )
+            found.append(Explanation(suspects=trial.suspects, solutions=tuple(solutions)))
+        return tuple(found)
 
 
 def candidates(network: StaticNetwork, found: Sequence[Explanation]) -> tuple[Candidate, ...]:
     """Give a candidate for each solution: sets of one size are equally likely, and so are the solutions of a set."""
+    parameters = {item.name: item for item in network.graph.parameters}
+
+    def distance(solution: Estimates) -> float:
+        """How far a solution is from the nominal values; without end where the square is."""
+        parts = ((value, parameters[name]) for name, (value, _) in solution.items())
+        return math.hypot(*((value - item.nominal) / item.scale for value, item in parts))
+
     return tuple(
         Candidate(
-            suspects=tuple(_suspect(network, name, *solution[name]) for name in solution),
-            blocks=() if solution else item.suspects,
-            probability=1.0 / len(found) / len(item.solutions),
+            suspects=tuple(
+                Suspect(parameter=item.name, component=item.owner, nominal=item.nominal, estimate=value, sd=sd)
+                for item, (value, sd) in ((parameters[name], solution[name]) for name in solution)
+            ),
+            blocks=() if solution else explanation.suspects,
+            probability=1.0 / len(found) / len(explanation.solutions),
             group=True,
         )
-        for item in found
-        for solution in sorted(item.solutions, key=lambda solution: _distance(network, solution))
+        for explanation in found
+        for solution in sorted(explanation.solutions, key=distance)
     )
-
-
-def _distance(network: StaticNetwork, solution: Solution) -> float:
-    """How far a solution is from the nominal values; without end where the square is."""
-    parts = [(value, network.graph.parameter(name)) for name, (value, _) in solution.items()]
-    return math.hypot(*((value - item.nominal) / item.scale for value, item in parts))
-
-
-def _suspect(network: StaticNetwork, name: str, estimate: float, sd: float) -> Suspect:
-    item = network.graph.parameter(name)
-    return Suspect(parameter=name, component=item.owner, nominal=item.nominal, estimate=estimate, sd=sd)

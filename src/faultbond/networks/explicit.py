@@ -11,9 +11,9 @@ from faultbond.equations.numeric import Value, evaluate, exact
 from faultbond.model.expression import Binary, Expression, Name, Negative, names
 from faultbond.networks.polynomial_roots import MAX_POWER, MAX_TERMS, NotPolynomialError
 from faultbond.networks.relations import holds, magnitude
-from faultbond.networks.static_network import READING, Observation, StaticNetwork, followed
+from faultbond.networks.static_network import READING, Observation, StaticNetwork, followed, wrong_readings
 
-Quotient = tuple[PolyElement, PolyElement]  # numerator, denominator
+PolynomialQuotient = tuple[PolyElement, PolyElement]  # numerator, denominator
 
 
 def is_explicit(network: StaticNetwork, seen: Observation) -> bool:
@@ -27,9 +27,7 @@ def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Value
     """Whether parameters of these values give the readings of an explicit observation."""
     if seen.healthy is None:
         return False
-    known = followed(network, seen.healthy, values)
-    read = (item for item in network.readings if item.sensor in seen.sensors)
-    return all(holds(item, known.values, known.sizes) for item in read)
+    return next(wrong_readings(network, seen, followed(network, seen.healthy, values)), None) is None
 
 
 def reading_equations(network: StaticNetwork, suspects: Sequence[str], seen: Observation) -> tuple[sp.Expr, ...] | None:
@@ -72,8 +70,8 @@ def _ring(suspects: tuple[str, ...]) -> tuple[PolyRing, ...]:
 
 
 def _image(
-    expression: Expression, values: Mapping[str, Value], images: Mapping[str, Quotient], one: PolyElement
-) -> Quotient | Value:
+    expression: Expression, values: Mapping[str, Value], images: Mapping[str, PolynomialQuotient], one: PolyElement
+) -> PolynomialQuotient | Value:
     """Give an expression as a quotient of polynomials in the suspended parameters, or its value without them."""
     match expression:
         case Name(text):
@@ -83,29 +81,25 @@ def _image(
             return (-image[0], image[1]) if isinstance(image, tuple) else -image
         case Binary(operator, left, right):
             first, second = _image(left, values, images, one), _image(right, values, images, one)
-            if isinstance(first, tuple) or isinstance(second, tuple):
-                return _combined(operator, first, second, one)
+            if not (isinstance(first, tuple) or isinstance(second, tuple)):
+                return evaluate(expression, values)
+            if operator != "**":
+                return _arithmetic(operator, _quotient(first, one), _quotient(second, one))
+            if (
+                isinstance(first, tuple)
+                and not isinstance(second, tuple)
+                and magnitude(second) <= MAX_POWER
+                and second == int(second)
+            ):
+                above, below = first if second >= 0 else first[::-1]
+                return _limited(above ** abs(int(second)), below ** abs(int(second)))
+            raise NotPolynomialError
     if images.keys().isdisjoint(names(expression)):
         return evaluate(expression, values)
     raise NotPolynomialError
 
 
-def _combined(operator: str, left: Quotient | Value, right: Quotient | Value, one: PolyElement) -> Quotient:
-    """Apply an operator where at least one side depends on the suspended parameters."""
-    if operator != "**":
-        return _arithmetic(operator, _quotient(left, one), _quotient(right, one))
-    if (
-        isinstance(left, tuple)
-        and not isinstance(right, tuple)
-        and magnitude(right) <= MAX_POWER
-        and right == int(right)
-    ):
-        above, below = left if right >= 0 else left[::-1]
-        return _limited(above ** abs(int(right)), below ** abs(int(right)))
-    raise NotPolynomialError
-
-
-def _quotient(image: Quotient | Value, one: PolyElement) -> Quotient:
+def _quotient(image: PolynomialQuotient | Value, one: PolyElement) -> PolynomialQuotient:
     if isinstance(image, tuple):
         return image
     if not isfinite(image):
@@ -114,7 +108,7 @@ def _quotient(image: Quotient | Value, one: PolyElement) -> Quotient:
     return one * sp.QQ(fraction.numerator, fraction.denominator), one
 
 
-def _arithmetic(operator: str, left: Quotient, right: Quotient) -> Quotient:
+def _arithmetic(operator: str, left: PolynomialQuotient, right: PolynomialQuotient) -> PolynomialQuotient:
     (a, b), (c, d) = left, right
     match operator:
         case "*":
@@ -127,7 +121,7 @@ def _arithmetic(operator: str, left: Quotient, right: Quotient) -> Quotient:
     raise NotPolynomialError
 
 
-def _limited(above: PolyElement, below: PolyElement) -> Quotient:
+def _limited(above: PolyElement, below: PolyElement) -> PolynomialQuotient:
     if max(len(above), len(below)) > MAX_TERMS:
         raise NotPolynomialError
     return above, below

@@ -15,12 +15,12 @@ import numpy as np
 from faultbond.equations.numeric import exact
 from faultbond.model.expression import Call, walk
 from faultbond.networks.explicit import agrees, is_explicit, reading_equations
-from faultbond.networks.least_squares import data_of, fit
-from faultbond.networks.numeric_search import Found, same, search, starts
+from faultbond.networks.least_squares import data_of, fit_parameters, ranges_of
+from faultbond.networks.numeric_search import Found, same, search_solutions, starts
 from faultbond.networks.polynomial_roots import (
+    ExactPoint,
     NotPolynomialError,
-    Point,
-    System,
+    PolynomialSystem,
     number,
     polynomial_cases,
     real_points,
@@ -43,8 +43,8 @@ class Hypothesis:
     """
 
     suspects: tuple[str, ...]
-    points: tuple[Point, ...] = ()
-    systems: tuple[System, ...] = ((),)
+    points: tuple[ExactPoint, ...] = ()
+    systems: tuple[PolynomialSystem, ...] = ((),)
     searched: bool = False
 
     @property
@@ -58,25 +58,36 @@ def advance(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation
     if network.of_blocks:
         consistent = is_consistent(network, held.suspects, rows[-1])
         return replace(held, points=({},) if consistent else (), systems=())
-    points = [point for point in held.points if explains(network, point, rows[-1])]
+    points = [point for point in held.points if _explains(network, point, rows[-1])]
     if held.searched and not points:
         return _searched(network, held, rows)
     systems = list(held.systems)
     if systems:
+        joined = None
         try:
-            cases = equations_of_parameters(network, held.suspects, rows[-1])
-            if len(cases) * len(systems) > MAX_SYSTEMS:
-                raise NotPolynomialError
-            systems, more = _combined(held, cases)
+            pairs = list(product(systems, equations_of_parameters(network, held.suspects, rows[-1])))
+            if len(pairs) <= MAX_SYSTEMS:
+                joined = [_joined(system, case, held.suspects) for system, case in pairs]
         except NotPolynomialError:
+            pass
+        if joined is None:
             return _searched(network, held, rows)
-        points += [point for point in more if all(explains(network, point, row) for row in rows)]
-        if not (points or systems) and cases and len(held.suspects) > 1:
-            return _confirmed(network, held, rows)
+        systems = list(dict.fromkeys(system for system, _ in joined if system is not None))
+        points += [
+            point for _, found in joined for point in found if all(_explains(network, point, row) for row in rows)
+        ]
+        if joined and not (points or systems) and len(held.suspects) > 1:
+            # Rounding of the data may have hidden a solution near the nominal values from exact arithmetic. Where that
+            # is free, the newest observation says what others said, but for rounding.
+            near = next(_fits(network, held.suspects, rows, starts(len(held.suspects))[:1]), None)
+            if near is not None:
+                points, systems = ([], list(held.systems)) if near.free else ([_point(near)], [])
     return replace(held, points=tuple(_distinct(points)), systems=tuple(systems))
 
 
-def equations_of_parameters(network: StaticNetwork, suspects: tuple[str, ...], seen: Observation) -> list[System]:
+def equations_of_parameters(
+    network: StaticNetwork, suspects: tuple[str, ...], seen: Observation
+) -> list[PolynomialSystem]:
     """Give what an observation says of suspended parameters, one system for each combination of branches."""
     if is_explicit(network, seen):
         try:
@@ -89,19 +100,9 @@ def equations_of_parameters(network: StaticNetwork, suspects: tuple[str, ...], s
     return [] if found.conflict is not None else polynomial_cases(found, suspects, str(seen.index))
 
 
-def _combined(held: Hypothesis, cases: Sequence[System]) -> tuple[list[System], list[Point]]:
-    """Give the systems with infinitely many solutions, and the points, that all branches lead to."""
-    systems: list[System] = []
-    points: list[Point] = []
-    for system, case in product(held.systems, cases):
-        more, found = _joined(system, case, held.suspects)
-        points += found
-        if more is not None:
-            systems.append(more)
-    return list(dict.fromkeys(systems)), points
-
-
-def _joined(system: System, case: System, suspects: tuple[str, ...]) -> tuple[System | None, list[Point]]:
+def _joined(
+    system: PolynomialSystem, case: PolynomialSystem, suspects: tuple[str, ...]
+) -> tuple[PolynomialSystem | None, list[ExactPoint]]:
     """Give the system with a case added as long as solutions are infinitely many, else the points.
 
     One equation is added after the other: those after the points are known are left to the check, which bears rounding.
@@ -115,8 +116,8 @@ def _joined(system: System, case: System, suspects: tuple[str, ...]) -> tuple[Sy
     return system, []
 
 
-def _distinct(points: Iterable[Point]) -> list[Point]:
-    kept: list[Point] = []
+def _distinct(points: Iterable[ExactPoint]) -> list[ExactPoint]:
+    kept: list[ExactPoint] = []
     for point in points:
         values = {name: float(value_of(value)) for name, value in point.items()}
         others = ({name: float(value_of(value)) for name, value in other.items()} for other in kept)
@@ -125,72 +126,56 @@ def _distinct(points: Iterable[Point]) -> list[Point]:
     return kept
 
 
-def _confirmed(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
-    """Look for a solution near the nominal values that rounding of the data may have hidden from exact arithmetic."""
-    found = next(_fits(network, held.suspects, rows, starts(len(held.suspects))[:1]), None)
-    if found is None:
-        return replace(held, points=(), systems=())
-    if found.free:  # the newest observation says what others said, but for rounding
-        return replace(held, points=())
-    return replace(held, points=(_point(found),), systems=())
-
-
-def nearest(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Found | None:
-    """Give a solution that explains all rows, near the nominal values if it can be; `free` where others are as near."""
-    if network.reader is None:
-        return next(iter(_search(network, suspects, rows)), None)
-    return next(_fits(network, suspects, rows, starts(len(suspects))), None)
-
-
 def _fits(
     network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation], factors: Iterable[tuple[float, ...]]
 ) -> Iterator[Found]:
     """Give solutions that explain all rows, by fits from multiples of the nominal values."""
     if network.reader is None:
         return
-    items = [network.graph.parameter(name) for name in suspects]
-    scale = np.array([item.scale for item in items])
-    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
+    scale, bounds = ranges_of(network, suspects)
     data, read = data_of(network, rows), network.reader.of(suspects)
     for factor in factors:
-        best = fit(read, np.array(factor) * scale, scale, bounds, data)
+        best = fit_parameters(read, np.array(factor) * scale, scale, bounds, data)
         values = dict(zip(suspects, best.values.tolist(), strict=True))
         found = Found(values=values, free=best.rank < len(suspects))
-        if all(explains(network, _point(found), row) for row in rows):
+        if all(_explains(network, _point(found), row) for row in rows):
             yield found
 
 
 def _searched(network: StaticNetwork, held: Hypothesis, rows: Sequence[Observation]) -> Hypothesis:
-    found = _search(network, held.suspects, rows)
+    found = list(some_solutions(network, held.suspects, rows))
     points = tuple(_point(item) for item in found if not item.free)
     systems = ((),) if any(item.free for item in found) else ()
     return replace(held, points=points, systems=systems, searched=True)
 
 
-def _search(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> list[Found]:
-    """Give some solutions that explain all rows."""
+def some_solutions(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> Iterator[Found]:
+    """Give some solutions that explain all rows, the first near the nominal values if it can be.
+
+    The last one may be `free`: there are others as near.
+    """
     if network.reader is not None:
         distinct: list[Found] = []
         for item in _fits(network, suspects, rows, starts(len(suspects))):
             if not any(same(item, other) for other in distinct):
                 distinct.append(item)
+                yield item
             if item.free:
-                break
-        return distinct
+                return
+        return
     some = rows[:MAX_SEARCHED]
     systems = [suspend(network, row, suspects, {}) for row in some]
-    if any(system.conflict is not None for system in systems):
-        return []
-    nominal = {name: float(network.values[name]) for name in suspects}
-    found = search(systems, nominal, [without_readings(network, row) for row in some])
-    return [item for item in found if all(explains(network, _point(item), row) for row in rows)]
+    if all(system.conflict is None for system in systems):
+        nominal = {name: float(network.values[name]) for name in suspects}
+        found = search_solutions(systems, nominal, [without_readings(network, row) for row in some])
+        yield from (item for item in found if all(_explains(network, _point(item), row) for row in rows))
 
 
-def _point(found: Found) -> Point:
+def _point(found: Found) -> ExactPoint:
     return {name: number(exact(value)) for name, value in found.values.items()}
 
 
-def explains(network: StaticNetwork, point: Point, seen: Observation) -> bool:
+def _explains(network: StaticNetwork, point: ExactPoint, seen: Observation) -> bool:
     """Whether values of parameters, within their ranges, explain an observation, by the original equations."""
     values = {name: value_of(value) for name, value in point.items()}
     for name, value in values.items():
@@ -225,7 +210,7 @@ def _has_solution(network: StaticNetwork, found: Propagated, seen: Observation) 
                 return True
     except NotPolynomialError:
         pass
-    return bool(search([needed], {}, [without_readings(network, seen)]))
+    return bool(search_solutions([needed], {}, [without_readings(network, seen)]))
 
 
 def _entangled(found: Propagated) -> tuple[BlockLaw, ...]:
@@ -241,7 +226,7 @@ def _entangled(found: Propagated) -> tuple[BlockLaw, ...]:
         left = kept
 
 
-def _is_solved(found: Propagated, system: System) -> bool:
+def _is_solved(found: Propagated, system: PolynomialSystem) -> bool:
     """Whether polynomials have a solution that meets what propagation left.
 
     One equation is added after the other: where the first ones give a value, the others are checks and bear rounding.
@@ -250,12 +235,9 @@ def _is_solved(found: Propagated, system: System) -> bool:
         for point in real_points(system[:count], ()) or ():
             values = {name.removesuffix("@"): value_of(value) for name, value in point.items()}
             left = propagate(found.open, {**found.known, **values})
-            if left.conflict is None and (not left.open or (count == len(system) and not _has_branches(left.open))):
+            sides = (side for item in left.open for side in (item.left, item.right))
+            has_cases = any(isinstance(part, Call) for side in sides for part in walk(side))
+            # A solution of one case may lie outside of it.
+            if left.conflict is None and (not left.open or (count == len(system) and not has_cases)):
                 return True
     return False
-
-
-def _has_branches(equations: Iterable[BlockLaw]) -> bool:
-    """Whether equations have cases: then a solution of one case may lie outside of it."""
-    sides = (side for item in equations for side in (item.left, item.right))
-    return any(isinstance(part, Call) for side in sides for part in walk(side))

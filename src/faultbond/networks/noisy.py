@@ -13,9 +13,18 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.networks.hypothesis import Hypothesis, advance
-from faultbond.networks.least_squares import REJECTED, BestValues, Data, data_of, fit, limit, readable
+from faultbond.networks.least_squares import (
+    REJECTED,
+    BestValues,
+    Data,
+    data_of,
+    fit_parameters,
+    limit,
+    ranges_of,
+    readable,
+)
 from faultbond.networks.numeric_search import starts
-from faultbond.networks.polynomial_roots import Point, value_of
+from faultbond.networks.polynomial_roots import ExactPoint, value_of
 from faultbond.networks.reader import Reader, reader
 from faultbond.networks.static_network import READING, Observation, StaticNetwork, healthy_of
 
@@ -86,12 +95,10 @@ def _of_parameters(
     readings = int(readable(held.read, data).sum())
     if held.least > limit(REJECTED, readings):
         return replace(held, allowed=0.0)
-    items = [network.graph.parameter(name) for name in held.suspects]
-    bounds = np.array([item.lower for item in items]), np.array([item.upper for item in items])
-    scale = np.array([item.scale for item in items])
+    scale, bounds = ranges_of(network, held.suspects)
     found: list[BestValues] = []
     for start in _starts(network, held, rows, data):
-        solution = fit(held.read, start, scale, bounds, data)
+        solution = fit_parameters(held.read, start, scale, bounds, data)
         if not any(_same(solution, other, scale) for other in found):
             found.append(solution)
     rank = max(item.rank for item in found)
@@ -110,16 +117,15 @@ def _starts(
     roots = _first_roots(network, held.suspects, rows) if len(rows) <= ROOTS_FROM else ()
     nominal = np.array([float(network.values[name]) for name in held.suspects])
     exact = [np.array([float(value_of(point[name])) for name in held.suspects]) for point in roots]
-    further = [] if _is_real(held.read, nominal, data) else [nominal * item for item in starts(len(held.suspects))]
+    # A fit goes nowhere from values that give no real number where there is a reading.
+    is_real = np.isfinite(held.read(nominal, data.u)[0][readable(held.read, data)]).all()
+    further = [] if is_real else [nominal * item for item in starts(len(held.suspects))]
     return [nominal, *(item.values for item in held.found), *exact, *further]
 
 
-def _is_real(read: Reader, x: FloatArray, data: Data) -> bool:
-    """Whether values give a real number wherever there is a reading; a fit goes nowhere from where they do not."""
-    return bool(np.isfinite(read(x, data.u)[0][readable(read, data)]).all())
-
-
-def _first_roots(network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]) -> tuple[Point, ...]:
+def _first_roots(
+    network: StaticNetwork, suspects: tuple[str, ...], rows: Sequence[Observation]
+) -> tuple[ExactPoint, ...]:
     """Give the values that explain as many readings as they are, exactly, for want of noise-free ones."""
     alone: list[Observation] = []
     held = Hypothesis(suspects=suspects)
@@ -152,7 +158,7 @@ def _of_blocks(
         start = np.array([float(healthy.get(name, 1.0)) for name in held.read.free])
         scale = np.where(start == 0.0, 1.0, np.abs(start))
         one = Data(u=data.u[:, k : k + 1], y=data.y[:, k : k + 1])
-        found = fit(held.read, start, scale, (np.full(len(start), -inf), np.full(len(start), inf)), one)
+        found = fit_parameters(held.read, start, scale, (np.full(len(start), -inf), np.full(len(start), inf)), one)
         misfit += found.misfit
         freedom += int(readable(held.read, one).sum()) - found.rank
     none = np.zeros(0)

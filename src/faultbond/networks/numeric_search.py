@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.numeric import Value, slopes
+from faultbond.networks.least_squares import directions
 from faultbond.networks.propagation import Propagated
 from faultbond.networks.relations import holds, magnitude
 
@@ -22,8 +23,10 @@ FACTORS = {  # of the nominal values, by number of unknowns
 }
 MAX_STARTS = 30
 _OUTSIDE = 1e6  # residual of a side without a real value
-_SINGULAR = 1e-9
 _SAME = 1e-6  # solutions closer than this, relative, are one
+
+# An observation, the place of each of its unknowns, and the size of what is known in each equation.
+_Part = tuple[Propagated, Mapping[str, int], Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,18 +37,7 @@ class Found:
     free: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Problem:
-    """Equations of several observations; x holds the wanted unknowns, then the signals of each observation."""
-
-    rows: tuple[Propagated, ...]
-    wanted: tuple[str, ...]
-    places: tuple[Mapping[str, int], ...]  # for each row: place in x by name
-    scales: FloatArray  # of the equations
-    count: int
-
-
-def search(
+def search_solutions(
     rows: Sequence[Propagated], nominal: Mapping[str, float], signals: Sequence[Mapping[str, Value]]
 ) -> list[Found]:
     """Give solutions that all rows share, nearest to the first start first.
@@ -59,12 +51,28 @@ def search(
     wanted = tuple(nominal)
     if not any(row.open for row in rows):
         return [Found(values=dict(nominal), free=bool(wanted))]
-    problem, rest = _problem(rows, wanted, signals)
+    rest: list[float] = []  # starts of the signals of all rows, which follow the wanted unknowns
+    parts: list[_Part] = []
+    for row, start in zip(rows, signals, strict=True):
+        place = {name: k for k, name in enumerate(wanted)}
+        for name in dict.fromkeys(name for equation in row.open for name in equation.names):
+            if name not in row.known and name not in place:
+                place[name] = len(wanted) + len(rest)
+                value = magnitude(start[name]) if name in start else np.nan
+                rest.append(float(start[name]) if np.isfinite(value) else 1.0)
+        known = {name: size for name in row.known if np.isfinite(size := magnitude(row.known[name])) and size > 0.0}
+        scales = [max((known[name] for name in item.names if name in known), default=1.0) for item in row.open]
+        parts.append((row, place, scales))
     found: list[Found] = []
     for factors in starts(len(wanted)):
         first = [factor * (nominal[name] or 1.0) for factor, name in zip(factors, wanted, strict=True)]
-        solution = _descend(problem, np.array([*first, *rest]))
-        if solution is not None and not any(same(solution, other) for other in found):
+        x = _descended(parts, np.array([*first, *rest]))
+        if x is None:
+            continue
+        jacobian = _residuals(parts, x)[1] * np.maximum(np.abs(x), 1e-3)
+        free = bool(directions(jacobian)[2][: len(wanted)].any())
+        solution = Found(values={name: float(x[k]) for k, name in enumerate(wanted)}, free=free)
+        if not any(same(solution, other) for other in found):
             found.append(solution)
             if solution.free or not wanted:
                 return [solution]
@@ -84,37 +92,12 @@ def same(one: Found, other: Found) -> bool:
     return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in pairs)
 
 
-def _problem(
-    rows: Sequence[Propagated], wanted: tuple[str, ...], signals: Sequence[Mapping[str, Value]]
-) -> tuple[_Problem, list[float]]:
-    """Number the unknowns; give the problem and the start of all signals."""
-    rest: list[float] = []
-    places, scales = [], []
-    for row, start in zip(rows, signals, strict=True):
-        place = {name: k for k, name in enumerate(wanted)}
-        for name in dict.fromkeys(name for equation in row.open for name in equation.names):
-            if name not in row.known and name not in place:
-                place[name] = len(wanted) + len(rest)
-                value = magnitude(start[name]) if name in start else np.nan
-                rest.append(float(start[name]) if np.isfinite(value) else 1.0)
-        places.append(place)
-        scales += [_scale(row, equation.names) for equation in row.open]
-    problem = _Problem(
-        rows=tuple(rows), wanted=wanted, places=tuple(places), scales=np.array(scales), count=len(wanted) + len(rest)
-    )
-    return problem, rest
-
-
-def _scale(row: Propagated, names: Sequence[str]) -> float:
-    sizes = [magnitude(row.known[name]) for name in names if name in row.known]
-    return max([item for item in sizes if np.isfinite(item) and item > 0.0], default=1.0)
-
-
-def _descend(problem: _Problem, start: FloatArray) -> Found | None:
+def _descended(parts: Sequence[_Part], start: FloatArray) -> FloatArray | None:
+    """Give the unknowns where least squares end, None where they do not meet all equations there."""
     fit = least_squares(
-        lambda x: _residuals(problem, x)[0],
+        lambda x: _residuals(parts, x)[0],
         start,
-        jac=lambda x: _residuals(problem, x)[1],
+        jac=lambda x: _residuals(parts, x)[1],
         x_scale=np.maximum(np.abs(start), 1e-3),
         xtol=1e-15,
         ftol=1e-15,
@@ -122,39 +105,29 @@ def _descend(problem: _Problem, start: FloatArray) -> Found | None:
         max_nfev=200,
     )
     x = np.asarray(fit.x, dtype=np.float64)
-    if not all(_met(problem, x, k) for k in range(len(problem.rows))):
-        return None
-    values = {name: float(x[k]) for k, name in enumerate(problem.wanted)}
-    return Found(values=values, free=_is_free(_residuals(problem, x)[1] * np.maximum(np.abs(x), 1e-3), problem))
+    for row, place, _ in parts:
+        known = {**row.known, **{name: float(x[k]) for name, k in place.items()}}
+        sizes = {name: magnitude(value) for name, value in known.items()}
+        if not all(holds(equation, known, sizes) for equation in row.open):
+            return None
+    return x
 
 
-def _residuals(problem: _Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _residuals(parts: Sequence[_Part], x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give the misfit of each equation over its scale, and its slopes by the unknowns."""
     values, jacobian = [], []
-    for row, place in zip(problem.rows, problem.places, strict=True):
+    for row, place, _ in parts:
         known = {**row.known, **{name: float(x[k]) for name, k in place.items()}}
         for equation in row.open:
             left, by_left = slopes(equation.left, known, place)
             right, by_right = slopes(equation.right, known, place)
             gap = float(left - right)
-            line = np.zeros(problem.count)
+            line = np.zeros(len(x))
             for name, slope in by_left.items():
                 line[place[name]] += float(slope)
             for name, slope in by_right.items():
                 line[place[name]] -= float(slope)
             values.append(gap if np.isfinite(gap) else _OUTSIDE)
             jacobian.append(np.where(np.isfinite(line), line, 0.0))
-    return np.array(values) / problem.scales, np.array(jacobian) / problem.scales[:, None]
-
-
-def _met(problem: _Problem, x: FloatArray, k: int) -> bool:
-    row, place = problem.rows[k], problem.places[k]
-    known = {**row.known, **{name: float(x[position]) for name, position in place.items()}}
-    sizes = {name: magnitude(value) for name, value in known.items()}
-    return all(holds(equation, known, sizes) for equation in row.open)
-
-
-def _is_free(jacobian: FloatArray, problem: _Problem) -> bool:
-    """Whether a wanted unknown can move without leaving the solutions, to first order."""
-    _, singular, rows = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=True)
-    rank = int(np.sum(singular > _SINGULAR * max(singular.max(initial=0.0), 1e-300)))
-    return bool(np.any(np.abs(rows[rank:, : len(problem.wanted)]) > _SAME))
+    scales = np.array([scale for *_, own in parts for scale in own])
+    return np.array(values) / scales, np.array(jacobian) / scales[:, None]

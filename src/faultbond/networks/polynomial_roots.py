@@ -7,7 +7,8 @@ or too large, are left to `search`.
 Source: thesis 3.7.2 (roots and branches), 4.3; Cox, Little and O'Shea, Ideals, Varieties, and Algorithms, chapter 3.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import operator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,14 +17,14 @@ from math import isfinite, prod
 
 import sympy as sp
 from mpmath.libmp import NoConvergence
+from sympy.polys.matrices import DomainMatrix
 
 from faultbond.equations.numeric import Value, evaluate, exact
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, walk
 from faultbond.networks.propagation import Propagated
-from faultbond.networks.relations import BlockLaw
 
-Point = dict[str, sp.Expr]  # an exact value, or one of 30 digits, by name
-System = tuple[sp.Expr, ...]  # polynomials that vanish
+ExactPoint = dict[str, sp.Expr]  # an exact value, or one of 30 digits, by name
+PolynomialSystem = tuple[sp.Expr, ...]  # polynomials that vanish
 
 MAX_CASES = 64  # combinations of branches
 MAX_DEGREE = 30  # in one unknown
@@ -32,6 +33,12 @@ MAX_UNKNOWNS = 6
 MAX_POWER = 16
 MAX_TERMS = 500  # of a polynomial
 DIGITS = 30
+_ARITHMETIC: dict[str, Callable[[sp.Expr, sp.Expr], sp.Expr]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
 _BRANCHES = {"abs": 2, "sign": 3, "where": 2}
 _NEARLY_REAL = 1e-6  # a double root of inexact data has an imaginary part of this size, relative
 
@@ -54,7 +61,7 @@ def value_of(expression: sp.Expr) -> Fraction:
     return Fraction(str(sp.N(expression, DIGITS)))
 
 
-def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> list[System]:
+def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> list[PolynomialSystem]:
     """Give the equations that propagation left as polynomials, one system for each combination of branches.
 
     Parameters
@@ -68,7 +75,10 @@ def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> li
     NotPolynomialError
         if an equation is none, or there are too many branches.
     """
-    points = dict.fromkeys(call for equation in found.open for call in _branch_points(equation, found.known))
+    sides = [side for equation in found.open for side in (equation.left, equation.right)]
+    calls = (part for side in sides for part in walk(side) if isinstance(part, Call))
+    branching = (call for call in calls if call.function in {*_BRANCHES, "min", "max"})
+    points = dict.fromkeys(call for call in branching if not found.known.keys() >= set(names(call)))
     options = [range(_BRANCHES.get(call.function, len(call.arguments))) for call in points]
     if prod(len(option) for option in options) > MAX_CASES:
         raise NotPolynomialError
@@ -77,16 +87,9 @@ def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> li
         reader = _Reader(found.known, frozenset(wanted), tag, dict(zip(points, chosen, strict=True)))
         for equation in found.open:
             reader.equations.append(reader.read(equation.left) - reader.read(equation.right))
-        cases.append(_eliminated([_numerator(item) for item in reader.equations], wanted))
+        numerators = [sp.expand(sp.fraction(sp.together(item))[0]) for item in reader.equations]
+        cases.append(_eliminated(numerators, wanted))
     return cases
-
-
-def _branch_points(equation: BlockLaw, known: Mapping[str, Value]) -> Iterator[Call]:
-    for side in (equation.left, equation.right):
-        for part in walk(side):
-            branches = isinstance(part, Call) and part.function in {*_BRANCHES, "min", "max"}
-            if isinstance(part, Call) and branches and not known.keys() >= set(names(part)):
-                yield part
 
 
 class _Reader:
@@ -110,10 +113,16 @@ class _Reader:
                 return sp.Symbol(text if text in self.wanted else f"{text}@{self.tag}")
             case Negative(operand):
                 return -self.read(operand)
-            case Binary("**", base, exponent):
-                return self.power(self.read(base), self.read(exponent))
-            case Binary(operator, left, right):
-                return _arithmetic(operator, self.read(left), self.read(right))
+            case Binary("**", left, right):
+                base, exponent = self.read(left), self.read(right)
+                if not exponent.is_Rational or exponent.q > 6 or abs(exponent.p) > MAX_POWER:
+                    raise NotPolynomialError
+                return self.root(base, int(exponent.q)) ** int(exponent.p)
+            case Binary(operation, left, right) if operation in _ARITHMETIC:
+                one, other = self.read(left), self.read(right)
+                if operation == "/" and other == 0:
+                    raise NotPolynomialError
+                return _ARITHMETIC[operation](one, other)
             case Call("sqrt", (argument,)):
                 return self.root(self.read(argument), 2)
             case Call() if expression in self.chosen:
@@ -132,11 +141,6 @@ class _Reader:
                 return self.read((yes, no)[chosen])
         return self.read(call.arguments[chosen])  # min, max
 
-    def power(self, base: sp.Expr, exponent: sp.Expr) -> sp.Expr:
-        if not exponent.is_Rational or exponent.q > 6 or abs(exponent.p) > MAX_POWER:
-            raise NotPolynomialError
-        return self.root(base, int(exponent.q)) ** int(exponent.p)
-
     def root(self, base: sp.Expr, degree: int) -> sp.Expr:
         """Give the symbol of a root that `equations` defines; its sign is left to the check."""
         if degree == 1:
@@ -148,28 +152,16 @@ class _Reader:
         return self.roots[base, degree]
 
 
-def _arithmetic(operator: str, left: sp.Expr, right: sp.Expr) -> sp.Expr:
-    match operator:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-        case "/" if right != 0:
-            return left / right
-    raise NotPolynomialError
-
-
-def _numerator(expression: sp.Expr) -> sp.Expr:
-    return sp.expand(sp.fraction(sp.together(expression))[0])
-
-
-def _eliminated(equations: Sequence[sp.Expr], wanted: Collection[str]) -> System:
+def _eliminated(equations: Sequence[sp.Expr], wanted: Collection[str]) -> PolynomialSystem:
     """Substitute signals that stand in an equation with a plain number as their factor, shortest equation first."""
     left = [item for item in equations if item != 0]
     while True:
-        pivots = ((item, symbol) for item in sorted(left, key=_weight) for symbol in _pivots(item, wanted))
+        pivots = (
+            (item, symbol)
+            for item in sorted(left, key=lambda item: (len(item.free_symbols), int(item.count_ops()), str(item)))
+            for symbol in sorted(item.free_symbols, key=str)
+            if symbol.name not in wanted and item.coeff(symbol).is_Rational and sp.degree(item, symbol) == 1
+        )
         item, symbol = next(pivots, (None, None))
         if item is None or symbol is None:
             return tuple(left)
@@ -181,16 +173,7 @@ def _eliminated(equations: Sequence[sp.Expr], wanted: Collection[str]) -> System
             raise NotPolynomialError
 
 
-def _weight(item: sp.Expr) -> tuple[int, int, str]:
-    return len(item.free_symbols), int(item.count_ops()), str(item)
-
-
-def _pivots(item: sp.Expr, wanted: Collection[str]) -> list[sp.Symbol]:
-    signals = sorted((symbol for symbol in item.free_symbols if symbol.name not in wanted), key=str)
-    return [symbol for symbol in signals if item.coeff(symbol).is_Rational and sp.degree(item, symbol) == 1]
-
-
-def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
+def real_points(system: PolynomialSystem, wanted: Sequence[str]) -> list[ExactPoint] | None:
     """Give the real solutions of a system for the wanted unknowns; None where they are infinitely many.
 
     Without wanted unknowns: the solutions for all symbols.
@@ -217,7 +200,7 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
     if len(every) > MAX_UNKNOWNS or prod(degrees) > (MAX_DEGREE if len(every) == 1 else MAX_SOLUTIONS):
         raise NotPolynomialError
     if len(every) == len(system) == 1:
-        roots = real_roots(polynomials[0])
+        roots = _real_roots(polynomials[0])
         if others:  # says nothing of the wanted unknown, unless it cannot be met
             return None if roots else []
         return [{every[0].name: root} for root in roots]
@@ -227,43 +210,33 @@ def real_points(system: System, wanted: Sequence[str]) -> list[Point] | None:
     own = [item for item in basis if not item.free_symbols & set(others)]
     if not own or not sp.groebner(own, *target, order="lex").is_zero_dimensional:
         return None
-    return [{symbol.name: point[symbol.name] for symbol in target} for point in _triangular(own, target)]
+    return [{symbol.name: point[symbol.name] for symbol in target} for point in _extended(own, target, {})]
 
 
-def _linear_point(system: list[sp.Poly], target: list[sp.Symbol]) -> list[Point] | None:
-    """Give the solution of linear equations, by Gauss's elimination in fractions."""
+def _linear_point(system: list[sp.Poly], target: list[sp.Symbol]) -> list[ExactPoint] | None:
+    """Give the solution of linear equations, in fractions."""
     width = len(target)
     place = [target.index(symbol) for symbol in system[0].gens]
-    done: list[tuple[int, list[sp.Rational]]] = []
+    rows = []
     for polynomial in system:
-        row = [sp.Rational(0)] * (width + 1)
+        row = [sp.QQ(0)] * (width + 1)
         for powers, coefficient in polynomial.as_dict().items():
-            row[place[powers.index(1)] if any(powers) else width] = coefficient
-        for column, other in done:
-            row = [entry - row[column] * above for entry, above in zip(row, other, strict=True)]
-        pivot = next((column for column in range(width) if row[column] != 0), None)
-        if pivot is None and row[width] != 0:
-            return []
-        if pivot is not None:
-            row = [entry / row[pivot] for entry in row]
-            done = [(c, [e - other[pivot] * r for e, r in zip(other, row, strict=True)]) for c, other in done]
-            done.append((pivot, row))
-    return None if len(done) < width else [{target[column].name: -row[width] for column, row in sorted(done)}]
+            row[place[powers.index(1)] if any(powers) else width] = sp.QQ(coefficient.p, coefficient.q)
+        rows.append(row)
+    reduced, pivots = DomainMatrix(rows, (len(rows), width + 1), sp.QQ).rref(method="GJ")
+    if width in pivots or len(pivots) < width:
+        return [] if width in pivots else None
+    values = [-row[width] for row in reduced.to_list()[:width]]
+    pairs = zip(target, values, strict=True)
+    return [{symbol.name: sp.Rational(value.numerator, value.denominator) for symbol, value in pairs}]
 
 
-def _triangular(basis: list[sp.Expr], target: list[sp.Symbol]) -> Iterator[Point]:
+def _extended(basis: list[sp.Expr], unknown: list[sp.Symbol], found: dict[sp.Symbol, sp.Expr]) -> Iterator[ExactPoint]:
     """Solve a lexicographic basis from its last unknown up."""
-    *above, last = target
-    alone = next(item for item in basis if item.free_symbols == {last})
-    for root in real_roots(sp.Poly(alone, last)):
-        yield from _extended(basis, above, {last: root})
-
-
-def _extended(basis: list[sp.Expr], above: list[sp.Symbol], found: dict[sp.Symbol, sp.Expr]) -> Iterator[Point]:
-    if not above:
+    if not unknown:
         yield {symbol.name: value for symbol, value in found.items()}
         return
-    *higher, symbol = above
+    *higher, symbol = unknown
     of_it = [item for item in basis if symbol in item.free_symbols and item.free_symbols <= {symbol, *found}]
     linear = next(
         (item for item in of_it if sp.Poly(item, symbol).LC().is_Rational and sp.degree(item, symbol) == 1), None
@@ -271,16 +244,11 @@ def _extended(basis: list[sp.Expr], above: list[sp.Symbol], found: dict[sp.Symbo
     if linear is not None:
         values = [sp.radsimp(sp.expand((symbol - linear / linear.coeff(symbol)).subs(found)))]
     else:
-        values = _common_roots(of_it, symbol, found)
+        left = [polynomial for item in of_it if (polynomial := _specialised(item, symbol, found)).degree() > 0]
+        least = min(left, key=lambda polynomial: int(polynomial.degree()), default=None)
+        values = [] if least is None else _real_roots(least)
     for value in values:
         yield from _extended(basis, higher, {**found, symbol: value})
-
-
-def _common_roots(items: list[sp.Expr], symbol: sp.Symbol, found: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
-    """Give the roots of the polynomial of least degree that is left of some once others are known."""
-    left = [polynomial for item in items if (polynomial := _specialised(item, symbol, found)).degree() > 0]
-    best = min(left, key=lambda polynomial: int(polynomial.degree()), default=None)
-    return [] if best is None else real_roots(best)
 
 
 def _specialised(item: sp.Expr, symbol: sp.Symbol, found: Mapping[sp.Symbol, sp.Expr]) -> sp.Poly:
@@ -293,7 +261,7 @@ def _specialised(item: sp.Expr, symbol: sp.Symbol, found: Mapping[sp.Symbol, sp.
     return sp.Poly.from_dict({power: c for power, c in polynomial.as_dict().items() if abs(c) > least}, symbol)
 
 
-def real_roots(polynomial: sp.Poly) -> list[sp.Expr]:
+def _real_roots(polynomial: sp.Poly) -> list[sp.Expr]:
     """Give the real roots in rising order, each once, exact where they have a form, and those that are nearly real."""
     simple = polynomial.sqf_part()
     roots = list(sp.real_roots(simple))

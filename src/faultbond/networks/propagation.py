@@ -9,7 +9,7 @@ from math import isnan
 
 from faultbond.equations.inversion import linear_solution
 from faultbond.equations.numeric import Value, evaluate
-from faultbond.model.expression import Binary, Expression, Name, names
+from faultbond.model.expression import Binary, Name, names
 from faultbond.networks.relations import BlockLaw, equation, holds, magnitude, shortened, size
 from faultbond.networks.static_network import READING, Observation, StaticNetwork
 
@@ -75,21 +75,16 @@ def propagate(equations: Iterable[BlockLaw], known: Mapping[str, Value]) -> Prop
 
 def _follow(item: BlockLaw, name: str, found: dict[str, Value], sizes: dict[str, float]) -> bool:
     """Add the value of the only unknown of an equation, if the equation gives it directly."""
-    definition = _definition(item, name)
+    sides = ((item.left, item.right), (item.right, item.left))
+    direct = next((other for one, other in sides if one == Name(name) and name not in names(other)), None)
+    definition = direct or linear_solution(Binary("-", item.left, item.right), name)
     if definition is None:
         return False
     value = shortened(evaluate(definition, found))
-    if isnan(value) and definition not in (item.left, item.right):
+    if isnan(value) and direct is None:
         return False  # the unknown has no influence here, such as a factor of 0
     found[name], sizes[name] = value, size(definition, found, sizes)
     return True
-
-
-def _definition(item: BlockLaw, name: str) -> Expression | None:
-    for one, other in ((item.left, item.right), (item.right, item.left)):
-        if one == Name(name) and name not in names(other):
-            return other
-    return linear_solution(Binary("-", item.left, item.right), name)
 
 
 def without_readings(network: StaticNetwork, seen: Observation) -> dict[str, Value]:

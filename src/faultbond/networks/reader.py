@@ -18,7 +18,7 @@ from faultbond.networks.relations import BlockLaw
 class Reader:
     """Readings as a function: of the free values at the places `chosen`, others at their `nominal`, and of inputs.
 
-    needs: which inputs each reading depends on, (m, n_inputs).
+    needs: which inputs each reading depends on, (m, n_inputs). nominal: (n_free,), SI. Noises, sd: (m,), (n_inputs,).
     """
 
     function: ca.Function  # (free, u) -> y, dy/dfree, dy/du
@@ -100,11 +100,8 @@ def _follow(laws: Iterable[BlockLaw], values: dict[str, ca.SX], file: str) -> No
             values[signal] = evaluate(law.right, values)
         else:
             loop.append((signal, law))
-    if loop:
-        _follow_loop(loop, values, file)
-
-
-def _follow_loop(loop: Sequence[tuple[str, BlockLaw]], values: dict[str, ca.SX], file: str) -> None:
+    if not loop:
+        return
     unknown = {signal: ca.SX.sym(signal) for signal, _ in loop}
     z, all_values = ca.vertcat(*unknown.values()), {**values, **unknown}
     if all(name in all_values for _, law in loop for name in law.uses):

@@ -3,7 +3,7 @@
 Numbers are exact: a decimal of a model or a recording is the fraction that it stands for. Source: thesis 3.4.1.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -164,6 +164,13 @@ def followed(network: StaticNetwork, known: Known, changed: Mapping[str, Value] 
     return Known(values=values, sizes=sizes)
 
 
+def wrong_readings(network: StaticNetwork, seen: Observation, known: Known) -> Iterator[BlockLaw]:
+    """Give the readings of an observation that what is known contradicts."""
+    read = (item for item in network.readings if item.sensor in seen.sensors)
+    told = (item for item in read if known.values.keys() >= {*item.names})
+    return (item for item in told if not holds(item, known.values, known.sizes))
+
+
 def conflicts(network: StaticNetwork, seen: Observation) -> list[frozenset[str]]:
     """Give, for each reading that contradicts the healthy network, the suspects that it follows from.
 
@@ -171,17 +178,11 @@ def conflicts(network: StaticNetwork, seen: Observation) -> list[frozenset[str]]
     """
     if not network.is_explicit or seen.healthy is None:
         return []
-    known = seen.healthy
-    told = [item for item in network.readings if item.sensor in seen.sensors and known.values.keys() >= {*item.names}]
-    wrong = [item for item in told if not holds(item, known.values, known.sizes)]
-    before = _suspects_before(network) if wrong else {}
-    return [frozenset().union(*(before.get(name, ()) for name in item.names)) for item in wrong]
-
-
-def _suspects_before(network: StaticNetwork) -> dict[str, frozenset[str]]:
-    """Give the suspects that each parameter and signal of an explicit network follows from."""
+    wrong = list(wrong_readings(network, seen, seen.healthy))
+    if not wrong:
+        return []
     before = {} if network.of_blocks else {name: frozenset({name}) for name in network.suspects}
     for law in network.laws:
         own = {law.block} & set(network.suspects) if network.of_blocks else frozenset[str]()
         before[law.signal or ""] = frozenset(own).union(*(before.get(name, ()) for name in law.uses))
-    return before
+    return [frozenset().union(*(before.get(name, ()) for name in item.names)) for item in wrong]

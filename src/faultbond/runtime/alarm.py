@@ -9,14 +9,14 @@ from faultbond.contract.findings import Detection
 from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.cusum import Sums, added, clip, height_of, scales
 from faultbond.runtime.packing import trusted
-from faultbond.runtime.state import Sensors, State
+from faultbond.runtime.state import SensorMemory, State
 from faultbond.runtime.unseen import unknown_inputs
 
 NIS_TRUST, NIS_MEMORY = 1000, 10_000  # samples for which the declaration counts; over which squares are a mean
 NIS_RANGE = (0.25, 4.0)
 
 
-def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> Sensors:
+def accumulated(spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray) -> SensorMemory:
     """CUSUMs of the normalised innovations and of their scatter; missing and blanked values leave them as they are.
 
     So do all while an input is unknown for several samples: it may stand elsewhere, and then errs to one side.
@@ -49,7 +49,7 @@ def counted(spec: EngineSpec, state: State, packed: FloatArray) -> BoolArray:
     return trusted(spec, packed) & ~unknown_inputs(state.inputs).any()
 
 
-def sums_of(sensors: Sensors) -> Sums:
+def sums_of(sensors: SensorMemory) -> Sums:
     """Give the sums of the detector."""
     return Sums(slow=sensors.cusum, fast=sensors.fast, scatter=sensors.scatter, before=sensors.before)
 
@@ -84,14 +84,14 @@ def detect(spec: EngineSpec, state: State, peak: FloatArray) -> tuple[Detection 
     ), change
 
 
-def _start(spec: EngineSpec, sensors: Sensors, leading: int) -> float:
+def _start(spec: EngineSpec, sensors: SensorMemory, leading: int) -> float:
     """Give the sample after which the largest sum of a sensor began to grow."""
     side = int(np.argmax(sensors.cusum[:, leading]))
     scattered = scales(spec.thresholds)[1] * np.min(sensors.scatter[:, leading]) > sensors.cusum[side, leading]
     return float(np.min(sensors.scatter_start[:, leading]) if scattered else sensors.cusum_start[side, leading])
 
 
-def statistic(spec: EngineSpec, sensors: Sensors) -> FloatArray:
+def statistic(spec: EngineSpec, sensors: SensorMemory) -> FloatArray:
     """Give the largest sum of each sensor, (n_outputs,); how far others are on their way counts."""
     return height_of(spec.thresholds, sums_of(sensors))
 

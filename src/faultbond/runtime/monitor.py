@@ -69,16 +69,17 @@ def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tupl
     before, packed, state, wild = admit(spec, moving, state, sample)
     state = replace(state, clock=replace(state.clock, time=sample.time))
     if not state.clock.running:
-        return _gather(spec, moving, _kept(spec, moving, state, packed, np.zeros(spec.n_numbers), 0.0), packed)
+        return _gather(spec, moving, _kept(spec, moving, state, packed, np.zeros(spec.n_numbers), 0.0))
     lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
     if before.sensors.spent.any() or surprising(spec, packed, innovations[0, :, 0]):
         smooth = without_spike(spec, moving, before, packed)
         if smooth is not packed:
             lane, innovations = moving.advance(before.healthy.lane, smooth[None, :])
-        packed, sensors, readings = judged(spec, state, smooth, innovations[0, :, 0])
-        if readings:
+            wild += 1
+        packed, sensors, n_wild = judged(spec, state, smooth, innovations[0, :, 0])
+        if n_wild:
             lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
-        wild += readings + (smooth is not packed)
+            wild += n_wild
     else:
         sensors = seen(state.sensors, *_readings(spec, packed))
     state = replace(state, sensors=sensors)
@@ -124,7 +125,7 @@ def _silent(spec: EngineSpec, status: Status) -> Report:
     )
 
 
-def _gather(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray) -> tuple[State, Report]:
+def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
     """Collect the first samples, then solve the start and filter what was collected."""
     clock = state.clock
     count = clock.index - clock.begun + 1
@@ -139,6 +140,7 @@ def _gather(spec: EngineSpec, engine: Engine, state: State, packed: FloatArray) 
         begun = clock.begun + min([count - START_SAMPLES, *last])
         state = replace(state, clock=replace(clock, begun=begun))
         count = clock.index - begun + 1
+    count = min(count, len(state.past.rows))
     known = state.normal.lane if clock.accepted >= 0 else None
     found = begin(spec, engine, state, state.past.samples[-count:], known, again=again)
     state = found.state

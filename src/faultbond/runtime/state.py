@@ -91,7 +91,7 @@ class Clock:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Inputs:
+class InputMemory:
     """What is known of the inputs, (n_inputs,) each, SI."""
 
     held: FloatArray  # last values
@@ -115,7 +115,7 @@ class Inputs:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sensors:
+class SensorMemory:
     """What is known of the sensors, and the sums of the detector, see `faultbond.runtime.cusum.Sums`."""
 
     shown: FloatArray  # (2, n_outputs): least and greatest reading, SI
@@ -162,8 +162,8 @@ class State:
     """All that the monitor remembers."""
 
     clock: Clock
-    inputs: Inputs
-    sensors: Sensors
+    inputs: InputMemory
+    sensors: SensorMemory
     healthy: Healthy
     past: Past
     bank: Bank
@@ -221,7 +221,7 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
     nowhere = np.array([[np.inf], [-np.inf]])
     return State(
         clock=Clock(time=t0),
-        inputs=Inputs(
+        inputs=InputMemory(
             held=np.full(n_u, np.nan),
             earlier=np.full(n_u, np.nan),
             lowest=np.full(n_u, np.inf),
@@ -236,7 +236,9 @@ def init(spec: EngineSpec, t0: float = 0.0) -> State:
             rival=np.zeros((spec.n_numbers, 1)),
             gain=0.0,
         ),
-        sensors=Sensors(shown=nowhere * np.ones(n_y), spent=np.zeros(n_y), nis=np.ones(n_y), **no_detector_sums(n_y)),
+        sensors=SensorMemory(
+            shown=nowhere * np.ones(n_y), spent=np.zeros(n_y), nis=np.ones(n_y), **no_detector_sums(n_y)
+        ),
         healthy=Healthy(
             lane=np.zeros((spec.n_numbers, 1)),
             travel=nowhere * np.ones(n_x),

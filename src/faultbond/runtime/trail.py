@@ -123,5 +123,6 @@ def bursts(wildness: FloatArray) -> tuple[int, ...]:
 def wildness_of(spec: EngineSpec, sample: FloatArray, innovations: FloatArray) -> float:
     """Give the largest innovation (2 * n_outputs,) of a packed sample (n_sample,) in its standard deviation."""
     n_y = len(spec.outputs)
-    score = np.abs(innovations[:n_y]) / np.sqrt(innovations[n_y:])
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a filter that has run away
+        score = np.abs(innovations[:n_y]) / np.sqrt(innovations[n_y:])
     return float(np.max(np.where(sample[spec.sample_fields["use"]] > 0, score, 0.0), initial=0.0))

@@ -10,7 +10,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.state import Inputs, Sample, State
+from faultbond.runtime.state import InputMemory, Sample, State
 
 FAR = 20  # samples of a gap in which a state may go as far as it has ever been
 AGAIN, NOTHING = 0.3, 1e-3  # part of this that the next sample adds again, and part that is not worth it
@@ -41,8 +41,8 @@ def travelled(state: State) -> FloatArray:
 
 
 def told_inputs(
-    inputs: Inputs, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool
-) -> Inputs:
+    inputs: InputMemory, told: BoolArray, u: FloatArray, moved: FloatArray, gap: float, *, silent: bool
+) -> InputMemory:
     """Give what is known of the inputs after a sample in which some were told, are `u`, and moved by so much.
 
     An input that is mostly not told is one that is logged when it changes: between, its value is known after all.
@@ -60,17 +60,17 @@ def told_inputs(
     )
 
 
-def is_restless(inputs: Inputs) -> BoolArray:
+def is_restless(inputs: InputMemory) -> BoolArray:
     """Tell which inputs are usually told, and move; where these stand while they are not told nobody knows."""
     return np.asarray((inputs.leap > 0.0) & (inputs.habit > RARELY))
 
 
-def unknown_inputs(inputs: Inputs) -> BoolArray:
+def unknown_inputs(inputs: InputMemory) -> BoolArray:
     """Tell which inputs have been missing for some samples, though they usually are told and do move; (n_inputs,)."""
     return np.asarray((inputs.guessed >= LOST) & is_restless(inputs))
 
 
-def doubt(inputs: Inputs, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def doubt(inputs: InputMemory, sample: Sample, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Give by how much each input may have been off before a sample, SI, and over how many samples.
 
     An input whose value is missing is held. When it is told again, it may have changed at any sample since; while it is

@@ -14,7 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.runtime.packing import pack_sample, trusted
-from faultbond.runtime.state import Sample, Sensors, State
+from faultbond.runtime.state import Sample, SensorMemory, State
 from faultbond.runtime.unseen import allowed, doubt, is_restless, travelled
 
 FAR = 3.0  # widths of what was seen by which a value must lie beyond it,
@@ -196,7 +196,7 @@ def _doubting(spec: EngineSpec, engine: Engine, one: Past, two: Past, state: Sta
 
 def judged(
     spec: EngineSpec, state: State, packed: FloatArray, innovations: FloatArray
-) -> tuple[FloatArray, Sensors, int]:
+) -> tuple[FloatArray, SensorMemory, int]:
     """Give a packed sample without wild readings, what is known of the sensors then, and how many there were.
 
     The packed sample is the same array where there are none.
@@ -230,7 +230,7 @@ def judged(
     return mended, sensors, int(wild.sum())
 
 
-def _reach(spec: EngineSpec, sensors: Sensors, widths: float) -> tuple[FloatArray, FloatArray]:
+def _reach(spec: EngineSpec, sensors: SensorMemory, widths: float) -> tuple[FloatArray, FloatArray]:
     """Give the ends of what each sensor has shown, and so many widths of it more; infinite where it showed nothing."""
     known = sensors.shown[0] <= sensors.shown[1]
     low, high = np.where(known, sensors.shown, 0.0)
@@ -238,7 +238,7 @@ def _reach(spec: EngineSpec, sensors: Sensors, widths: float) -> tuple[FloatArra
     return np.where(known, low - beyond, -np.inf), np.where(known, high + beyond, np.inf)
 
 
-def seen(sensors: Sensors, y: FloatArray, used: BoolArray) -> Sensors:
+def seen(sensors: SensorMemory, y: FloatArray, used: BoolArray) -> SensorMemory:
     """Give what is known of the sensors after readings `y`, SI, of which some were `used`; (n_outputs,) each."""
     low, high = sensors.shown
     beyond = (y < low) | (y > high)

@@ -1,4 +1,8 @@
-"""Plant simulation: what a real plant would have recorded, faults and imperfections included."""
+"""Plant simulation: what a real plant would have recorded, faults and imperfections included.
+
+In: a bond graph, its inputs (`signals` makes some) and faults. Out: a `Simulation`, the recording and the truth behind.
+Read `truth`, `instruments`, `integrate`, `record`.
+"""
 
 from faultbond.simulate.record import Decide, Inputs, Policy, Simulation, columns, simulate
 from faultbond.simulate.signals import random_steps, sines

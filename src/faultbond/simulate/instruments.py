@@ -10,7 +10,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.model.graph import Input, Sensor
-from faultbond.simulate.truth import Fault, course, is_there
+from faultbond.simulate.truth import Fault, is_there, value_over_time
 from faultbond.types import FaultKind
 
 FREE = -1  # not stuck
@@ -30,7 +30,7 @@ class Instruments:
     held: IntArray
 
     def show(self, values: FloatArray, draws: FloatArray) -> FloatArray:
-        """Give what is shown of all rows.
+        """Give what is shown of all rows, (n, n_items), SI.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class Instruments:
         return np.asarray(shown)
 
     def show_row(self, row: int, values: FloatArray, draws: FloatArray, before: FloatArray) -> FloatArray:
-        """Give what is shown in one row, shape (n_items,); `before`: what was shown up to it, (n, n_items)."""
+        """Give what is shown in one row, (n_items,), SI; `before`: what was shown up to it, (n, n_items)."""
         shown = self.gain[row] * values + self.bias[row] + self.noise[row] * draws
         for k in np.flatnonzero(self.held[row] != FREE):
             shown[k] = before[self.held[row, k], k]
@@ -73,7 +73,9 @@ def instruments(items: Sequence[Sensor | Input], faults: Sequence[Fault], time: 
             (FaultKind.BIAS, found.bias, 0.0),
             (FaultKind.NOISE, found.noise, item.noise),
         ):
-            field[:, k] = course(healthy, [fault for fault in own if fault.kind == kind.value], time, after=True)
+            field[:, k] = value_over_time(
+                healthy, [fault for fault in own if fault.kind == kind.value], time, after=True
+            )
         for fault in sorted(own, key=lambda fault: fault.start):
             if fault.kind == FaultKind.STUCK.value:
                 _stick(found, k, fault, time)

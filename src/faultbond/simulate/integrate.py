@@ -72,6 +72,13 @@ class Integrator:
     lagged : numbers of the inputs behind a lag
     lag : its time constant, s
     curves : relative curve error, one per input
+
+    Attributes
+    ----------
+    step : for a method (s, length, u, left, right) -> (s after one segment, change by the last Newton step)
+    rates : (moving, z, u, theta) -> (rates of what moves, gap of the implicit relations), SI
+    root : (moving, z, u, theta) -> (z without a gap, change by the last Newton step)
+    read : (s, u, theta) -> readings, SI
     """
 
     def __init__(self, plant: Plant, lagged: tuple[int, ...], lag: float, curves: tuple[float, ...]) -> None:
@@ -81,21 +88,25 @@ class Integrator:
         self.n_y = plant.readings.numel()
         self.n_moving = self.n_x + len(lagged)
         self.n_z = plant.z.numel()
-        self._make = cache(self._make_step)
+        self.step: Callable[[IntegrationMethod], ca.Function] = cache(self._make_step)
         moving = ca.SX.sym("moving", self.n_moving)
-        acting = _acting(plant.u, moving[self.n_x :], lagged, curves)
+        acting = []  # the inputs behind their lag, through their curve
+        for k, curve in enumerate(curves):
+            value = moving[self.n_x + lagged.index(k)] if k in lagged else plant.u[k]
+            acting.append(value * (1 + curve * ca.sin(2 * pi * value / 100)) if curve else value)
         old = ca.vertcat(plant.x, plant.u, plant.b)
-        new = ca.vertcat(moving[: self.n_x], acting, ca.SX.zeros(plant.b.numel()))
+        new = ca.vertcat(moving[: self.n_x], *(acting or [ca.SX(0, 1)]), ca.SX.zeros(plant.b.numel()))
         rates, readings, gap = ca.substitute([plant.rates, plant.readings, plant.gap], [old], [new])
         chase = [(plant.u[k] - moving[self.n_x + j]) / lag for j, k in enumerate(lagged)]
         around = [moving, plant.z, plant.u, plant.theta]
         self.rates = ca.Function("rates", around, [ca.vertcat(rates, *chase), gap])
-        self._readings = ca.Function("readings", around, [readings])
         self.root = _root(around, gap)
-        self.read = self._make_read()
+        self.read = self._make_read(ca.Function("readings", around, [readings]))
 
     def start(self, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
-        """Give the first s: states x, actuators at rest at u, implicit relations solved.
+        """Give the first s, (n_s,): states `x` (n_states,), actuators at rest at `u` (n_inputs,), all SI.
+
+        The implicit relations are solved with `theta` (n_parameters,).
 
         Raises
         ------
@@ -113,10 +124,6 @@ class Integrator:
             f"{self.plant.graph.file}: {', '.join(self.plant.implicit)}: the laws have no solution at the first row; "
             "check them, or give another start"
         )
-
-    def step(self, method: IntegrationMethod) -> ca.Function:
-        """Give (s, length, u, left, right) -> (s after one segment, change by the last Newton step)."""
-        return self._make(method)
 
     def integrate(self, first: FloatArray, segments: Segments) -> tuple[FloatArray, IntegrationMethod, float]:
         """Integrate to the accuracy wanted, or as near to it as the plant's kinks permit.
@@ -159,7 +166,7 @@ class Integrator:
         return best
 
     def outputs(self, states: FloatArray, inputs: FloatArray, theta: FloatArray) -> FloatArray:
-        """Give the readings without noise, shape (n, n_outputs), SI, at n moments."""
+        """Give the readings without noise, (n, n_outputs), SI, of `states` (n, n_s), `inputs`, `theta` at n rows."""
         if not len(states):
             return np.zeros((0, self.n_y))
         return np.asarray(self.read.map(len(states))(states.T, inputs.T, theta.T).full().T)
@@ -191,16 +198,17 @@ class Integrator:
         moving, z = ca.vertsplit(s, [0, self.n_moving, self.n_moving + self.n_z])
         return moving, z
 
-    def _make_read(self) -> ca.Function:
+    def _make_read(self, readings: ca.Function) -> ca.Function:
+        """Give (s, u, theta) -> readings; without roots as one flat list of operations, which runs faster."""
         s = ca.MX.sym("s", self.n_moving + self.n_z)
         u, theta = ca.MX.sym("u", self.plant.u.numel()), ca.MX.sym("theta", self.plant.theta.numel())
         moving, z = self._parts(s)
         solved, _ = self.root(moving, z, u, theta)
-        return _flat(
-            ca.Function("read", [s, u, theta], [ca.densify(self._readings(moving, solved, u, theta))]), self.n_z == 0
-        )
+        function = ca.Function("read", [s, u, theta], [ca.densify(readings(moving, solved, u, theta))])
+        return function if self.n_z else function.expand()
 
     def _make_step(self, method: IntegrationMethod) -> ca.Function:
+        """Give (s, length, u, left, right) -> (s after one segment, change by the last Newton step)."""
         s = ca.MX.sym("s", self.n_moving + self.n_z)
         length, u = ca.MX.sym("length"), ca.MX.sym("u", self.plant.u.numel())
         left, right = (ca.MX.sym(name, self.plant.theta.numel()) for name in ("left", "right"))
@@ -218,7 +226,7 @@ class Integrator:
         function = ca.Function(
             "step", [s, length, u, left, right], [ca.densify(ca.vertcat(moving, z)), ca.densify(change)]
         )
-        return _flat(function, self.n_z == 0 and not method.implicit)
+        return function if self.n_z or method.implicit else function.expand()
 
     def _runge_kutta(
         self, moving: ca.MX, z: ca.MX, h: ca.MX, u: ca.MX, theta: Callable[[float], ca.MX]
@@ -290,15 +298,6 @@ class Caller:
         return self._results[0].copy()
 
 
-def _acting(u: ca.SX, delayed: ca.SX, lagged: tuple[int, ...], curves: tuple[float, ...]) -> ca.SX:
-    """What acts on the plant: the input behind its lag, through its curve."""
-    acting = []
-    for k, curve in enumerate(curves):
-        value = delayed[lagged.index(k)] if k in lagged else u[k]
-        acting.append(value * (1 + curve * ca.sin(2 * pi * value / 100)) if curve else value)
-    return ca.vertcat(*acting) if acting else ca.SX(0, 1)
-
-
 def _root(around: list[ca.SX], gap: ca.SX) -> ca.Function:
     """Give (moving, z, u, theta) -> (z with gap = 0, size of the last Newton step); shortened steps where needed."""
     moving, z, u, theta = around
@@ -326,8 +325,3 @@ def _converged(change: FloatArray, values: FloatArray) -> bool:
         return True
     size = np.max(np.abs(values), axis=0)
     return bool(np.all(np.max(np.abs(change), axis=0) <= _ROOT_TOLERANCE * np.where(size > 0, size, 1.0)))
-
-
-def _flat(function: ca.Function, plain: bool) -> ca.Function:
-    """Write a function without roots as one flat list of operations, which runs faster."""
-    return function.expand() if plain else function

@@ -11,7 +11,7 @@ from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, IntegrationMethod, Integrator, Segments
-from faultbond.simulate.truth import Effects, Fault, check_faults, closest, healthy_parameters, true_parameters
+from faultbond.simulate.truth import Effects, Fault, check_faults, healthy_parameters, name_hint, true_parameters
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
@@ -110,21 +110,33 @@ def simulate(
         Where the model has no solution.
     """
     effects = effects or Effects()
-    time = _checked_time(graph, inputs)
+    time = np.asarray(inputs.time, dtype=np.float64)
+    if time.ndim != 1 or not time.size or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
+        raise ModelError(f"{graph.file}: the times of the inputs must be finite and increase from row to row")
     check_faults(graph, faults, float(time[-1]))
     plant = build_plant(graph)
     generator = None if seed is None else np.random.default_rng(seed)
     healthy = healthy_parameters(graph, effects.spread, generator)
     sensors, actuators = (instruments(items, faults, time) for items in (graph.sensors, graph.inputs))
-    draws_y, draws_u = (_draws(time.size, len(items), generator) for items in (graph.sensors, graph.inputs))
-    course = _course(graph, healthy, faults, time)
-    integrator = _integrator(plant, effects)
-    x = _start(plant, start or {})
-    run = _Run(integrator, course, x, time, sensors, actuators, draws_y)
+    shapes = (time.size, len(graph.sensors)), (time.size, len(graph.inputs))
+    draws_y, draws_u = (np.zeros(shape) if generator is None else generator.standard_normal(shape) for shape in shapes)
+    if not effects.lag >= 0.0:
+        raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
+    curves = effects.curve_of(graph)
+    lagged = tuple(k for k, item in enumerate(graph.inputs) if item.settling > 0 and effects.lag > 0)
+    run = _Run(
+        integrator=Integrator(plant, lagged, effects.lag, tuple(curves.get(item.name, 0.0) for item in graph.inputs)),
+        course=(course := _course(graph, healthy, faults, time)),
+        x=_start(plant, start or {}),
+        time=time,
+        sensors=sensors,
+        actuators=actuators,
+        draws=draws_y,
+    )
     values = _checked_values(graph, inputs) if isinstance(inputs, Inputs) else run.decide(inputs)
     acting = run.acting(values)
     states, _, error = run.integrate(acting)
-    readings = integrator.outputs(states[list(course.rows)], acting, course.at_rows)
+    readings = run.integrator.outputs(states[list(course.rows)], acting, course.at_rows)
     return Simulation(
         time=_frozen(time),
         inputs=_frozen(values + actuators.noise * draws_u),
@@ -161,26 +173,17 @@ def columns(graph: BondGraph, simulation: Simulation, *, digits: int | None = No
     return table
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Run:
-    """One plant on one course from one start."""
+    """One plant on one course from one start; `draws` is the noise of the sensors, standard normal."""
 
-    def __init__(
-        self,
-        integrator: Integrator,
-        course: _Course,
-        x: FloatArray,
-        time: FloatArray,
-        sensors: Instruments,
-        actuators: Instruments,
-        draws: FloatArray,
-    ) -> None:
-        self.integrator = integrator
-        self.course = course
-        self.x = x
-        self.time = time
-        self.sensors = sensors
-        self.actuators = actuators
-        self.draws = draws
+    integrator: Integrator
+    course: _Course
+    x: FloatArray
+    time: FloatArray
+    sensors: Instruments
+    actuators: Instruments
+    draws: FloatArray
 
     def acting(self, values: FloatArray) -> FloatArray:
         """Give what acts of the inputs, shape (n, n_inputs)."""
@@ -227,15 +230,6 @@ class _Run:
         return values
 
 
-def _integrator(plant: Plant, effects: Effects) -> Integrator:
-    graph = plant.graph
-    if not effects.lag >= 0.0:
-        raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
-    curves = effects.curve_of(graph)
-    lagged = tuple(k for k, item in enumerate(graph.inputs) if item.settling > 0 and effects.lag > 0)
-    return Integrator(plant, lagged, effects.lag, tuple(curves.get(item.name, 0.0) for item in graph.inputs))
-
-
 def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time: FloatArray) -> _Course:
     own = [fault for fault in faults if not fault.instrument]
     events = [moment for fault in own for moment in (*fault.switches(float(time[-1])), fault.end) if moment is not None]
@@ -257,20 +251,9 @@ def _start(plant: Plant, start: Mapping[str, float]) -> FloatArray:
     x = {state.name: known.get(state.component or "", 0.0) for state in plant.network.states}
     for name, value in start.items():
         if name not in x:
-            raise ModelError(f"{plant.graph.file}: start of {name}: no such state; {closest(name, tuple(x))}")
+            raise ModelError(f"{plant.graph.file}: start of {name}: no such state; {name_hint(name, tuple(x))}")
         x[name] = float(value)
     return np.array(list(x.values()), dtype=np.float64)
-
-
-def _draws(rows: int, items: int, generator: np.random.Generator | None) -> FloatArray:
-    return np.zeros((rows, items)) if generator is None else generator.standard_normal((rows, items))
-
-
-def _checked_time(graph: BondGraph, inputs: Inputs | Policy) -> FloatArray:
-    time = np.asarray(inputs.time, dtype=np.float64)
-    if time.ndim != 1 or not time.size or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
-        raise ModelError(f"{graph.file}: the times of the inputs must be finite and increase from row to row")
-    return time
 
 
 def _checked_values(graph: BondGraph, inputs: Inputs) -> FloatArray:

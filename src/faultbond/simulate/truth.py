@@ -10,7 +10,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import ModelError
 from faultbond.io.faults import FaultRequest
-from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Unit
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.types import FaultKind
 
 MOST_RETURNS = 10_000
@@ -46,7 +46,7 @@ class Fault:
         return self.parameter.partition(".")[2]
 
     def switches(self, last: float) -> FloatArray:
-        """Give the moments up to `last` at which it comes and goes in turn, s."""
+        """Give the moments up to `last` at which it comes and goes in turn, (n,), s, ascending."""
         if self.on is None:
             return np.array([self.start])
         if self.off is None:
@@ -107,23 +107,21 @@ def fault_in_si(request: FaultRequest, graph: BondGraph) -> Fault:
         Where the model has no such parameter, sensor or input.
     """
     signal, dot, kind = request.parameter.partition(".")
-    unit = instrument_of(graph, signal).unit if dot else _parameter(graph, request.parameter).unit
+    unit = find_instrument(graph, signal).unit if dot else _parameter(graph, request.parameter).unit
+    value = request.value
+    if value is not None and kind in (FaultKind.BIAS.value, FaultKind.NOISE.value):
+        value *= unit.factor  # a difference
+    elif value is not None and kind != FaultKind.GAIN.value:
+        value = unit.to_si(value)
     return Fault(
         parameter=request.parameter,
-        value=None if request.value is None else _value_in_si(unit, kind, request.value),
+        value=value,
         factor=request.factor,
         start=request.start,
         end=request.end,
         on=request.on,
         off=request.off,
     )
-
-
-def _value_in_si(unit: Unit, kind: str, value: float) -> float:
-    """Give the SI value of a parameter, or of what is wrong with an instrument; a bias and a noise are differences."""
-    if kind == FaultKind.GAIN.value:
-        return value
-    return unit.factor * value if kind in (FaultKind.BIAS.value, FaultKind.NOISE.value) else unit.to_si(value)
 
 
 def check_faults(graph: BondGraph, faults: Sequence[Fault], last: float) -> None:
@@ -147,15 +145,26 @@ def check_faults(graph: BondGraph, faults: Sequence[Fault], last: float) -> None
             raise ModelError(f"{where}: it begins at {fault.start:g} s, but the last row is at {last:g} s")
         if fault.end is not None and not fault.start <= fault.end < inf:
             raise ModelError(f"{where}: it ends at {fault.end:g} s, before it begins at {fault.start:g} s")
-        _check_returns(fault, where, last)
+        lengths = [item for item in (fault.on, fault.off) if item is not None]
+        if any(not isfinite(item) or item <= 0.0 for item in lengths) or (fault.on is None and fault.off is not None):
+            raise ModelError(f"{where}: it comes and goes for lengths of time above 0 s")
+        if lengths and fault.end not in (None, fault.start):
+            raise ModelError(f"{where}: it either comes and goes or follows a ramp")
+        if fault.off is not None and last - fault.start > MOST_RETURNS * sum(lengths):
+            raise ModelError(f"{where}: it would come and go more than {MOST_RETURNS} times")
 
 
 def _check_target(graph: BondGraph, fault: Fault, where: str) -> None:
     """See that a fault has one target that means something."""
-    if fault.kind == FaultKind.STUCK.value and fault.factor is None and fault.value is None:
-        instrument_of(graph, fault.instrument)
-        return
-    healthy = healthy_value(graph, fault.parameter)
+    if "." in fault.parameter:
+        usual = {"bias": 0.0, "gain": 1.0, "noise": find_instrument(graph, fault.instrument).noise, "stuck": nan}
+        if fault.kind not in usual:
+            raise ModelError(f"{where}: {name_hint(fault.kind, tuple(usual))}")
+        healthy = usual[fault.kind]
+        if fault.kind == FaultKind.STUCK.value and fault.factor is None and fault.value is None:
+            return  # at the last value
+    else:
+        healthy = _parameter(graph, fault.parameter).nominal
     target = fault.value if fault.factor is None else fault.factor
     if target is None or not isfinite(target) or (fault.value is None) == (fault.factor is None):
         raise ModelError(f"{where}: give it either a finite value or a finite factor")
@@ -167,35 +176,7 @@ def _check_target(graph: BondGraph, fault: Fault, where: str) -> None:
         raise ModelError(f"{where}: a noise is 0 or more")
 
 
-def _check_returns(fault: Fault, where: str, last: float) -> None:
-    """See that a fault that comes and goes does so in a way that can be simulated."""
-    lengths = [item for item in (fault.on, fault.off) if item is not None]
-    if any(not isfinite(item) or item <= 0.0 for item in lengths) or (fault.on is None and fault.off is not None):
-        raise ModelError(f"{where}: it comes and goes for lengths of time above 0 s")
-    if lengths and fault.end not in (None, fault.start):
-        raise ModelError(f"{where}: it either comes and goes or follows a ramp")
-    if fault.off is not None and last - fault.start > MOST_RETURNS * sum(lengths):
-        raise ModelError(f"{where}: it would come and go more than {MOST_RETURNS} times")
-
-
-def healthy_value(graph: BondGraph, name: str) -> float:
-    """Give the healthy SI value of a parameter, or of `flow.bias`, `flow.gain`, `flow.noise`; nan of `flow.stuck`.
-
-    Raises
-    ------
-    ModelError
-        Where there is no such parameter, sensor, input or fault of one.
-    """
-    signal, dot, kind = name.partition(".")
-    if not dot:
-        return _parameter(graph, name).nominal
-    healthy = {"bias": 0.0, "gain": 1.0, "noise": instrument_of(graph, signal).noise, "stuck": nan}
-    if kind not in healthy:
-        raise ModelError(f"{graph.file}: fault of {name}: {closest(kind, tuple(healthy))}")
-    return healthy[kind]
-
-
-def instrument_of(graph: BondGraph, name: str) -> Sensor | Input:
+def find_instrument(graph: BondGraph, name: str) -> Sensor | Input:
     """Give the sensor or input of that name.
 
     Raises
@@ -206,7 +187,7 @@ def instrument_of(graph: BondGraph, name: str) -> Sensor | Input:
     known: dict[str, Sensor | Input] = {item.name: item for item in graph.sensors}
     known |= {item.name: item for item in graph.inputs}
     if name not in known:
-        raise ModelError(f"{graph.file}: no sensor or input {name}; {closest(name, tuple(known))}")
+        raise ModelError(f"{graph.file}: no sensor or input {name}; {name_hint(name, tuple(known))}")
     return known[name]
 
 
@@ -241,16 +222,16 @@ def true_parameters(
     for k, item in enumerate(graph.parameters):
         chosen = [fault for fault in faults if fault.parameter == item.name]
         if chosen:
-            values[:, k] = course(float(healthy[k]), chosen, times, after=after)
+            values[:, k] = value_over_time(float(healthy[k]), chosen, times, after=after)
     return values
 
 
-def course(healthy: float, faults: Sequence[Fault], times: FloatArray, *, after: bool) -> FloatArray:
-    """Give one value over time, shape (n,); see `true_parameters`."""
+def value_over_time(healthy: float, faults: Sequence[Fault], times: FloatArray, *, after: bool) -> FloatArray:
+    """Give one value at `times`, (n,), s, as the faults change it from its healthy one, (n,), SI."""
     values = np.full(times.size, healthy)
     ordered = sorted(faults, key=lambda fault: fault.start)
     for number, fault in enumerate(ordered):
-        before = course(healthy, ordered[:number], np.array([fault.start]), after=False)[0]
+        before = value_over_time(healthy, ordered[:number], np.array([fault.start]), after=False)[0]
         target = fault.value if fault.value is not None else (fault.factor or 0.0) * healthy
         width = 0.0 if fault.end is None else fault.end - fault.start
         part = np.clip((times - fault.start) / width, 0.0, 1.0) if width > 0 else np.ones(times.size)
@@ -265,7 +246,7 @@ def is_there(fault: Fault, times: FloatArray, *, after: bool) -> BoolArray:
     return np.asarray(np.searchsorted(switches, times, side="right" if after else "left") % 2 == 1)
 
 
-def closest(name: str, known: Sequence[str]) -> str:
+def name_hint(name: str, known: Sequence[str]) -> str:
     """Give the end of a message about an unknown name: the closest one that exists, or all."""
     near = get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {near[0]}?" if near else f"there {'is ' + ', '.join(known) if known else 'is none'}"
@@ -275,6 +256,8 @@ def _parameter(graph: BondGraph, name: str) -> Parameter:
     known = {item.name: item for item in graph.parameters}
     if name not in known:
         instruments = [item.name for item in graph.sensors] + [item.name for item in graph.inputs]
-        hint = f"say what is wrong with it, such as {name}.bias" if name in instruments else closest(name, tuple(known))
+        hint = (
+            f"say what is wrong with it, such as {name}.bias" if name in instruments else name_hint(name, tuple(known))
+        )
         raise ModelError(f"{graph.file}: no parameter {name}; {hint}")
     return known[name]

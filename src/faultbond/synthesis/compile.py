@@ -40,20 +40,16 @@ def cache_folder() -> Path:
 
 def find_compiler() -> tuple[str, ...] | None:
     """Give the command of a C compiler: `CC`, `cc`, `gcc`, `clang`, or the ziglang package; None if there is none."""
-    for command in (_words(os.environ.get("CC", "")), ("cc",), ("gcc",), ("clang",)):
+    try:
+        chosen = tuple(shlex.split(os.environ.get("CC", "")))  # with options, `gcc -O2`, as a shell reads them
+    except ValueError:  # quotation marks stay open
+        chosen = ()
+    for command in (chosen, ("cc",), ("gcc",), ("clang",)):
         if command and shutil.which(command[0]):
             return command
     if find_spec("ziglang") is not None:
         return (sys.executable, "-m", "ziglang", "cc")
     return None
-
-
-def _words(command: str) -> tuple[str, ...]:
-    """Give a command and its options, `gcc -O2`, as a shell reads them; none where quotation marks stay open."""
-    try:
-        return tuple(shlex.split(command))
-    except ValueError:
-        return ()
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
@@ -71,7 +67,11 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
     library = folder / f"{key}.so"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _refuse_shared(folder)
+        if not _is_ours(folder.stat()):  # others may put a library of theirs there
+            raise CacheError(
+                f"{folder}: others own this folder or may write it, and it holds code that is run. "
+                f"Take it back, `chmod go-w {folder}`, or set FAULTBOND_CACHE to a folder of your own."
+            )
         if _is_whole(library):
             return library
         with tempfile.TemporaryDirectory(dir=folder) as work:
@@ -82,15 +82,6 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
     except OSError as problem:
         raise GenerationError(f"{folder}: the cache cannot be written ({problem}); set FAULTBOND_CACHE") from problem
     return library
-
-
-def _refuse_shared(folder: Path) -> None:
-    """Refuse a folder in which others may put a library of theirs."""
-    if not _is_ours(folder.stat()):
-        raise CacheError(
-            f"{folder}: others own this folder or may write it, and it holds code that is run. "
-            f"Take it back, `chmod go-w {folder}`, or set FAULTBOND_CACHE to a folder of your own."
-        )
 
 
 def _is_ours(about: os.stat_result) -> bool:

@@ -7,6 +7,7 @@ squares on propagated signals; the joint filter replaces it, since that estimate
 """
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import casadi as ca
 import numpy as np
@@ -32,12 +33,14 @@ def build_filter(spec: EngineSpec, model: StepModel) -> ca.Function:
     fields = {name: sample[place] for name, place in spec.sample_fields.items()}
     view = LanePlant(spec=spec, model=model, roles={name: lane[place] for name, place in spec.role_fields.items()})
     mean = lane[: spec.n_joint]
-    covariance = _unpack(lane[spec.covariance_slice], spec.n_joint)
+    triangle, covariance = lane[spec.covariance_slice], ca.SX(spec.n_joint, spec.n_joint)
+    for k, (i, j) in enumerate(combinations_with_replacement(range(spec.n_joint), 2)):
+        covariance[i, j] = covariance[j, i] = triangle[k]
     implicit, likelihood = lane[spec.loop_slice], lane[-1]
 
     mean, covariance, implicit = _time_update(view, mean, covariance, implicit, fields)
     mean, covariance, implicit, gain, innovations = _measurement_update(view, mean, covariance, implicit, fields)
-    packed = [covariance[i, j] for i in range(spec.n_joint) for j in range(i, spec.n_joint)]
+    packed = [covariance[i, j] for i, j in combinations_with_replacement(range(spec.n_joint), 2)]
     roles = lane[spec.loop_slice.stop : -1]
     result = ca.vertcat(mean, *packed, implicit, roles, likelihood + gain)
     return ca.Function(
@@ -111,17 +114,6 @@ class LanePlant:
         return ca.horzcat(slope[:, :first], by_size, ca.SX(slope.shape[0], 1), by_errors[:, list(spec.noisy_inputs)])
 
 
-def _unpack(packed: ca.SX, n: int) -> ca.SX:
-    full = ca.SX(n, n)
-    k = 0
-    for i in range(n):
-        for j in range(i, n):
-            full[i, j] = packed[k]
-            full[j, i] = packed[k]
-            k += 1
-    return full
-
-
 def _time_update(
     view: LanePlant, mean: ca.SX, covariance: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -176,12 +168,18 @@ def _measurement_update(
     covariance is still wide, so that a second update would explain any fault away.
     """
     reading, slope, implicit = view.measure(mean, fields["u"], implicit)
-    innovations = _marginal_innovations(view, fields, reading, slope, covariance)
+    rows = [slope[j, :] for j in range(len(view.spec.outputs))]
+    variances = [row @ covariance @ row.T + view.noise(j, fields["scale"]) for j, row in enumerate(rows)]
+    innovations = ca.vertcat(fields["y"] - reading, *variances)  # of each sensor by itself, as CUSUM and plots want it
     guess, spread, likelihood = _sequential(view, fields, mean, covariance, reading, slope)
     guess = _clip(view.spec, guess)
     if view.is_linear:
         return guess, spread, implicit, likelihood, innovations
-    middle = _with_faults_of(view.spec, mean, guess)
+    places = [0, view.spec.parameter_slice.start, view.spec.slot_slice.stop, mean.numel()]
+    before, _, after = ca.vertsplit(mean, places)
+    middle = ca.vertcat(
+        before, ca.vertsplit(guess, places)[1], after
+    )  # the mean with parameters, and slot, of the guess
     reading, slope, better = view.measure(middle, fields["u"], implicit)
     expected = reading + slope @ (mean - middle)
     second, spread_2, _ = _sequential(view, fields, mean, covariance, expected, slope)
@@ -193,24 +191,6 @@ def _measurement_update(
         likelihood,
         innovations,
     )
-
-
-def _with_faults_of(spec: EngineSpec, mean: ca.SX, guess: ca.SX) -> ca.SX:
-    """Give `mean` with the parameters, and the slot, of `guess`."""
-    places = [0, spec.parameter_slice.start, spec.slot_slice.stop, mean.numel()]
-    before, _, after = ca.vertsplit(mean, places)
-    return ca.vertcat(before, ca.vertsplit(guess, places)[1], after)
-
-
-def _marginal_innovations(
-    view: LanePlant, fields: dict[str, ca.SX], expected: ca.SX, slope: ca.SX, covariance: ca.SX
-) -> ca.SX:
-    """Differences and variances of each sensor by itself, as CUSUM and plots want them."""
-    variances = []
-    for j in range(len(view.spec.outputs)):
-        row = slope[j, :]
-        variances.append(row @ covariance @ row.T + view.noise(j, fields["scale"]))
-    return ca.vertcat(fields["y"] - expected, *variances)
 
 
 def _foretold(view: LanePlant, fields: dict[str, ca.SX], innovations: ca.SX) -> ca.SX:

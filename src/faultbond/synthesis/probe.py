@@ -8,14 +8,18 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
-from faultbond.model.graph import BondGraph, Check, Sensor
+from faultbond.model.graph import BondGraph, Sensor
 from faultbond.runtime.advice import Probe
 from faultbond.types import CheckKind
 
 
 def build_probe(spec: EngineSpec, graph: BondGraph) -> Probe | None:
     """Give the function (lane, inputs) -> expected values of the checked signals, SI; None where there are none."""
-    signals = tuple(_as_sensor(item) for item in graph.checks if item.kind is CheckKind.SIGNAL)
+    signals = tuple(
+        Sensor(name=item.name, column=item.name, unit=item.unit, reads=item.reads, noise=item.noise)
+        for item in graph.checks
+        if item.kind is CheckKind.SIGNAL and item.reads is not None
+    )
     if not signals:
         return None
     model = build_step_model(build_plant(replace(graph, sensors=signals)), all_inputs=True)
@@ -32,10 +36,3 @@ def build_probe(spec: EngineSpec, graph: BondGraph) -> Probe | None:
         return np.asarray(model.measure(joint, inputs, lane[layout.loop_slice])[0].full()[:, 0])
 
     return probe
-
-
-def _as_sensor(item: Check) -> Sensor:
-    """Give a signal that is measured by hand as a sensor reads it."""
-    if item.reads is None:
-        raise AssertionError("a signal to be measured has a law")
-    return Sensor(name=item.name, column=item.name, unit=item.unit, reads=item.reads, noise=item.noise)

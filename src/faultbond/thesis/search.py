@@ -133,23 +133,20 @@ class _Codes:
         self.first_parameter = len(self.signals) * self.n_frames
         self.parameters = tuple(sorted(self.free))
         self.index = {name: k for k, name in enumerate(self.signals)}
-        self.finders = self._finders(causes(network) if question.causal else None)
-        self.contents: dict[tuple[int, int], tuple[int, ...]] = {}
-        self.apart = False  # whether the equations of a parameter are looked at each for itself
-        self.has_twice = any(len(self.finders.get(self.code(name), ())) > 1 for name in self.parameters)
-        self.carries = [any(back for _, back in item.signals) for item in self.equations]
-
-    def _finders(self, caused: dict[str, frozenset[str]] | None) -> dict[int, tuple[tuple[int, int], ...]]:
-        """For each signal, and each parameter by its code, the equations that find it and the frames each reaches."""
-        found: dict[int, list[tuple[int, int]]] = {}
+        caused = causes(network) if question.causal else None
+        finders: dict[int, list[tuple[int, int]]] = {}  # equations that find a signal, and the frames each reaches
         for e, item in enumerate(self.equations):
             for name, back in item.signals:
                 if caused is None or (not back and name in caused[item.name]):
-                    found.setdefault(self.index[name], []).append((e, back))
+                    finders.setdefault(self.index[name], []).append((e, back))
             for name in item.parameters:
                 if name in self.free:
-                    found.setdefault(self.code(name), []).append((e, 0))
-        return {key: tuple(value) for key, value in found.items()}
+                    finders.setdefault(self.code(name), []).append((e, 0))  # of a parameter, by its code
+        self.finders = finders
+        self.contents: dict[tuple[int, int], tuple[int, ...]] = {}
+        self.apart = False  # whether the equations of a parameter are looked at each for itself
+        self.has_twice = any(len(finders.get(self.code(name), ())) > 1 for name in self.parameters)
+        self.carries = [any(back for _, back in item.signals) for item in self.equations]
 
     def code(self, target: Target) -> int:
         """Give the code of a signal in a frame or of an unknown parameter."""
@@ -163,6 +160,10 @@ class _Codes:
             return self.parameters[code - self.first_parameter]
         frame, signal = divmod(code, len(self.signals))
         return self.signals[signal], frame
+
+    def name(self, place: tuple[int, int]) -> Place:
+        """Give an equation by its name, with its frame."""
+        return self.equations[place[0]].name, place[1]
 
     def unknowns(self, place: tuple[int, int]) -> tuple[int, ...]:
         """Give the codes of what an equation relates in a frame and is not known."""
@@ -213,7 +214,19 @@ def search_route(
             distinct=tree.distinct + again.distinct,
             widest=max(tree.widest, again.widest),
         )
-    passages = tuple(_passages(tree.last, codes))
+    states = [tree.last]
+    while states[-1].parent is not None:
+        states.append(states[-1].parent)
+    passages = tuple(
+        Passage(
+            finds=codes.target(before.unknown[0]),
+            place=codes.name(state.place),
+            choices=tuple(map(codes.name, state.choices)),
+            frames=state.frames,
+            unknown=tuple(map(codes.target, state.unknown)),
+        )
+        for before, state in pairwise(reversed(states))
+    )
     steps = [Step(equation=item.place[0], frame=item.place[1], finds=item.finds) for item in passages]
     return RouteSearch(
         network=network,
@@ -299,54 +312,24 @@ def _sorted(unknown: Iterable[int], codes: _Codes) -> tuple[int, ...]:
 def _choices(state: _State, codes: _Codes) -> tuple[int, tuple[tuple[int, int], ...]]:
     """Give the number of frames that are then open, and the unused components that find the first of U."""
     sought, frames = state.unknown[0], state.frames
+    of_parameter = sought >= codes.first_parameter
+    frame, key = (0, sought) if of_parameter else divmod(sought, len(codes.signals))
+
+    def is_unused(place: tuple[int, int]) -> bool:
+        return not state.used & codes.bit(place)
+
     while True:
         last = codes.newest + frames - 1
-        if sought >= codes.first_parameter:
-            places = _parameter_places(sought, last, state, codes)
-            frames = max((frames, *(frame - codes.newest + 1 for _, frame in places)))
-        else:
-            places = _signal_places(sought, last, state, codes)
+        places: list[tuple[int, int]] = []
+        for e, back in codes.finders.get(key, ()):
+            if of_parameter:  # for each of its equations the newest frame where that is unused
+                end = codes.newest + codes.limit if codes.apart else last + 1
+                unused = next(filter(is_unused, ((e, k) for k in range(codes.newest, end))), None)
+                places += [unused] if unused else []
+            elif codes.newest <= frame - back <= last and not (back and state.back) and is_unused((e, frame - back)):
+                places.append((e, frame - back))  # in the signal's own frame and, through a store, in the next
+        if of_parameter:
+            frames = max((frames, *(k - codes.newest + 1 for _, k in places)))
         if places or frames >= codes.limit:
-            return frames, places
+            return frames, tuple(places)
         frames += 1
-
-
-def _signal_places(sought: int, last: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
-    """The components that find a signal, in its own frame and, through a store, in the next; not beyond `last`."""
-    frame, signal = divmod(sought, len(codes.signals))
-    places = (
-        (e, frame - back)
-        for e, back in codes.finders.get(signal, ())
-        if codes.newest <= frame - back <= last and not (back and state.back)
-    )
-    return tuple(place for place in places if not state.used & codes.bit(place))
-
-
-def _parameter_places(sought: int, last: int, state: _State, codes: _Codes) -> tuple[tuple[int, int], ...]:
-    """The component of a parameter in the newest frame where it is unused, for each of its equations."""
-    end = codes.newest + codes.limit if codes.apart else last + 1
-    found = []
-    for e, _ in codes.finders.get(sought, ()):
-        unused = ((e, frame) for frame in range(codes.newest, end) if not state.used & codes.bit((e, frame)))
-        found += [place for place in (next(unused, None),) if place]
-    return tuple(found)
-
-
-def _passages(last: _State, codes: _Codes) -> Iterator[Passage]:
-    """The steps that led to a state, from the first on."""
-    states = [last]
-    while states[-1].parent is not None:
-        states.append(states[-1].parent)
-    states.reverse()
-    for before, state in pairwise(states):
-        yield Passage(
-            finds=codes.target(before.unknown[0]),
-            place=_named(state.place, codes),
-            choices=tuple(_named(place, codes) for place in state.choices),
-            frames=state.frames,
-            unknown=tuple(codes.target(code) for code in state.unknown),
-        )
-
-
-def _named(place: tuple[int, int], codes: _Codes) -> Place:
-    return codes.equations[place[0]].name, place[1]

@@ -7,7 +7,7 @@ from itertools import combinations
 import sympy as sp
 
 from faultbond.networks.hypothesis import Hypothesis, advance, equations_of_parameters
-from faultbond.networks.polynomial_roots import Point
+from faultbond.networks.polynomial_roots import ExactPoint
 from faultbond.networks.static_network import Observation, StaticNetwork, with_healthy
 
 Suspects = tuple[str, ...]
@@ -17,7 +17,7 @@ Suspects = tuple[str, ...]
 class Solved:
     """Values of suspended parameters that explain observations, exact where they can be; `free`: infinitely many."""
 
-    points: tuple[Point, ...]
+    points: tuple[ExactPoint, ...]
     free: bool
 
     @property
@@ -35,7 +35,7 @@ class TableRelation:
     unless: tuple[str, ...] = ()
 
 
-def solve(network: StaticNetwork, suspects: Suspects, observations: Sequence[Observation]) -> Solved:
+def solve_suspects(network: StaticNetwork, suspects: Suspects, observations: Sequence[Observation]) -> Solved:
     """Give all values of suspended parameters that explain every one of some observations.
 
     Parameters
@@ -54,30 +54,23 @@ def solve(network: StaticNetwork, suspects: Suspects, observations: Sequence[Obs
 
 def table_of_singles(network: StaticNetwork, observations: Sequence[Observation]) -> tuple[dict[str, Solved], ...]:
     """Give for each observation alone the values of each suspect alone: tables 3.3 to 3.5, upper part of 6.1."""
-    return tuple({name: solve(network, (name,), [seen]) for name in network.suspects} for seen in observations)
+    return tuple({name: solve_suspects(network, (name,), [seen]) for name in network.suspects} for seen in observations)
 
 
 def table_of_pairs(network: StaticNetwork, observations: Sequence[Observation]) -> tuple[dict[Suspects, Solved], ...]:
     """Give for each two successive observations the values of each two suspects: table 6.2."""
     pairs = list(combinations(network.suspects, 2))
     windows = [observations[k : k + 2] for k in range(len(observations) - 1)]
-    return tuple({pair: solve(network, pair, window) for pair in pairs} for window in windows)
+    return tuple({pair: solve_suspects(network, pair, window) for pair in pairs} for window in windows)
 
 
-def relations_of_pairs(
-    network: StaticNetwork, observations: Sequence[Observation]
-) -> tuple[dict[Suspects, tuple[TableRelation, ...]], ...]:
-    """Give for each observation what it says of each two suspects: lower part of table 6.1."""
-    pairs = list(combinations(network.suspects, 2))
-    return tuple({pair: relations(network, pair, seen) for pair in pairs} for seen in observations)
+def table_relations(network: StaticNetwork, suspects: Suspects, seen: Observation) -> tuple[TableRelation, ...]:
+    """Give what an observation says of suspended parameters: lower part of table 6.1.
 
-
-def relations(network: StaticNetwork, suspects: Suspects, seen: Observation) -> tuple[TableRelation, ...]:
-    """Give what an observation says of suspended parameters, solved for the first that stands there linearly."""
-    found = []
-    for case in equations_of_parameters(network, suspects, with_healthy(network, seen)):
-        found += [_relation(suspects, item) for item in case]
-    return tuple(found)
+    Each equation is solved for the first parameter that stands there linearly.
+    """
+    cases = equations_of_parameters(network, suspects, with_healthy(network, seen))
+    return tuple(_relation(suspects, item) for case in cases for item in case)
 
 
 def _relation(suspects: Suspects, item: sp.Expr) -> TableRelation:
@@ -87,7 +80,8 @@ def _relation(suspects: Suspects, item: sp.Expr) -> TableRelation:
         if polynomial.degree() == 1:
             slope, constant = polynomial.all_coeffs()
             text = f"{name} = {_text(sp.expand(sp.cancel(-constant / slope)))}"
-            return TableRelation(suspects=suspects, text=text, unless=_zeros(slope))
+            singular = tuple(f"{factor} = 0" for factor, _ in sp.factor_list(slope)[1])  # division by zero
+            return TableRelation(suspects=suspects, text=text, unless=singular)
     return TableRelation(suspects=suspects, text=f"{_text(sp.expand(item))} = 0")
 
 
@@ -97,9 +91,3 @@ def _text(expression: sp.Expr) -> str:
     negative = [term for term in terms if term.could_extract_minus_sign()]
     first = " + ".join(str(term) for term in terms if term not in negative)
     return (first or "0") + "".join(f" - {-term}" for term in negative)
-
-
-def _zeros(slope: sp.Expr) -> tuple[str, ...]:
-    """Name the singular cases, in which the solution divides by zero."""
-    factors = [factor for factor, _ in sp.factor_list(slope)[1]]
-    return tuple(f"{factor} = 0" for factor in factors)

@@ -4,7 +4,7 @@ Source: thesis A.3.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from string import ascii_lowercase
 
 from faultbond.algebra.route import Target
@@ -35,7 +35,7 @@ def trace_lines(search: RouteSearch) -> Iterator[str]:
     for passage in search.passages:
         if passage.frames > lists.frames:
             number += 1
-            lists = _Lists(unknown=lists.unknown, found=lists.found, used=lists.used, frames=passage.frames)
+            lists = replace(lists, frames=passage.frames)
             yield f"No component is left to find {in_words(passage.finds)}; those of the next frame are added."
             yield from _lines(f"{number}.", lists, search)
         number += 1
@@ -43,7 +43,7 @@ def trace_lines(search: RouteSearch) -> Iterator[str]:
         lists = _after(lists, passage.place, search)
         for sentence, unknown in _tidied(lists, search):
             number += 1
-            lists = _Lists(unknown=unknown, found=lists.found, used=lists.used, frames=lists.frames)
+            lists = replace(lists, unknown=unknown)
             yield sentence
             yield from _lines(f"{number}.", lists, search)
     yield f"{search.message[0].upper()}{search.message[1:]}."
@@ -70,19 +70,18 @@ def _after(lists: _Lists, place: Place, search: RouteSearch) -> _Lists:
     equation = search.network.equation(place[0])
     sought, *rest = lists.unknown
     needs = [target for target in contained(equation, place[1]) if target != sought]
-    return _Lists(
-        unknown=(*needs, *rest),
-        found=(sought, *lists.found),
-        used=lists.used | {place},
-        frames=lists.frames,
-    )
+    return replace(lists, unknown=(*needs, *rest), found=(sought, *lists.found), used=lists.used | {place})
 
 
 def _tidied(lists: _Lists, search: RouteSearch) -> Iterator[tuple[str, tuple[Target, ...]]]:
     """What changes U after a step, and U after it: known parameters, then signals drop out, duplicates go, sorting."""
-    unknown = lists.unknown
+    question, unknown = search.question, lists.unknown
+
+    def is_given(target: Target) -> bool:
+        return target not in unknown_parameters(question) if isinstance(target, str) else question.is_known(target)
+
     for kind in (str, tuple):
-        known = [item for item in unknown if isinstance(item, kind) and _is_known(item, lists, search)]
+        known = [item for item in unknown if isinstance(item, kind) and (item in lists.found or is_given(item))]
         if known:
             unknown = tuple(item for item in unknown if item not in known)
             yield f"Known and removed: {_joined(tuple(dict.fromkeys(known)))}.", unknown
@@ -95,40 +94,22 @@ def _tidied(lists: _Lists, search: RouteSearch) -> Iterator[tuple[str, tuple[Tar
         yield "Sorted by frame, parameters last.", ordered
 
 
-def _is_known(target: Target, lists: _Lists, search: RouteSearch) -> bool:
-    if target in lists.found:
-        return True
-    if isinstance(target, str):
-        return target not in unknown_parameters(search.question)
-    return search.question.is_known(target)
-
-
 def _lines(number: str, lists: _Lists, search: RouteSearch) -> Iterator[str]:
-    """The three lists."""
-    margin = " " * 9
-    yield f"{number:<8} U = {{{_joined(lists.unknown)}}}"
-    yield f"{margin}K = {{{', '.join((*map(in_words, lists.found), *_given(search)))}}}"
-    yield f"{margin}C = {{{', '.join(_left(lists, search))}}}"
-
-
-def _given(search: RouteSearch) -> Iterator[str]:
-    """What is known from the beginning; x stands for any frame."""
-    question = search.question
-    for name in (*search.network.inputs, *search.network.outputs):
+    """The three lists: U, K with what is known from the beginning (x stands for any frame), and C with what is left."""
+    network, question = search.network, search.question
+    known = [in_words(target) for target in lists.found]
+    for name in (*network.inputs, *network.outputs):
         hidden = [frame_name(signal) for signal in sorted(question.hidden) if signal[0] == name]
         if name in question.observed:
-            yield f"{name}_x" + (f" except {' '.join(hidden)}" if hidden else "")
-    yield from (frame_name(signal) for signal in sorted(question.known))
-    yield from (name for name in search.network.parameters if name not in unknown_parameters(question))
-
-
-def _left(lists: _Lists, search: RouteSearch) -> Iterator[str]:
-    """The components that may still be passed through."""
-    newest = search.question.newest
-    for frame in range(newest, newest + lists.frames):
-        for equation in usable(search.network, search.question):
-            if (equation.name, frame) not in lists.used:
-                yield frame_name((equation.name, frame))
+            known.append(f"{name}_x" + (f" except {' '.join(hidden)}" if hidden else ""))
+    known += [frame_name(signal) for signal in sorted(question.known)]
+    known += [name for name in network.parameters if name not in unknown_parameters(question)]
+    frames = range(question.newest, question.newest + lists.frames)
+    places = ((equation.name, frame) for frame in frames for equation in usable(network, question))
+    margin = " " * 9
+    yield f"{number:<8} U = {{{_joined(lists.unknown)}}}"
+    yield f"{margin}K = {{{', '.join(known)}}}"
+    yield f"{margin}C = {{{', '.join(frame_name(place) for place in places if place not in lists.used)}}}"
 
 
 def _joined(targets: Sequence[Target]) -> str:

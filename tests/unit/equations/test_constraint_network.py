@@ -8,7 +8,9 @@ from faultbond.equations.causality import assign_causality
 from faultbond.equations.constraint_network import ConstraintNetwork, build_network
 from faultbond.equations.plant import Plant, build_plant
 from faultbond.errors import StructureError
-from faultbond.model import Binary, Name, parse_expression, parse_model
+from faultbond.model.expression import Binary, Name
+from faultbond.model.parser import parse_expression
+from faultbond.model.text import parse_model
 
 TANKS = """\
 name: two tanks

@@ -5,8 +5,11 @@ from pathlib import Path
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import Binary, BondGraph, Call, ModelBuilder, Name, Number, load_model, parse_model, to_text
-from faultbond.model.graph import LOGIC_UNIT
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.expression import Binary, Call, Name, Number
+from faultbond.model.graph import LOGIC_UNIT, BondGraph
+from faultbond.model.parser import to_text
+from faultbond.model.text import load_model, parse_model
 from faultbond.types import ElementType, TimeGrid
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "thesis"

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import ModelBuilder, load_model, parse_model
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

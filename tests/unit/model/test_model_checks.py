@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import BondGraph, ModelBuilder, dump_model, parse_model
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.graph import BondGraph
 from faultbond.model.parser import to_text
+from faultbond.model.text import dump_model, parse_model
 from faultbond.types import CheckKind
 
 PLANT = """\

@@ -3,7 +3,7 @@
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import parse_model
+from faultbond.model.text import parse_model
 
 PLANT = """sample_time: 1 s
 inputs: {{V: {{unit: V}}, pos: {{unit: percent}}}}

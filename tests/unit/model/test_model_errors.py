@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import load_model, parse_model
+from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 TANK = (EXAMPLES / "tank" / "model.yaml").read_text()

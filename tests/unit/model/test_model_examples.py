@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from faultbond.model import BondGraph, dump_model, load_model, parse_expression, parse_model, to_text
+from faultbond.model.graph import BondGraph
+from faultbond.model.parser import parse_expression, to_text
+from faultbond.model.text import dump_model, load_model, parse_model
 from faultbond.types import ElementType, JunctionType, TimeGrid
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -3,9 +3,8 @@
 import pytest
 
 from faultbond.errors import ModelError
-from faultbond.model import parse_expression, parse_relation, to_text
 from faultbond.model.expression import Binary, Call, Name, Negative, Number
-from faultbond.model.parser import number_text
+from faultbond.model.parser import number_text, parse_expression, parse_relation, to_text
 
 
 def test_precedence_is_that_of_arithmetic() -> None:

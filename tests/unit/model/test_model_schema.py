@@ -1,6 +1,7 @@
 """The JSON Schema of the model file."""
 
 import copy
+import inspect
 import json
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,17 @@ import jsonschema
 import pytest
 import yaml
 
-from faultbond.model.schema import model_schema, schema_text
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.keys import BLOCK_KEYS, CHECK_KEYS, COMPONENT_KEYS, INPUT_KEYS, SENSOR_KEYS, SLOW_ERROR_KEYS, Keys
+from faultbond.model.schema import model_schema
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted([*(ROOT / "examples").glob("*/model.yaml"), *(ROOT / "examples" / "thesis").glob("*.yaml")])
+
+
+def schema_text() -> str:
+    """Give the schema as the text of `docs/model.schema.json`."""
+    return json.dumps(model_schema(), indent=2) + "\n"
 
 
 def validate(model: Any) -> None:
@@ -82,3 +90,20 @@ def test_block_networks() -> None:
 def test_schema_is_plain_json() -> None:
     """The text of the schema reads back as the schema."""
     assert json.loads(schema_text()) == model_schema()
+
+
+@pytest.mark.parametrize(
+    ("method", "keys"),
+    [
+        ("input", INPUT_KEYS),
+        ("component", COMPONENT_KEYS),
+        ("block", BLOCK_KEYS),
+        ("sensor", SENSOR_KEYS),
+        ("slow_error", SLOW_ERROR_KEYS),
+        ("check", CHECK_KEYS),
+    ],
+)
+def test_the_builder_takes_the_keys_of_the_file(method: str, keys: Keys) -> None:
+    """What can be stated of a thing in a file can be stated of it in Python, and nothing else."""
+    arguments = inspect.signature(getattr(ModelBuilder, method)).parameters
+    assert arguments.keys() - {"self", "name", "target"} == keys.known.keys()

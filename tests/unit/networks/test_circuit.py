@@ -8,7 +8,7 @@ import pytest
 
 from faultbond.errors import StructureError
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
-from faultbond.networks.logic.circuit import NOWHERE, build_circuit, dominators, simulate
+from faultbond.networks.logic.circuit import NOWHERE, build_circuit, dominators, simulate_gates
 from faultbond.networks.logic.regions import exchanges, find_regions
 
 TRUTH: dict[str, Callable[[Sequence[bool]], bool]] = {
@@ -51,7 +51,7 @@ def test_every_gate_has_its_truth_table(function: GateFunction, count: int) -> N
     circuit = build_circuit(made, ["z"])
     cases = list(product([False, True], repeat=count))
     inputs = [sum(case[number] << bit for bit, case in enumerate(cases)) for number in range(count)]
-    words = simulate(circuit, inputs, (1 << len(cases)) - 1)
+    words = simulate_gates(circuit, inputs, (1 << len(cases)) - 1)
     expected = [TRUTH[function.value](case) for case in cases]
     assert [bool(words[-1] >> bit & 1) for bit in range(len(cases))] == expected
 
@@ -62,9 +62,9 @@ def test_a_flip_passes_on() -> None:
     circuit = build_circuit(made, ["y", "z"])
     inputs = [0b11, 0b11, 0b10]  # c is 0 in the first case, 1 in the second
     x = circuit.names.index("x")
-    words = dict(zip(circuit.names, simulate(circuit, inputs, 0b11, {x: 0b11}), strict=True))
+    words = dict(zip(circuit.names, simulate_gates(circuit, inputs, 0b11, {x: 0b11}), strict=True))
     assert (words["x"], words["y"], words["z"]) == (0b00, 0b10, 0b00)
-    healthy = dict(zip(circuit.names, simulate(circuit, inputs, 0b11), strict=True))
+    healthy = dict(zip(circuit.names, simulate_gates(circuit, inputs, 0b11), strict=True))
     assert (healthy["x"], healthy["y"], healthy["z"]) == (0b11, 0b11, 0b10)
 
 
@@ -94,7 +94,7 @@ def test_what_is_no_network(gates: tuple[str, ...], message: str) -> None:
 def test_constants_are_gates_without_inputs() -> None:
     """An and of nothing is 1, an or of nothing 0."""
     circuit = build_circuit(network("x = and", "y = or", "z = xor x y"), ["z"])
-    words = dict(zip(circuit.names, simulate(circuit, [0, 0, 0], 1), strict=True))
+    words = dict(zip(circuit.names, simulate_gates(circuit, [0, 0, 0], 1), strict=True))
     assert (words["x"], words["y"], words["z"]) == (1, 0, 1)
 
 

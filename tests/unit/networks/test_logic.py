@@ -6,7 +6,7 @@ import pytest
 from benchmarks.made_circuits import made_scenario, multiplier
 
 from faultbond.errors import StructureError
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork
 from faultbond.model.text import parse_model
 from faultbond.networks.logic import diagnoses as logic
 from faultbond.networks.logic.diagnoses import explains, logic_network, minimum_diagnoses, predict
@@ -34,7 +34,7 @@ def adder(**laws: str) -> LogicNetwork:
     return logic_network(parse_model(text))
 
 
-def sets(*texts: str) -> tuple[Diagnosis, ...]:
+def sets(*texts: str) -> tuple[GateSet, ...]:
     """Give diagnoses from `X1 A2`."""
     return tuple(frozenset(text.split()) for text in texts)
 

@@ -23,7 +23,7 @@ from faultbond.networks.static_network import (
     static_network,
     with_healthy,
 )
-from faultbond.thesis.tables import relations, solve
+from faultbond.thesis.tables import solve_suspects, table_relations
 
 Row = tuple[float, ...]
 
@@ -151,7 +151,7 @@ def test_sets_that_observations_do_not_determine() -> None:
     assert a.estimate + b.estimate == pytest.approx(6.5)
     assert a.sd == b.sd == inf
     network, rows = observed(pair, [(1, 1, 6.5)])
-    assert solve(network, ("A", "B"), rows).free
+    assert solve_suspects(network, ("A", "B"), rows).free
 
 
 def test_equations_without_real_solution_explain_nothing() -> None:
@@ -404,23 +404,23 @@ blocks:
 sensors: {s: {reads: s}}
 """
     network, rows = observed(text, [(1, 2, 12), (1, 2, 12), (1, 2, 12 + 1e-11), (2, 1, 13)])
-    assert solve(network, ("A", "B"), rows[:3]).free
-    (point,) = solve(network, ("A", "B"), rows).points
+    assert solve_suspects(network, ("A", "B"), rows[:3]).free
+    (point,) = solve_suspects(network, ("A", "B"), rows).points
     assert [float(point[name]) for name in "AB"] == pytest.approx([14 / 3, 11 / 3])
 
 
 def test_a_suspect_without_influence_stays_open() -> None:
     """A factor of 0 says nothing of its parameter, and nothing can be explained by it."""
     network, (agreeing, wrong) = observed(PRODUCT, [(0, 0), (0, 5)])
-    assert solve(network, ("A",), [agreeing]).free
-    assert not solve(network, ("A",), [wrong]).explains
-    assert relations(network, ("A", "B"), agreeing) == ()
+    assert solve_suspects(network, ("A",), [agreeing]).free
+    assert not solve_suspects(network, ("A",), [wrong]).explains
+    assert table_relations(network, ("A", "B"), agreeing) == ()
 
 
 def test_relation_with_its_singular_case() -> None:
     """Two factors are tied by their product; the relation fails where the other one is 0."""
     network, rows = observed(PRODUCT, [(4, 32)])
-    (relation,) = relations(network, ("A", "B"), rows[0])
+    (relation,) = table_relations(network, ("A", "B"), rows[0])
     assert (relation.text, relation.unless) == ("A = 8/B", ("B = 0",))
 
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
-from faultbond.model import parse_model
+from faultbond.model.text import parse_model
 from faultbond.report.listing import print_check
 from faultbond.report.understanding import Understanding, check_record
 from faultbond.synthesis.specify import build_spec

@@ -16,13 +16,13 @@ from faultbond.errors import StructureError
 from faultbond.model.text import load_model
 from faultbond.thesis.offline.build import build_classic, largest_sets
 from faultbond.thesis.offline.functions import expected, from_before, from_samples, read_by, state_signals
-from faultbond.thesis.offline.sides import independent, relations
+from faultbond.thesis.offline.sides import independent, independent_relations
 from faultbond.thesis.offline.tapes import compile_torn
 from faultbond.thesis.offline.torn import tear
-from faultbond.thesis.online.newton import solve
-from faultbond.thesis.online.plan import Batch, ClassicPlan
+from faultbond.thesis.online.newton import solve_torn
+from faultbond.thesis.online.plan import ClassicPlan, Programs
 from faultbond.thesis.online.settings import Erratum, Settings
-from faultbond.thesis.online.tape import NewtonTape, Program, evaluate
+from faultbond.thesis.online.tape import NewtonTape, Program, run_program
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 ROWS = 12
@@ -87,11 +87,11 @@ def test_printed_states_use_inputs_only() -> None:
     assert "V_0" in found
 
 
-def results(batch: Batch, environment: list[FloatArray]) -> dict[int, float]:
+def results(batch: Programs, environment: list[FloatArray]) -> dict[int, float]:
     """What each row of a batch gives, of one lane."""
     with np.errstate(all="ignore"):
         found = [
-            (rows, solve(item, environment, 1) if isinstance(item, NewtonTape) else evaluate(item, environment))
+            (rows, solve_torn(item, environment, 1) if isinstance(item, NewtonTape) else run_program(item, environment))
             for item, rows in batch
         ]
     return {row: float(value[0]) for rows, values in found for row, value in zip(rows, values, strict=True)}
@@ -134,7 +134,7 @@ def test_relations_are_independent() -> None:
     network = network_of("tank")
     line, vessel = {"pump", "pipe", "valve", "line"}, {"tank", "vessel", "outlet", "leak"}
     meter = {"orifice", "flow"}
-    assert {item.equations for item in relations(network)} == {frozenset(line | meter), frozenset(vessel | meter)}
+    assert set(independent_relations(network)) == {frozenset(line | meter), frozenset(vessel | meter)}
     without = frozenset(line | vessel | {"orifice"})
     candidates = [frozenset(line | meter), frozenset(vessel | meter), without]
     assert independent(network, candidates) == tuple(candidates[:2])
@@ -188,10 +188,10 @@ def test_a_torn_function_gives_what_its_closed_form_gives() -> None:
     generator = np.random.default_rng(2)
     environment = [generator.uniform(0.5, 4.0, 30) for _ in plan.names]
     with np.errstate(all="ignore"):
-        found = solve(search, environment, 30)
+        found = solve_torn(search, environment, 30)
     ((program, _),) = plan.expected
     assert isinstance(program, Program)
-    assert found[0] == pytest.approx(evaluate(program, environment)[0], rel=1e-8)
+    assert found[0] == pytest.approx(run_program(program, environment)[0], rel=1e-8)
 
 
 def test_a_long_chain_is_followed_by_the_model_alone() -> None:

@@ -8,7 +8,7 @@ from test_classic_watch import LEAK, PIPE, plant, recorded, run, watched
 
 from faultbond.errors import FaultbondError
 from faultbond.thesis.online.curves import point_of, stacked
-from faultbond.thesis.online.decision import accept, reject, resumed
+from faultbond.thesis.online.decision import accept, after_pause, reject
 from faultbond.thesis.online.ranking import rank
 from faultbond.thesis.online.state import init
 from faultbond.thesis.online.watch import finish, step
@@ -63,13 +63,13 @@ def test_after_a_pause_monitoring_begins_anew() -> None:
     _, spec, plan = plant("tank")
     samples = recorded("tank", 800, PIPE)[:290]
     state, _ = run(spec, plan, samples[:200])
-    state = resumed(state)
+    state = after_pause(state)
     assert state.running == -1
     state, reports = run(spec, plan, samples[240:], state)
     assert state.alarm < 0
     assert reports[16].expected == pytest.approx(samples[248].y, rel=0.2)
     testing, _ = watched(800, PIPE)
-    assert resumed(testing) is testing
+    assert after_pause(testing) is testing
 
 
 def test_curves_show_what_the_figures_show() -> None:

@@ -7,7 +7,7 @@ from faultbond.algebra.solving.solution import Line, Root
 from faultbond.arrays import FloatArray
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.offline.tapes import compile_roots
-from faultbond.thesis.online.newton import solve
+from faultbond.thesis.online.newton import solve_torn
 from faultbond.thesis.online.tape import NewtonTape
 
 PLACES = {"x": 0, "z": 1, "a": 2, "before": 3}
@@ -27,7 +27,7 @@ def solved(item: NewtonTape, a: FloatArray, before: FloatArray | None = None) ->
     """The result for each lane."""
     nothing = np.array([np.nan])
     with np.errstate(all="ignore"):
-        found: FloatArray = solve(item, [nothing, nothing, a, nothing if before is None else before], a.size)[0]
+        found: FloatArray = solve_torn(item, [nothing, nothing, a, nothing if before is None else before], a.size)[0]
     return found
 
 

@@ -9,7 +9,7 @@ from faultbond.equations.numeric import evaluate as plainly
 from faultbond.model.expression import Binary, Name, Number
 from faultbond.model.parser import parse_expression
 from faultbond.thesis.offline.tapes import compile_roots
-from faultbond.thesis.online.tape import evaluate
+from faultbond.thesis.online.tape import run_program
 
 PLACES = {"a": 0, "b": 1, "c": 2}
 
@@ -32,7 +32,7 @@ def test_a_program_computes_the_expression(text: str) -> None:
     generator = np.random.default_rng(5)
     values = generator.uniform(0.2, 3.0, size=(3, 20))
     program = compile_roots([Root(lines=(Line(name="x", value=expression),))], ("x",), PLACES)
-    found = evaluate(program, list(values))[0]
+    found = run_program(program, list(values))[0]
     wanted = [float(plainly(expression, dict(zip("abc", column, strict=True)))) for column in values.T.tolist()]
     assert np.broadcast_to(found, 20) == pytest.approx(wanted, rel=1e-12)
 
@@ -51,7 +51,7 @@ def test_the_first_root_that_holds_counts() -> None:
     down = Root(lines=(Line(name="x", value=Number(-1.0)),), conditions=(Condition(expression=Name("c")),))
     program = compile_roots([up, down], ("x",), PLACES)
     b, c = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])
-    assert evaluate(program, [np.array([7.0]), b, c])[0].tolist() == [7.0, 7.0, -1.0, 7.0]
+    assert run_program(program, [np.array([7.0]), b, c])[0].tolist() == [7.0, 7.0, -1.0, 7.0]
 
 
 def test_a_root_without_a_value_gives_way() -> None:
@@ -59,8 +59,8 @@ def test_a_root_without_a_value_gives_way() -> None:
     up = Root(lines=(Line(name="x", value=parse_expression("sqrt(a)")),))
     other = Root(lines=(Line(name="x", value=Name("b")),))
     with np.errstate(all="ignore"):
-        both = evaluate(compile_roots([up, other], ("x",), PLACES), [np.array([-1.0, 4.0]), np.full(2, 9.0)])
-        alone = evaluate(compile_roots([up], ("x",), PLACES), [np.array([-1.0, 4.0])])
+        both = run_program(compile_roots([up, other], ("x",), PLACES), [np.array([-1.0, 4.0]), np.full(2, 9.0)])
+        alone = run_program(compile_roots([up], ("x",), PLACES), [np.array([-1.0, 4.0])])
     assert both[0].tolist() == [9.0, 2.0]
     assert np.isnan(alone[0, 0])
 

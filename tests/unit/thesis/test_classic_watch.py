@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultbond import sets
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -14,7 +15,7 @@ from faultbond.runtime.state import Report, Sample, Status
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.thesis.offline.build import build_classic
 from faultbond.thesis.online.plan import ClassicPlan
-from faultbond.thesis.online.ranking import conflicts, reason
+from faultbond.thesis.online.ranking import reason
 from faultbond.thesis.online.settings import Settings
 from faultbond.thesis.online.state import ClassicState, init
 from faultbond.thesis.online.watch import finish, step
@@ -111,10 +112,16 @@ def test_two_faults_are_told_from_one() -> None:
     names = [item.parameters for item in diagnosis.candidates]
     place = next(k for k, item in enumerate(names) if set(item) == {"K1", "K6"})
     assert place < min(k for k, item in enumerate(names) if len(item) == 1)
-    found = conflicts(spec, plan, state)
-    assert found.conflicts
-    assert all(len(item) > 1 for item in found.sets)
-    assert not reason(spec, plan, state).left[:7].any()
+    found = reason(spec, plan, state)  # conflicts and what hits them, by the algebra of sets: thesis 6.4.2
+    suspects = frozenset(item.name for item in spec.parameters if item.suspect)
+    tested = [frozenset(spec.parameters[k].name for k in item) for item in plan.tested]
+    verdicts = dict(zip(tested, map(bool, found.explains), strict=True))
+    conflicts = sets.conflict_sets(suspects, verdicts)
+    assert conflicts
+    cleared = [suspects - item for item, explains in verdicts.items() if explains]
+    hitting = sets.minimal_hitting_sets(conflicts, max_size=2)
+    assert all(len(item) > 1 for item in sets.without_cleared(hitting, cleared))
+    assert (found.cleared[:7] < 1.0).all()
 
 
 def test_a_motor_without_noise_gives_its_new_resistance() -> None:

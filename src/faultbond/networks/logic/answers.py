@@ -6,14 +6,14 @@ sets of minimum cardinality. Source: Gebser, Kaminski, Kaufmann, Schaub, "Multi-
 
 import time
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import clingo
 from clingo.backend import Backend
 
 from faultbond.errors import StructureError
 from faultbond.model.logic import GateFunction
-from faultbond.networks.logic.circuit import Circuit, Node
+from faultbond.networks.logic.circuit import Circuit, NumberedGate
 
 # All optima, from below by unsatisfiable cores: quick where few gates explain much.
 OPTIONS = ("--opt-mode=optN", "--models=0", "--opt-strategy=usc,k,0,7", "--warn=none")
@@ -34,12 +34,11 @@ class _Program:
 
     backend: Backend
     true: int
-    abnormal: dict[str, int] = field(default_factory=dict)
 
-    def choice(self) -> int:
-        """Give an atom that may hold or not."""
+    def choice(self, *given: int) -> int:
+        """Give an atom that may hold or not, and only if those given do."""
         atom = self.backend.add_atom()
-        self.backend.add_rule([atom], [], choice=True)
+        self.backend.add_rule([atom], given, choice=True)
         return atom
 
     def conjunction(self, literals: Iterable[int]) -> int:
@@ -65,7 +64,7 @@ class _Program:
         self.backend.add_rule([atom], [-one, other])
         return atom
 
-    def gate(self, node: Node, literals: Sequence[int]) -> int:
+    def gate(self, node: NumberedGate, literals: Sequence[int]) -> int:
         """Give the literal of a healthy gate's output; `literals` those of all signals."""
         inputs = [literals[signal] for signal in node.inputs]
         match node.function:
@@ -78,10 +77,6 @@ class _Program:
                 for literal in inputs:
                     result = self.exclusive(result, literal)
         return -result if node.inverted else result
-
-    def require(self, literal: int) -> None:
-        """Let a literal hold in every answer."""
-        self.backend.add_rule([], [-literal])
 
 
 def smallest_sets(
@@ -108,45 +103,22 @@ def smallest_sets(
         true = backend.add_atom()
         backend.add_rule([true], [])
         program = _Program(backend, true)
+        abnormal: dict[str, int] = {}
         for name in suspects:
             atom = backend.add_atom(clingo.Function("abnormal", [clingo.String(name)]))
             backend.add_rule([atom], [], choice=True)
-            program.abnormal[name] = atom
+            abnormal[name] = atom
         for case in cases:
-            _add_case(program, circuit, case, strict)
-        backend.add_minimize(0, [(atom, 1) for atom in program.abnormal.values()])
-    return _enumerate(control, deadline)
-
-
-def _add_case(program: _Program, circuit: Circuit, case: Case, strict: bool) -> None:
-    """Add the rules of one observation."""
-    literals = [_input(program, value) for value in case.inputs]
-    for node in circuit.nodes:
-        literal = program.gate(node, literals)
-        atom = None if node.component is None else program.abnormal.get(node.component)
-        if atom is not None:
-            literal = program.exclusive(literal, atom if strict else _may_flip(program, atom))
-        literals.append(literal)
-    for signal, value in case.seen:
-        program.require(literals[signal] if value else -literals[signal])
-
-
-def _input(program: _Program, value: bool | None) -> int:
-    """Give the literal of an input."""
-    if value is None:
-        return program.choice()
-    return program.true if value else -program.true
-
-
-def _may_flip(program: _Program, abnormal: int) -> int:
-    """Give an atom that may hold where a component is abnormal."""
-    atom = program.backend.add_atom()
-    program.backend.add_rule([atom], [abnormal], choice=True)
-    return atom
-
-
-def _enumerate(control: clingo.Control, deadline: float) -> list[tuple[str, ...]]:
-    """Give the shown atoms of every optimum."""
+            literals = [program.choice() if value is None else true if value else -true for value in case.inputs]
+            for node in circuit.nodes:
+                literal = program.gate(node, literals)
+                atom = None if node.component is None else abnormal.get(node.component)
+                if atom is not None:
+                    literal = program.exclusive(literal, atom if strict else program.choice(atom))
+                literals.append(literal)
+            for signal, value in case.seen:
+                backend.add_rule([], [-literals[signal] if value else literals[signal]])
+        backend.add_minimize(0, [(atom, 1) for atom in abnormal.values()])
     found: list[tuple[str, ...]] = []
 
     def take(model: clingo.Model) -> None:

@@ -23,7 +23,7 @@ _INVERTED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class NumberedGate:
     """A gate: and, or, xor of the signals `inputs`, inverted or not; `component` None where it is trusted."""
 
     output: int
@@ -39,9 +39,9 @@ class Circuit:
 
     names: tuple[str, ...]
     n_inputs: int
-    nodes: tuple[Node, ...]
+    nodes: tuple[NumberedGate, ...]
 
-    def node(self, signal: int) -> Node:
+    def node(self, signal: int) -> NumberedGate:
         """Give the gate that drives a signal; inputs have none."""
         return self.nodes[signal - self.n_inputs]
 
@@ -59,23 +59,7 @@ def build_circuit(network: LogicNetwork, seen: Iterable[str]) -> Circuit:
     StructureError
         When a signal is set twice or not at all, a gate has no inputs, or gates form a loop.
     """
-    drivers = _drivers(network)
-    order = _causal_order(network, drivers, seen)
-    names = (*network.inputs, *order)
-    number = {name: index for index, name in enumerate(names)}
-    nodes = []
-    for signal in order:
-        gate = network.gates[drivers[signal]]
-        function = GateFunction.XOR if gate.function.is_unary else _INVERTED.get(gate.function, gate.function)
-        inputs = tuple(number[name] for name in gate.inputs)
-        component = None if gate.trusted else gate.name
-        nodes.append(Node(number[signal], function, gate.function in _INVERTED, inputs, component))
-    return Circuit(names=names, n_inputs=len(network.inputs), nodes=tuple(nodes))
-
-
-def _drivers(network: LogicNetwork) -> dict[str, int]:
-    """Give the gate that sets each signal, by its place."""
-    drivers: dict[str, int] = {}
+    drivers: dict[str, int] = {}  # the gate that sets a signal, by its place
     inputs = set(network.inputs)
     for place, gate in enumerate(network.gates):
         signal, count = gate.output, len(gate.inputs)
@@ -88,7 +72,17 @@ def _drivers(network: LogicNetwork) -> dict[str, int]:
                 f"it needs {'one' if gate.function.is_unary else 'at least one'}."
             )
         drivers[signal] = place
-    return drivers
+    order = _causal_order(network, drivers, seen)
+    names = (*network.inputs, *order)
+    number = {name: index for index, name in enumerate(names)}
+    nodes = []
+    for signal in order:
+        gate = network.gates[drivers[signal]]
+        function = GateFunction.XOR if gate.function.is_unary else _INVERTED.get(gate.function, gate.function)
+        sources = tuple(number[name] for name in gate.inputs)
+        component = None if gate.trusted else gate.name
+        nodes.append(NumberedGate(number[signal], function, gate.function in _INVERTED, sources, component))
+    return Circuit(names=names, n_inputs=len(network.inputs), nodes=tuple(nodes))
 
 
 def _causal_order(network: LogicNetwork, drivers: Mapping[str, int], seen: Iterable[str]) -> list[str]:
@@ -113,7 +107,9 @@ def _causal_order(network: LogicNetwork, drivers: Mapping[str, int], seen: Itera
         ) from problem
 
 
-def simulate(circuit: Circuit, inputs: Sequence[int], full: int, flips: Mapping[int, int] | None = None) -> list[int]:
+def simulate_gates(
+    circuit: Circuit, inputs: Sequence[int], full: int, flips: Mapping[int, int] | None = None
+) -> list[int]:
     """Give the word of every signal.
 
     Parameters
@@ -126,11 +122,11 @@ def simulate(circuit: Circuit, inputs: Sequence[int], full: int, flips: Mapping[
     words = [*inputs, *([0] * len(circuit.nodes))]
     flips = flips or {}
     for node in circuit.nodes:
-        words[node.output] = evaluate(node, words, full) ^ flips.get(node.output, 0)
+        words[node.output] = gate_word(node, words, full) ^ flips.get(node.output, 0)
     return words
 
 
-def evaluate(node: Node, words: Sequence[int] | Mapping[int, int], full: int) -> int:
+def gate_word(node: NumberedGate, words: Sequence[int] | Mapping[int, int], full: int) -> int:
     """Give the word that a healthy gate makes of the words of its inputs."""
     match node.function:
         case GateFunction.AND:

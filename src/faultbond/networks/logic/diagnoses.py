@@ -5,16 +5,16 @@ theory of diagnosis from first principles" (1987); de Kleer and Williams, "Diagn
 """
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable
 from itertools import product
 from math import prod
 
 from faultbond.errors import StructureError
 from faultbond.model.expression import NOT, Binary, Call, Expression, Name, Number
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Observation
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, SignalValues
 from faultbond.networks.logic.answers import Case, smallest_sets
-from faultbond.networks.logic.circuit import Circuit, build_circuit, simulate
+from faultbond.networks.logic.circuit import Circuit, build_circuit, simulate_gates
 from faultbond.networks.logic.regions import exchanges, find_regions
 
 TIME_LIMIT = 60.0  # s
@@ -25,7 +25,7 @@ _OPERATORS = {"&": GateFunction.AND, "|": GateFunction.OR, "^": GateFunction.XOR
 _CONSTANTS = {0.0: GateFunction.OR, 1.0: GateFunction.AND}  # of no inputs
 
 
-def predict(network: LogicNetwork, inputs: Observation) -> dict[str, bool]:
+def predict(network: LogicNetwork, inputs: SignalValues) -> dict[str, bool]:
     """Give the value of every signal of the healthy network.
 
     Parameters
@@ -42,13 +42,13 @@ def predict(network: LogicNetwork, inputs: Observation) -> dict[str, bool]:
     missing = [name for name in network.inputs if name not in inputs]
     if missing:
         raise StructureError(f"{network.name}: no value of input {', '.join(missing)}. Give one.")
-    words = simulate(circuit, [int(inputs[name]) for name in network.inputs], 1)
+    words = simulate_gates(circuit, [int(inputs[name]) for name in network.inputs], 1)
     return {name: bool(word) for name, word in zip(circuit.names, words, strict=True)}
 
 
 def minimum_diagnoses(
-    network: LogicNetwork, observations: Iterable[Observation], *, time_limit: float = TIME_LIMIT
-) -> tuple[Diagnosis, ...]:
+    network: LogicNetwork, observations: Iterable[SignalValues], *, time_limit: float = TIME_LIMIT
+) -> tuple[GateSet, ...]:
     """Give all diagnoses of minimum cardinality that agree with every observation.
 
     The empty diagnosis is the only one of a healthy network; there is none where no set of suspects explains what was
@@ -67,25 +67,23 @@ def minimum_diagnoses(
         than fit in memory.
     """
     deadline = time.perf_counter() + time_limit
-    rows = tuple(observations)
-    circuit = build_circuit(network, _seen(network, rows))
-    number = {name: index for index, name in enumerate(circuit.names)}
-    cases = [_case(circuit, number, row) for row in rows]
+    circuit, cases = _numbered(network, observations)
     open_cases = list(dict.fromkeys(case for case in cases if not _is_healthy(circuit, case)))
     if not open_cases:
         return (frozenset(),)
-    if len(open_cases) == 1 and None not in open_cases[0].inputs and _single_outputs(circuit):
+    suspects = [node.component for node in circuit.nodes if node.component is not None]
+    each_once = list(dict.fromkeys(suspects))
+    if len(open_cases) == 1 and None not in open_cases[0].inputs and len(suspects) == len(each_once):
         sets = _by_regions(circuit, open_cases[0], deadline)
     else:
-        suspects = list(dict.fromkeys(node.component for node in circuit.nodes if node.component is not None))
-        sets = smallest_sets(circuit, open_cases, suspects, strict=False, deadline=deadline)
+        sets = smallest_sets(circuit, open_cases, each_once, strict=False, deadline=deadline)
     names = network.suspects
     place = {name: index for index, name in enumerate(names)}
     ordered = sorted(tuple(sorted(place[name] for name in found)) for found in sets)
     return tuple(frozenset(names[index] for index in indices) for indices in ordered)
 
 
-def explains(network: LogicNetwork, abnormal: Diagnosis, observations: Iterable[Observation]) -> bool:
+def explains(network: LogicNetwork, abnormal: GateSet, observations: Iterable[SignalValues]) -> bool:
     """Whether every observation agrees with these components being abnormal: all that they could give is tried.
 
     Parameters
@@ -99,11 +97,27 @@ def explains(network: LogicNetwork, abnormal: Diagnosis, observations: Iterable[
     StructureError
         When the network is not sound, an observed signal is unknown, or there are too many ways to try.
     """
-    rows = tuple(observations)
-    circuit = build_circuit(network, _seen(network, rows))
-    number = {name: index for index, name in enumerate(circuit.names)}
-    outputs = [node.output for node in circuit.nodes if node.component in abnormal]
-    return all(_agrees(circuit, _case(circuit, number, row), outputs) for row in rows)
+    circuit, cases = _numbered(network, observations)
+    flippable = [node.output for node in circuit.nodes if node.component in abnormal]
+    for case in cases:
+        unknown = [signal for signal, value in enumerate(case.inputs) if value is None]
+        if len(flippable) + len(unknown) > MAX_OPEN:
+            raise StructureError(
+                f"{len(flippable)} abnormal gates and {len(unknown)} unknown inputs leave more than 2^{MAX_OPEN} ways. "
+                "Ask for fewer."
+            )
+        full = (1 << (1 << (len(flippable) + len(unknown)))) - 1
+        # Words whose bits together take every combination: 0101.., 0011.., and so on.
+        periods = [(signal, 1 << k) for k, signal in enumerate((*flippable, *unknown))]
+        words = {signal: full // ((1 << 2 * period) - 1) * ((1 << period) - 1) for signal, period in periods}
+        inputs = [words.get(signal, full if value else 0) for signal, value in enumerate(case.inputs)]
+        given = simulate_gates(circuit, inputs, full, words)
+        agree = full
+        for signal, value in case.seen:
+            agree &= given[signal] if value else ~given[signal]
+        if not agree:
+            return False
+    return True
 
 
 def logic_network(graph: BondGraph) -> LogicNetwork:
@@ -141,55 +155,26 @@ def logic_network(graph: BondGraph) -> LogicNetwork:
     )
 
 
-def _seen(network: LogicNetwork, rows: Iterable[Observation]) -> list[str]:
-    """Give the observed signals other than inputs, each once."""
-    inputs = set(network.inputs)
-    return [name for name in dict.fromkeys(name for row in rows for name in row) if name not in inputs]
-
-
-def _case(circuit: Circuit, number: Mapping[str, int], row: Observation) -> Case:
-    """Give an observation by the numbers of its signals."""
-    inputs = tuple(row.get(name) for name in circuit.names[: circuit.n_inputs])
-    seen = sorted((number[name], value) for name, value in row.items() if number[name] >= circuit.n_inputs)
-    return Case(inputs=inputs, seen=tuple(seen))
+def _numbered(network: LogicNetwork, observations: Iterable[SignalValues]) -> tuple[Circuit, list[Case]]:
+    """Give what the observed signals depend on, and the observations by the numbers of their signals."""
+    rows = tuple(observations)
+    seen = dict.fromkeys(name for row in rows for name in row if name not in network.inputs)
+    circuit = build_circuit(network, seen)
+    number = {name: index for index, name in enumerate(circuit.names)}
+    inputs = circuit.names[: circuit.n_inputs]
+    return circuit, [
+        Case(
+            inputs=tuple(row.get(name) for name in inputs),
+            seen=tuple(sorted((number[name], value) for name, value in row.items() if number[name] >= len(inputs))),
+        )
+        for row in rows
+    ]
 
 
 def _is_healthy(circuit: Circuit, case: Case) -> bool:
     """Whether the healthy circuit gives what was seen, unknown inputs taken as 0; then the case rules nothing out."""
-    words = simulate(circuit, [int(bool(value)) for value in case.inputs], 1)
+    words = simulate_gates(circuit, [int(bool(value)) for value in case.inputs], 1)
     return all(words[signal] == value for signal, value in case.seen)
-
-
-def _agrees(circuit: Circuit, case: Case, flippable: Sequence[int]) -> bool:
-    """Whether what was seen comes about for some of the signals flipped, and some values of unknown inputs."""
-    unknown = [signal for signal, value in enumerate(case.inputs) if value is None]
-    if len(flippable) + len(unknown) > MAX_OPEN:
-        raise StructureError(
-            f"{len(flippable)} abnormal gates and {len(unknown)} unknown inputs leave more than 2^{MAX_OPEN} ways. "
-            "Ask for fewer."
-        )
-    full = (1 << (1 << (len(flippable) + len(unknown)))) - 1
-    words = dict(zip([*flippable, *unknown], _all_ways(full), strict=False))
-    inputs = [words.get(signal, full if value else 0) for signal, value in enumerate(case.inputs)]
-    given = simulate(circuit, inputs, full, words)
-    agree = full
-    for signal, value in case.seen:
-        agree &= given[signal] if value else ~given[signal]
-    return agree != 0
-
-
-def _all_ways(full: int) -> Iterator[int]:
-    """Give words whose bits together take every combination: 0101.., 0011.., and so on."""
-    period = 1
-    while True:
-        yield full // ((1 << 2 * period) - 1) * ((1 << period) - 1)
-        period *= 2
-
-
-def _single_outputs(circuit: Circuit) -> bool:
-    """Whether every suspect is a single gate."""
-    components = [node.component for node in circuit.nodes if node.component is not None]
-    return len(components) == len(set(components))
 
 
 def _by_regions(circuit: Circuit, case: Case, deadline: float) -> list[tuple[str, ...]]:
@@ -215,9 +200,20 @@ def _gates(name: str, output: str, expression: Expression, trusted: bool) -> lis
     gates: list[Gate] = []
 
     def place(part: Expression, outermost: bool) -> str:
-        if isinstance(part, Name) and not outermost:
-            return part.text
-        function, arguments = _operation(part)
+        arguments: tuple[Expression, ...]
+        match part:
+            case Name(text) if not outermost:
+                return text
+            case Name():
+                function, arguments = GateFunction.BUFFER, (part,)
+            case Number(value) if value in _CONSTANTS:
+                function, arguments = _CONSTANTS[value], ()
+            case Call(called, arguments) if called == NOT:
+                function = GateFunction.NOT
+            case Binary(operator, left, right) if operator in _OPERATORS:
+                function, arguments = _OPERATORS[operator], (left, right)
+            case _:
+                raise StructureError(f"{part} is not logic. Write signals, 0, 1 and the operators & | ^ ~.")
         inputs = tuple(place(argument, False) for argument in arguments)
         signal = output if outermost else f"{output}.{len(gates)}"  # no name of a user has a dot
         gates.append(Gate(name=name, function=function, output=signal, inputs=inputs, trusted=trusted or not outermost))
@@ -225,17 +221,3 @@ def _gates(name: str, output: str, expression: Expression, trusted: bool) -> lis
 
     place(expression, True)
     return gates
-
-
-def _operation(expression: Expression) -> tuple[GateFunction, tuple[Expression, ...]]:
-    """Give the outermost operation of an expression and what it is applied to."""
-    match expression:
-        case Name():
-            return GateFunction.BUFFER, (expression,)
-        case Number(value) if value in _CONSTANTS:
-            return _CONSTANTS[value], ()
-        case Call(function, arguments) if function == NOT:
-            return GateFunction.NOT, arguments
-        case Binary(operator, left, right) if operator in _OPERATORS:
-            return _OPERATORS[operator], (left, right)
-    raise StructureError(f"{expression} is not logic. Write signals, 0, 1 and the operators & | ^ ~.")

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from faultbond.errors import ModelError, RecordingError
-from faultbond.model.logic import Diagnosis, Gate, GateFunction, LogicNetwork, Scenario, TimedObservation
+from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, Scenario, TimedObservation
 
 CIRCUIT_SUFFIX = ".xml"
 MAX_BYTES = 64_000_000  # a circuit of 3500 gates has 4 MB
@@ -45,7 +45,15 @@ def read_circuit(path: str | Path) -> LogicNetwork:
         When the file cannot be read, or is no circuit of known gates whose pins are all connected.
     """
     text = _read(path, ModelError)
-    system = _system(text, path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ModelError(f"{path}:{_line(text, '<!DOCTYPE')}: a document type is not read. Remove the <!DOCTYPE> part.")
+    try:
+        root = ET.fromstring(text)  # noqa: S314 - no entities left, see above
+    except ET.ParseError as problem:
+        raise ModelError(f"{path}:{problem.position[0]}: not XML: {problem}.") from problem
+    system = root.find("{*}systems/{*}system")
+    if system is None:
+        raise ModelError(f"{path}: no circuit in it. Expected <systemCatalog><systems><system>, as the DXC files have.")
     kinds = _kinds(system, text, path)
     nets = _nets(system, kinds, text, path)
     names = _signal_names(nets, kinds)
@@ -59,7 +67,14 @@ def read_circuit(path: str | Path) -> LogicNetwork:
     ]
     inputs = tuple(port for port, signal in ports.items() if port == signal and signal not in driven)
     outputs = tuple(port for port in ports if port not in inputs)
-    _check_driven(gates, {*driven, *inputs}, text, path)
+    fed = {*driven, *inputs}
+    for gate in gates:
+        for signal in gate.inputs:
+            if signal not in fed:
+                raise ModelError(
+                    f"{path}:{_line(text, f'>{gate.name}<')}: gate {gate.name}: nothing drives its input {signal}. "
+                    "Connect it to a port or to the output of a gate."
+                )
     title = (system.findtext("{*}systemName") or Path(path).stem).strip()
     return LogicNetwork(name=title, gates=(*gates, *copies), inputs=inputs, outputs=outputs)
 
@@ -79,7 +94,7 @@ def read_scenario(path: str | Path) -> Scenario:
     text = _read(path, RecordingError)
     observations: list[TimedObservation] = []
     injected: set[str] = set()
-    truth: tuple[Diagnosis, ...] | None = None
+    truth: tuple[GateSet, ...] | None = None
     cardinality = normalization = None
     for line, keyword, moment, rest in _statements(text, path):
         where = f"{path}:{line}"
@@ -91,7 +106,8 @@ def read_scenario(path: str | Path) -> Scenario:
                 injected |= {name for name, mode in ASSIGNMENT.findall(_braces(rest, where)) if mode == "faulty"}
             case "ambiguityGroup":
                 truth = _group(rest, where)
-                cardinality = _cardinality(rest)
+                least = re.search(r"\bminCardinality\s*=\s*([0-9]+)", rest)
+                cardinality = int(least[1]) if least else None
             case "normalizationFactor":
                 normalization = _number(rest.removeprefix("=").strip(), where)
                 if not 0 < normalization < math.inf:
@@ -124,38 +140,16 @@ def _read(path: str | Path, error: type[ModelError] | type[RecordingError]) -> s
 # Circuits
 
 
-def _system(text: str, path: str | Path) -> ET.Element:
-    """Parse the XML and give its system."""
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ModelError(f"{path}:{_line(text, '<!DOCTYPE')}: a document type is not read. Remove the <!DOCTYPE> part.")
-    try:
-        root = ET.fromstring(text)  # noqa: S314 - no entities left, see above
-    except ET.ParseError as problem:
-        raise ModelError(f"{path}:{problem.position[0]}: not XML: {problem}.") from problem
-    system = root.find("{*}systems/{*}system")
-    if system is None:
-        raise ModelError(f"{path}: no circuit in it. Expected <systemCatalog><systems><system>, as the DXC files have.")
-    return system
-
-
-def _texts(system: ET.Element, group: str, item: str) -> Iterator[dict[str, str]]:
-    """Give the texts of the children of each `item` under `group`, by their tags."""
-    for holder in system:
-        if _local(holder.tag) == group:
-            for element in holder:
-                if _local(element.tag) == item:
-                    yield {_local(child.tag): (child.text or "").strip() for child in element}
-
-
-def _local(tag: str) -> str:
-    """Give a tag without its namespace."""
-    return tag.rpartition("}")[2]
+def _texts(system: ET.Element, items: str) -> Iterator[dict[str, str]]:
+    """Give the texts of the children of each of some elements, by their tags without namespace."""
+    for element in system.iterfind(items):
+        yield {child.tag.rpartition("}")[2]: (child.text or "").strip() for child in element}
 
 
 def _kinds(system: ET.Element, text: str, path: str | Path) -> dict[str, str]:
     """Give the type of each component by its name."""
     kinds: dict[str, str] = {}
-    for component in _texts(system, "components", "component"):
+    for component in _texts(system, "{*}components/{*}component"):
         name = component.get("name", "")
         if not name or name in kinds:
             problem = f"component {name} stands twice" if name else "a component has no name"
@@ -173,7 +167,7 @@ def _nets(system: ET.Element, kinds: Mapping[str, str], text: str, path: str | P
             parent[name] = name = parent[parent[name]]
         return name
 
-    for connection in _texts(system, "connections", "connection"):
+    for connection in _texts(system, "{*}connections/{*}connection"):
         ends = (connection.get("c1", ""), connection.get("c2", ""))
         for end in ends:
             if end not in parent:
@@ -229,17 +223,6 @@ def _gates(
     return gates
 
 
-def _check_driven(gates: Iterable[Gate], driven: set[str], text: str, path: str | Path) -> None:
-    """Refuse gates whose input is connected to nothing that drives it."""
-    for gate in gates:
-        for signal in gate.inputs:
-            if signal not in driven:
-                raise ModelError(
-                    f"{path}:{_line(text, f'>{gate.name}<')}: gate {gate.name}: nothing drives its input {signal}. "
-                    "Connect it to a port or to the output of a gate."
-                )
-
-
 def _line(text: str, part: str, known: bool = True) -> int:
     """Give the line in which a part of the text first stands."""
     return text.count("\n", 0, max(text.find(part), 0)) + 1 if known else 1
@@ -287,7 +270,7 @@ def _booleans(text: str, where: str) -> dict[str, bool]:
     return values
 
 
-def _group(text: str, where: str) -> tuple[Diagnosis, ...]:
+def _group(text: str, where: str) -> tuple[GateSet, ...]:
     """Read the true diagnoses of `size = 2, minCardinality = 1, diagnoses = { { gate1 }, { gate2 } }`."""
     match = re.search(r"diagnoses\s*=\s*\{((?:[^{}]*\{[^{}]*\})*[^{}]*)\}", text)
     if match is None:
@@ -297,12 +280,6 @@ def _group(text: str, where: str) -> tuple[Diagnosis, ...]:
     if size is not None and int(size[1]) != len(found):
         raise RecordingError(f"{where}: size = {size[1]}, but {len(found)} diagnoses. Is the file cut off?")
     return tuple(found)
-
-
-def _cardinality(text: str) -> int | None:
-    """Read `minCardinality = 1`."""
-    match = re.search(r"\bminCardinality\s*=\s*([0-9]+)", text)
-    return None if match is None else int(match[1])
 
 
 def _number(text: str, where: str) -> float:

@@ -11,7 +11,7 @@ from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.errors import RecordingError
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
-from faultbond.model.logic import LogicNetwork, Observation, TimedObservation
+from faultbond.model.logic import LogicNetwork, SignalValues, TimedObservation
 from faultbond.networks.logic.diagnoses import minimum_diagnoses, predict
 
 
@@ -26,22 +26,32 @@ def watch_logic(network: LogicNetwork, observations: Iterable[TimedObservation])
     StructureError
         if the network is not sound, or the diagnoses are too many or cannot be found in time.
     """
-    rows: dict[tuple[tuple[str, bool], ...], Observation] = {}
+    rows: dict[tuple[tuple[str, bool], ...], SignalValues] = {}
     candidates: tuple[Candidate, ...] = ()
+    order = {name: k for k, name in enumerate(network.suspects)}
     for sample, seen in enumerate(observations):
         if not rows:
-            signals = contradicting(network, seen.values)
+            signals = _contradicting(network, seen.values)
             if not signals:
                 continue
             yield Detection(time=seen.time, sample=sample, change_time=seen.time, signals=signals)
         key = tuple(sorted(seen.values.items()))
         if key not in rows:  # a row seen before says nothing new
             rows[key] = seen.values
-            candidates = _candidates(network, tuple(rows.values()))
+            found = minimum_diagnoses(network, rows.values())
+            candidates = tuple(
+                Candidate(
+                    suspects=(),
+                    blocks=tuple(sorted(diagnosis, key=order.__getitem__)),
+                    probability=1.0 / len(found),
+                    group=True,
+                )
+                for diagnosis in found
+            )
         yield Diagnosis(time=seen.time, candidates=candidates)
 
 
-def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
+def _contradicting(network: LogicNetwork, seen: SignalValues) -> tuple[str, ...]:
     """Give the observed signals that are not as the healthy network makes them; none where it can make them.
 
     With unknown inputs an observation contradicts the network only if no inputs make it; all signals are given then.
@@ -51,13 +61,6 @@ def contradicting(network: LogicNetwork, seen: Observation) -> tuple[str, ...]:
         expected = predict(network, seen)
         return tuple(name for name in observed if expected[name] != seen[name])
     return () if minimum_diagnoses(network, [seen]) == (frozenset(),) else observed
-
-
-def _candidates(network: LogicNetwork, rows: tuple[Observation, ...]) -> tuple[Candidate, ...]:
-    found = minimum_diagnoses(network, rows)
-    order = {name: k for k, name in enumerate(network.suspects)}
-    ordered = [tuple(sorted(diagnosis, key=order.__getitem__)) for diagnosis in found]
-    return tuple(Candidate(suspects=(), blocks=blocks, probability=1.0 / len(found), group=True) for blocks in ordered)
 
 
 def logic_observations(graph: BondGraph, points: Iterable[GridPoint]) -> Iterator[TimedObservation]:

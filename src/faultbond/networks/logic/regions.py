@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from faultbond.networks.logic.circuit import NOWHERE, Circuit, dominators, evaluate, simulate
+from faultbond.networks.logic.circuit import NOWHERE, Circuit, dominators, gate_word, simulate_gates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,41 +56,27 @@ def exchanges(
     for case, roots in enumerate(sets):
         for signal in roots:
             flips[signal] |= 1 << case
-    words = simulate(circuit, [full if value else 0 for value in inputs], full, flips)
-    able = _able(circuit, regions, words, flips, full)
-    return [
-        [[signal for signal, cases in able[root].items() if cases >> case & 1] for root in roots]
-        for case, roots in enumerate(sets)
-    ]
-
-
-def _able(
-    circuit: Circuit, regions: Regions, words: Sequence[int], flips: Mapping[int, int], full: int
-) -> dict[int, dict[int, int]]:
-    """Give by root, for each suspect of its region, the cases in which it can stand for the root."""
-    readers = _readers(circuit)
+    words = simulate_gates(circuit, [full if value else 0 for value in inputs], full, flips)
+    readers: list[list[int]] = [[] for _ in circuit.names]  # outputs of the gates that read each signal
+    for node in circuit.nodes:
+        for signal in node.inputs:
+            readers[signal].append(node.output)
     reach: dict[int, int] = {}  # cases in which a change of the signal changes its root
-    able: dict[int, dict[int, int]] = defaultdict(dict)
+    able: dict[int, dict[int, int]] = defaultdict(dict)  # by root and suspect, cases in which this can stand for it
     for node in reversed(circuit.nodes):
-        signal, root = node.output, regions.root[node.output]
+        signal, root, above = node.output, regions.root[node.output], regions.dominator[node.output]
         if root not in flips:
             continue
         if signal == root:
             reach[signal] = flips[root]
-        elif further := reach.get(regions.dominator[signal], 0):
-            reach[signal] = further & _changes(circuit, readers, words, flips, signal, regions.dominator[signal], full)
+        elif further := reach.get(above, 0):
+            reach[signal] = further & _changes(circuit, readers, words, flips, signal, above, full)
         if node.component is not None and reach.get(signal):
             able[root][signal] = reach[signal]
-    return able
-
-
-def _readers(circuit: Circuit) -> list[list[int]]:
-    """Give the outputs of the gates that read each signal."""
-    readers: list[list[int]] = [[] for _ in circuit.names]
-    for node in circuit.nodes:
-        for signal in node.inputs:
-            readers[signal].append(node.output)
-    return readers
+    return [
+        [[signal for signal, cases in able[root].items() if cases >> case & 1] for root in roots]
+        for case, roots in enumerate(sets)
+    ]
 
 
 def _changes(
@@ -112,7 +98,7 @@ def _changes(
             continue
         node = circuit.node(reader)
         before = words[reader] ^ flips.get(reader, 0)
-        after = evaluate(node, {item: changed.get(item, words[item]) for item in node.inputs}, full)
+        after = gate_word(node, {item: changed.get(item, words[item]) for item in node.inputs}, full)
         if reader == target:
             return before ^ after
         if before != after:

@@ -14,7 +14,7 @@ from faultbond.algebra.routes.matched import alternatives, find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant
 from faultbond.algebra.solving.printing import to_one_line
 from faultbond.algebra.solving.problem import name_of
-from faultbond.algebra.solving.solution import Root, Solution
+from faultbond.algebra.solving.solution import Root
 from faultbond.algebra.solving.solve import SolvingLimits, solve
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
@@ -60,17 +60,9 @@ def answer_closed(network: ComponentNetwork, question: Question, route: Route | 
         return Closed(question=question, route=route, roots=solution.roots, formula=to_one_line(solution) or "")
     states = [f"{name}_0" for name in state_signals(network)]
     torn = tear(network, route, plant, prefer=states)
-    return Closed(
-        question=question,
-        route=route,
-        roots=(),
-        formula=f"by Newton's method for {', '.join(torn.guessed)}: {_why(solution)}",
-        torn=torn,
-    )
-
-
-def _why(solution: Solution) -> str:
-    return next(iter(solution.remarks), solution.kind.value).removeprefix("no closed form: ")
+    why = next(iter(solution.remarks), solution.kind.value).removeprefix("no closed form: ")
+    formula = f"by Newton's method for {', '.join(torn.guessed)}: {why}"
+    return Closed(question=question, route=route, roots=(), formula=formula, torn=torn)
 
 
 def from_samples(network: ComponentNetwork) -> tuple[tuple[Question, Route | None] | None, ...]:
@@ -80,8 +72,8 @@ def from_samples(network: ComponentNetwork) -> tuple[tuple[Question, Route | Non
     a state is followed by the model alone.
     """
     found: list[tuple[Question, Route | None] | None] = []
-    for question in questions.states(network):
-        if question.is_known(_signal(question)):
+    for state, question in zip(state_signals(network), questions.states(network), strict=True):
+        if question.is_known((state, 0)):
             found.append((question, None))
             continue
         try:
@@ -93,82 +85,53 @@ def from_samples(network: ComponentNetwork) -> tuple[tuple[Question, Route | Non
     return tuple(found)
 
 
-def _signal(question: Question) -> tuple[str, int]:
-    (target,) = question.targets
-    if isinstance(target, str):
-        raise TypeError(target)
-    return target
-
-
 def read_by(network: ComponentNetwork, item: tuple[Question, Route | None] | None) -> frozenset[str]:
     """Give the outputs whose newest sample a state is found from."""
     if item is None:
         return frozenset()
     question, route = item
-    used = [_signal(question)] if route is None else route.samples
-    return frozenset(name for name, frame in used if frame == 0 and name in network.outputs)
+    used = question.targets if route is None else route.samples
+    return frozenset(name for name in network.outputs if (name, 0) in used)
 
 
 def from_before(network: ComponentNetwork, state: str, hidden: Iterable[str]) -> tuple[Question, Route]:
     """Ask for a state from the states before and one sample without some outputs. Source: thesis 5.3."""
-    question = Question(
-        targets=((state, 0),),
-        observed=network.observed,
-        known=_start(network),
-        hidden=frozenset({(state, 0), *((name, 0) for name in hidden)}),
-        frames=1,
-        title=f"state {state} from the states before",
-    )
-    return question, forward_route(network, question)
+    return _one_sample(network, state, (state, *hidden), f"state {state} from the states before")
 
 
 def expected(network: ComponentNetwork, output: str, *, inputs_only: bool = False) -> tuple[Question, Route]:
     """Ask for an output from the states before and all else that is measured. Source: thesis 4.2.4."""
     hidden = network.outputs if inputs_only else (output,)
-    question = Question(
-        targets=((output, 0),),
-        observed=network.observed,
-        known=_start(network),
-        hidden=frozenset((name, 0) for name in hidden),
-        frames=1,
-        title=f"output {output}",
-    )
-    return question, forward_route(network, question)
+    return _one_sample(network, output, hidden, f"output {output}")
 
 
-def _start(network: ComponentNetwork) -> frozenset[tuple[str, int]]:
-    return frozenset((state, 1) for state in state_signals(network))
-
-
-def forward_route(network: ComponentNetwork, question: Question) -> Route:
-    """Give the shortest route along which stores integrate, and which passes the stores that cause the target.
+def _one_sample(network: ComponentNetwork, target: str, hidden: Iterable[str], title: str) -> tuple[Question, Route]:
+    """Ask for a signal from the states before and one sample, by the shortest route along which stores integrate.
 
     A measured signal may be passed on in any direction: that a meter reads through a component is no reason not to use
     it. But no state is differentiated, and a target that a state causes is not found round about that state.
-
-    Raises
-    ------
-    StructureError
-        Where there is no route.
     """
+    question = Question(
+        targets=((target, 0),),
+        observed=network.observed,
+        known=frozenset((state, 1) for state in state_signals(network)),
+        hidden=frozenset((name, 0) for name in hidden),
+        frames=1,
+        title=title,
+    )
     sums = {state.sum: (state.signal, 0) for state in network.states}
     along = find_route(network, replace(question, causal=True))
     needed = _nearest_sums(along, sums, network)
+
+    def is_forward(route: Route) -> bool:
+        used = {step.equation: step.finds for step in route.steps if step.equation in sums}
+        return needed <= used.keys() and all(found == sums[name] for name, found in used.items())
+
     first = find_route(network, question)
-    if _is_forward(first, sums, needed):
-        return first
-    found = [
-        route
-        for route in islice(alternatives(network, question, MOST_ROUTES), MOST_ROUTES)
-        if _is_forward(route, sums, needed)
-    ]
-    return min(found, key=lambda route: len(route.steps), default=along)
-
-
-def _is_forward(route: Route, sums: dict[str, tuple[str, int]], needed: frozenset[str]) -> bool:
-    used = {step.equation for step in route.steps if step.equation in sums}
-    integrates = all(step.finds == sums[step.equation] for step in route.steps if step.equation in sums)
-    return integrates and needed <= used
+    if is_forward(first):
+        return question, first
+    found = filter(is_forward, islice(alternatives(network, question, MOST_ROUTES), MOST_ROUTES))
+    return question, min(found, key=lambda route: len(route.steps), default=along)
 
 
 def _nearest_sums(route: Route, sums: dict[str, tuple[str, int]], network: ComponentNetwork) -> frozenset[str]:

@@ -17,18 +17,11 @@ from faultbond.equations.component_network import ComponentNetwork, Equation, Si
 from faultbond.equations.inversion import substitute
 from faultbond.equations.matching import match
 from faultbond.errors import StructureError
-from faultbond.model.expression import Number, names
+from faultbond.model.expression import Number
 from faultbond.model.parser import to_text
 from faultbond.thesis.offline.functions import answer_closed, state_signals
 
 MISFIT = "misfit"  # name of what is left over of a law
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RedundantSet:
-    """Equations that together have one to spare; smallest first where several are given."""
-
-    equations: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,26 +39,20 @@ def known_signals(network: ComponentNetwork) -> tuple[frozenset[str], frozenset[
     """Give the inputs and outputs whose samples are used, and the states and rates that are given."""
     states = state_signals(network)
     given = frozenset((name, 0) for name in (*states, *(state.rate for state in network.states)))
-    kept = [name for name in network.outputs if name not in states and not _is_shown(network, name, given)]
-    return frozenset((*network.inputs, *kept)), given
-
-
-def _is_shown(network: ComponentNetwork, output: str, given: frozenset[SignalAt]) -> bool:
-    """Whether an output follows from states and inputs without any parameter that may be at fault."""
     suspects = set(network.suspects)
-    suspended = {item.name for item in network.equations if suspects.intersection(item.parameters)}
-    question = Question(
-        targets=((output, 0),),
-        observed=frozenset(network.inputs),
-        known=given,
-        suspended=_sums(network) | suspended,
-        frames=1,
-    )
-    try:
-        find_route(network, question)
-    except StructureError:
-        return False
-    return True
+    suspended = _sums(network) | {item.name for item in network.equations if suspects.intersection(item.parameters)}
+    inputs = frozenset(network.inputs)
+
+    def is_shown(output: str) -> bool:
+        """Whether an output follows from states and inputs without any parameter that may be at fault."""
+        asked = Question(targets=((output, 0),), observed=inputs, known=given, suspended=suspended, frames=1)
+        try:
+            find_route(network, asked)
+        except StructureError:
+            return False
+        return True
+
+    return inputs.union(name for name in network.outputs if name not in states and not is_shown(name)), given
 
 
 def _sums(network: ComponentNetwork) -> frozenset[str]:
@@ -87,8 +74,8 @@ def _question(network: ComponentNetwork, equation: Equation, allowed: frozenset[
     )
 
 
-def relations(network: ComponentNetwork) -> tuple[RedundantSet, ...]:
-    """Give the smallest independent relations."""
+def independent_relations(network: ComponentNetwork) -> tuple[frozenset[str], ...]:
+    """Give the smallest sets of equations that have one to spare and are independent, smallest first."""
     laws = [item for item in network.equations if item.name not in _sums(network)]
     found: dict[frozenset[str], int] = {}
     for law in laws:
@@ -101,33 +88,25 @@ def relations(network: ComponentNetwork) -> tuple[RedundantSet, ...]:
         found.setdefault(relation, len(found))
     suspects = {item.name: len(set(item.parameters).intersection(network.suspects)) for item in laws}
     order = sorted(found, key=lambda item: (len(item), sum(suspects[name] for name in item), found[item]))
-    return tuple(RedundantSet(equations=item) for item in independent(network, order))
+    return independent(network, order)
 
 
 def independent(network: ComponentNetwork, candidates: Iterable[frozenset[str]]) -> tuple[frozenset[str], ...]:
     """Give, in order, the sets of equations that say something which those before them do not."""
+    observed, given = known_signals(network)
     chosen: list[frozenset[str]] = []
     for candidate in candidates:
-        if _spare(network, frozenset().union(*chosen, candidate)) > len(chosen):
+        places: dict[SignalAt, int] = {}
+        rows = []
+        for name in sorted(candidate.union(*chosen)):
+            open_ = (item for item in network.equation(name).signals if item[0] not in observed and item not in given)
+            rows.append([places.setdefault(signal, len(places)) for signal in open_])
+        if len(rows) - sum(row >= 0 for row in match(rows, len(places))) > len(chosen):  # once each unknown has one
             chosen.append(candidate)
     return tuple(chosen)
 
 
-def _spare(network: ComponentNetwork, equations: frozenset[str]) -> int:
-    """Give how many of some equations are left over once each unknown signal has one."""
-    observed, given = known_signals(network)
-    places: dict[SignalAt, int] = {}
-    rows = []
-    for name in sorted(equations):
-        open_ = [
-            signal for signal in network.equation(name).signals if signal[0] not in observed and signal not in given
-        ]
-        rows.append([places.setdefault(signal, len(places)) for signal in open_])
-    matched = match(rows, len(places))
-    return len(rows) - sum(row >= 0 for row in matched)
-
-
-def side_of(network: ComponentNetwork, relation: RedundantSet, parameter: str, plant: NumericPlant) -> Side:
+def side_of(network: ComponentNetwork, relation: frozenset[str], parameter: str, plant: NumericPlant) -> Side:
     """Give, in a relation, the law of a suspended component and the signals on its sides.
 
     Raises
@@ -135,7 +114,7 @@ def side_of(network: ComponentNetwork, relation: RedundantSet, parameter: str, p
     StructureError
         Where no law of the parameter in this relation has a closed form of its sides.
     """
-    laws = [item for item in network.equations if item.name in relation.equations and parameter in item.parameters]
+    laws = [item for item in network.equations if item.name in relation and parameter in item.parameters]
     refusals = []
     for law in laws:
         try:
@@ -145,8 +124,8 @@ def side_of(network: ComponentNetwork, relation: RedundantSet, parameter: str, p
     raise StructureError(refusals[0])
 
 
-def _closed_side(network: ComponentNetwork, law: Equation, relation: RedundantSet, plant: NumericPlant) -> Side:
-    question = _question(network, law, relation.equations)
+def _closed_side(network: ComponentNetwork, law: Equation, relation: frozenset[str], plant: NumericPlant) -> Side:
+    question = _question(network, law, relation)
     route = find_route(network, question) if question.targets else None
     closed = answer_closed(network, question, route, plant)
     if closed.torn is not None:
@@ -156,14 +135,7 @@ def _closed_side(network: ComponentNetwork, law: Equation, relation: RedundantSe
     return Side(
         equation=law.name,
         suspended=law.parameters,
-        relation=relation.equations,
+        relation=relation,
         roots=tuple(replace(root, lines=(*root.lines, misfit)) for root in closed.roots),
         formula=f"{to_text(misfit.value)} = 0; {closed.formula}",
     )
-
-
-def reaching(network: ComponentNetwork, side: Side) -> tuple[frozenset[str], frozenset[str]]:
-    """Give the parameters and the inputs that a law with its sides depends on."""
-    used = {name for root in side.roots for line in root.lines for name in names(line.value)}
-    inputs = frozenset(name for name in network.inputs if f"{name}_0" in used)
-    return frozenset(network.parameters) & used, inputs

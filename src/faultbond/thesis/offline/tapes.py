@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from faultbond.algebra.solving.solution import Line, Root
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
-from faultbond.thesis.offline.torn import Torn, starts_of
-from faultbond.thesis.online.plan import Batch
+from faultbond.thesis.offline.torn import Torn
+from faultbond.thesis.online.plan import Programs
 from faultbond.thesis.online.tape import Instruction, NewtonTape, Outcome, Program
 
 MAX_POWER = 16  # whole powers up to here are products
@@ -70,7 +70,11 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
     KeyError
         Where a closed form uses a name that has no place.
     """
-    outer = dict.fromkeys(name for root in roots for name in _outer(root, targets))
+    outer: dict[str, None] = {}  # names that closed forms are given, in order of use
+    for root in roots:
+        own = {line.name for line in root.lines}
+        used = (*(name for item in _expressions(root) for name in names(item)), *targets)
+        outer |= dict.fromkeys(name for name in used if name not in own)
     constants = tuple(dict.fromkeys(n for root in roots for item in _expressions(root) for n in _numbers(item)))
     writer = _Writer(len(outer), constants)
     arguments = {name: k for k, name in enumerate(outer)}
@@ -95,15 +99,19 @@ def compile_roots(roots: Sequence[Root], targets: Sequence[str], places: Mapping
 
 def compile_torn(torn: Torn, target: str, places: Mapping[str, int]) -> NewtonTape:
     """Give the search for a target that has no closed form."""
+    starts = []
+    for name in torn.guessed:  # the same signal one frame earlier
+        signal, _, frame = name.rpartition("_")
+        starts.append(places.get(f"{signal}_{int(frame) + 1}", -1) if frame.isdigit() else -1)
     return NewtonTape(
         program=compile_roots([Root(lines=torn.lines)], (*torn.misfits, target), places),
         guessed=tuple(places[name] for name in torn.guessed),
-        starts=starts_of(torn, places),
+        starts=tuple(starts),
         about=torn.about,
     )
 
 
-def compile_batch(items: Sequence[tuple[Sequence[Root], str] | None], places: Mapping[str, int]) -> Batch:
+def compile_batch(items: Sequence[tuple[Sequence[Root], str] | None], places: Mapping[str, int]) -> Programs:
     """Give programs for many closed forms of one target each; those with one root only are one program.
 
     Parameters
@@ -136,13 +144,6 @@ def _within(root: Root, row: int) -> Callable[[str], str]:
 
 def _expressions(root: Root) -> tuple[Expression, ...]:
     return (*(line.value for line in root.lines), *(item.expression for item in root.conditions))
-
-
-def _outer(root: Root, targets: Sequence[str]) -> tuple[str, ...]:
-    """Names that a closed form is given, in order of use."""
-    own = {line.name for line in root.lines}
-    used = (*(name for item in _expressions(root) for name in names(item)), *targets)
-    return tuple(name for name in dict.fromkeys(used) if name not in own)
 
 
 def _numbers(expression: Expression) -> tuple[float, ...]:

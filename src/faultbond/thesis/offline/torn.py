@@ -4,9 +4,9 @@ Of the unknowns of a block that must be solved together a few are guessed, the o
 as many equations are left over, whose misfits are zero at the right guess. Source: Elmqvist and Otter 1994 (tearing).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations, islice
 
 from faultbond.algebra.route import Route
 from faultbond.algebra.solving.backward_euler import NumericPlant
@@ -19,7 +19,7 @@ from faultbond.model.expression import Call, Expression, names, walk
 from faultbond.thesis.online.tape import OPERATIONS
 
 MOST_GUESSED = 3  # unknowns of a block that are guessed
-_MOST_TRIED = 400  # choices of them
+_MOST_TRIED = 401  # choices of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,11 @@ def tear(network: ComponentNetwork, route: Route, plant: NumericPlant, prefer: S
     lines: list[Line] = []
     misfits: list[str] = []
     for block in problem.blocks:
-        found = _tear_block(block, prefer)
+        order = sorted(block.unknown, key=lambda name: name not in prefer)
+        sizes = range(min(MOST_GUESSED, len(order)) + 1)
+        choices = islice(chain.from_iterable(combinations(order, size) for size in sizes), _MOST_TRIED)
+        tried = ((chosen, _follow(block, chosen)) for chosen in choices)
+        found = next(((chosen, *followed) for chosen, followed in tried if followed is not None), None)
         if found is None:
             raise StructureError(
                 f"{network.file}: {route.question.title} takes {len(block.unknown)} equations at once that neither a "
@@ -74,57 +78,21 @@ def tear(network: ComponentNetwork, route: Route, plant: NumericPlant, prefer: S
     return Torn(guessed=tuple(guessed), about=about, lines=tuple(lines), misfits=tuple(misfits))
 
 
-def _tear_block(block: Block, prefer: Sequence[str]) -> tuple[tuple[str, ...], list[Line], list[Expression]] | None:
-    """Give what is guessed, how the other unknowns follow, and what is left over; None where that takes too many."""
-    for number, chosen in enumerate(_choices(block, prefer)):
-        if number > _MOST_TRIED:
-            return None
-        found = _follow(block, chosen)
-        if found is not None:
-            return chosen, *found
-    return None
-
-
-def _choices(block: Block, prefer: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    order = sorted(block.unknown, key=lambda name: name not in prefer)
-    for size in range(min(MOST_GUESSED, len(order)) + 1):
-        yield from combinations(order, size)
-
-
 def _follow(block: Block, chosen: Sequence[str]) -> tuple[list[Line], list[Expression]] | None:
     """Solve equation after equation for the one unknown that is left in it; None where that comes to a stop."""
     open_ = [name for name in block.unknown if name not in chosen]
     left = list(block.residuals)
     lines: list[Line] = []
     while open_:
-        step = _next(left, open_)
-        if step is None:
+        for residual in left:
+            unknown = [name for name in names(residual) if name in open_]
+            value = isolate(residual, unknown[0]) if len(unknown) == 1 else None
+            calls = (part for part in walk(value) if isinstance(part, Call)) if value is not None else ()
+            if value is not None and all(part.function in OPERATIONS for part in calls):
+                left.remove(residual)
+                open_.remove(unknown[0])
+                lines.append(Line(name=unknown[0], value=value))
+                break
+        else:
             return None
-        residual, line = step
-        left.remove(residual)
-        open_.remove(line.name)
-        lines.append(line)
     return lines, left
-
-
-def _next(left: Sequence[Expression], open_: Sequence[str]) -> tuple[Expression, Line] | None:
-    for residual in left:
-        unknown = [name for name in names(residual) if name in open_]
-        if len(unknown) == 1:
-            value = isolate(residual, unknown[0])
-            if value is not None and _can_run(value):
-                return residual, Line(name=unknown[0], value=value)
-    return None
-
-
-def _can_run(value: Expression) -> bool:
-    return all(part.function in OPERATIONS for part in walk(value) if isinstance(part, Call))
-
-
-def starts_of(torn: Torn, places: Mapping[str, int]) -> tuple[int, ...]:
-    """Give the place of each guessed signal one frame earlier, -1 where that is not known."""
-    found = []
-    for name in torn.guessed:
-        signal, _, frame = name.rpartition("_")
-        found.append(places.get(f"{signal}_{int(frame) + 1}", -1) if frame.isdigit() else -1)
-    return tuple(found)

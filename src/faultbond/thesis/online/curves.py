@@ -16,7 +16,7 @@ from faultbond.thesis.online.state import ClassicState
 class CurvePoint:
     """What is plotted of one sample; SI.
 
-    time : of the sample worked on, s; told_at : of the newest one, at which it was known
+    time : of the sample worked on, s
     trust : P_A (figure 5.6)
     samples, before, states : A, B and their blend, (n_states,) (figures 5.4, 5.5, 5.9, 5.10)
     measured, expected : filtered output and its prediction by the healthy model, (n_outputs,) (5.8, 7.7, 7.8, 7.12)
@@ -27,11 +27,10 @@ class CurvePoint:
     hitting : hitting index of each hypothesis, (n_hypotheses,) (7.22, 7.29, 7.35, 7.36, 7.40)
     averages : estimate of each parameter as mean over the tested sets that contain it, (n_parameters,) (7.37)
 
-    The last five are nan until the alarm.
+    The last five are nan until the alarm. Source of the averages: thesis 7.4.
     """
 
     time: float
-    told_at: float
     trust: float
     samples: FloatArray
     before: FloatArray
@@ -49,14 +48,19 @@ class CurvePoint:
 
 def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> CurvePoint:
     """Give what is plotted of the sample that a state was left by."""
-    testing = state.alarm >= 0
+    found = reason(spec, plan, state) if state.alarm >= 0 and plan.tested else None
     scales = np.array([item.scale for item in spec.parameters] + [np.nan])
-    estimates = scales[plan.slots[:, 1:].astype(int)] * state.factors[:, 1:]
-    nothing = np.full(len(plan.tested), np.nan)
-    found = reason(spec, plan, state) if testing and plan.tested else None
+    chosen = plan.slots[:, 1:].astype(int)
+    estimates = scales[chosen] * state.factors[:, 1:]
+    averages = np.full(len(spec.parameters), np.nan)
+    for index in np.unique(chosen[chosen >= 0]):
+        averages[index] = estimates[chosen == index].mean()
+
+    def tested(values: FloatArray) -> FloatArray:
+        return values if state.alarm >= 0 else np.full_like(values, np.nan)
+
     return CurvePoint(
         time=state.at,
-        told_at=state.time,
         trust=state.trust,
         samples=state.samples_states[:, 0],
         before=state.before_states[:, 0],
@@ -65,32 +69,14 @@ def point_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> CurveP
         expected=state.expected[:, 0],
         index=indices_of(state.sums)[:, 0],
         limit=current_limits(spec, plan, state),
-        estimates=estimates if testing else np.full_like(estimates, np.nan),
-        predicted=state.expected[:, 1:] if testing else np.full((len(spec.outputs), len(plan.tested)), np.nan),
-        errors=found.error if found is not None else nothing,
-        hitting=found.hitting if found is not None else np.full(len(spec.hypotheses), np.nan),
-        averages=averages_of(len(spec.parameters), plan, estimates)
-        if testing
-        else np.full(len(spec.parameters), np.nan),
+        estimates=tested(estimates),
+        predicted=tested(state.expected[:, 1:]),
+        errors=found.error if found else np.full(len(plan.tested), np.nan),
+        hitting=found.hitting if found else np.full(len(spec.hypotheses), np.nan),
+        averages=tested(averages),
     )
 
 
-def averages_of(n_parameters: int, plan: ClassicPlan, estimates: FloatArray) -> FloatArray:
-    """Give the mean estimate of each parameter over the tested sets that contain it, nan where none does.
-
-    Source
-    ------
-    Thesis 7.4, figure 7.37.
-    """
-    chosen = plan.slots[:, 1:].astype(int)
-    found = np.full(n_parameters, np.nan)
-    for index in range(n_parameters):
-        own = estimates[chosen == index]
-        if own.size:
-            found[index] = own.mean()
-    return found
-
-
 def stacked(points: list[CurvePoint]) -> dict[str, FloatArray]:
-    """Give the curves by name, one row for each point."""
+    """Give the curves by name, one row for each point, (n_points, ...)."""
     return {name: np.array([getattr(point, name) for point in points]) for name in CurvePoint.__slots__}

@@ -29,7 +29,7 @@ def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
     for index, suspect in zip(spec.hypotheses[hypothesis], candidate.suspects, strict=True):
         healthy[index] = suspect.estimate
     accepted = replace(
-        resumed(replace(state, alarm=-1)),
+        after_pause(replace(state, alarm=-1)),
         healthy=healthy,
         misfits=0.0 * state.misfits,
         misfit_counts=0.0 * state.misfits,
@@ -50,7 +50,7 @@ def reject(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
     return replace(state, rejected=rejected), candidate
 
 
-def resumed(state: ClassicState) -> ClassicState:
+def after_pause(state: ClassicState) -> ClassicState:
     """Give the state with which a run goes on after a time of unknown length: monitoring begins anew, unless it tests.
 
     What the plant's signals are like, and what was accepted, is kept.

@@ -36,8 +36,8 @@ def weights_of(settings: Settings, size: FloatArray, small: FloatArray) -> Float
     Parameters
     ----------
     settings : which formula
-    size : |O|, shape (n_outputs,)
-    small : the limit below which an output does not count, shape (n_outputs,)
+    size : |O|, shape (n_outputs,), SI
+    small : the limit below which an output does not count, shape (n_outputs,), SI
 
     Source
     ------
@@ -60,9 +60,9 @@ def add_error(
     Parameters
     ----------
     settings : forgetting, and which formula
-    sums : numerator and denominator, shape (2, n_outputs, n_lanes)
-    measured : O, shape (n_outputs,)
-    error : E, absolute error of each output, shape (n_outputs, n_lanes)
+    sums : numerator and denominator, shape (2, n_outputs, n_lanes), SI
+    measured : O, shape (n_outputs,), SI
+    error : E, absolute error of each output, shape (n_outputs, n_lanes), SI
     weight : W, shape (n_outputs,); 0: the sample changes nothing
 
     Source
@@ -78,12 +78,12 @@ def add_error(
 
 
 def indices_of(sums: FloatArray) -> FloatArray:
-    """Give the error index, shape (n_outputs, n_lanes); 0 as long as nothing counted."""
+    """Give the error index, a part of the output, of sums (2, n_outputs, n_lanes); 0 as long as nothing counted."""
     return np.where(sums[1] > 0.0, sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0), 0.0)
 
 
 def limits_of(settings: Settings, noise: FloatArray, model: FloatArray, samples: int) -> FloatArray:
-    """Give the limit of the error index of each output, shape (n_outputs,).
+    """Give the limit of the error index of each output, shape (n_outputs,), a part of the output.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def exceeds(settings: Settings, index: FloatArray, before: FloatArray, limit: Fl
     Parameters
     ----------
     settings : whether outputs are averaged
-    index, before : error index now and one sample earlier, shape (n_outputs,)
-    limit : shape (n_outputs,)
+    index, before : error index now and one sample earlier, shape (n_outputs,), parts of the output
+    limit : shape (n_outputs,), parts of the output
 
     Source
     ------

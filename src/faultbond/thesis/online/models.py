@@ -7,9 +7,9 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
-from faultbond.thesis.online.newton import solve
-from faultbond.thesis.online.plan import Batch, ClassicPlan
-from faultbond.thesis.online.tape import NewtonTape, evaluate
+from faultbond.thesis.online.newton import solve_torn
+from faultbond.thesis.online.plan import ClassicPlan, Programs
+from faultbond.thesis.online.tape import NewtonTape, run_program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ def parameters_of(spec: EngineSpec, plan: ClassicPlan, healthy: FloatArray, fact
     Parameters
     ----------
     spec, plan : the model
-    healthy : values while healthy, (n_parameters,)
+    healthy : values while healthy, (n_parameters,), SI
     factors : of the suspects of each lane, (n_slots, n_lanes)
     """
     lanes = factors.shape[1]
@@ -54,59 +54,56 @@ def spread_parameters(spec: EngineSpec, healthy: FloatArray) -> FloatArray:
 
 
 def states_from_samples(plan: ClassicPlan, moment: FilteredSample, otherwise: FloatArray) -> FloatArray:
-    """Give A, the states from several samples, (n_states, n_lanes); where there is no value the states `otherwise`."""
-    environment = _environment(plan, moment)
-    return _run(plan.from_samples, environment, otherwise)
+    """Give A, the states from several samples, (n_states, n_lanes), SI; where there is no value `otherwise`."""
+    return _run(plan, plan.from_samples, moment, otherwise)
 
 
 def states_from_before(plan: ClassicPlan, moment: FilteredSample, before: FloatArray) -> FloatArray:
-    """Give B, the states from those one sample `before`, (n_states, n_lanes), and one sample; nan: no value."""
-    environment = _environment(plan, moment)
-    _place(environment, plan.before, before)
-    return _run(plan.from_before, environment, np.full(before.shape, np.nan))
+    """Give B, the states from those one sample `before`, (n_states, n_lanes), SI, and one sample; nan: no value."""
+    return _run(plan, plan.from_before, moment, np.full(before.shape, np.nan), (plan.before, before))
 
 
 def outputs_from_before(plan: ClassicPlan, moment: FilteredSample, before: FloatArray) -> FloatArray:
-    """Give the outputs expected from the states one sample `before` and all else, (n_outputs, n_lanes)."""
-    environment = _environment(plan, moment)
-    _place(environment, plan.before, before)
-    return _run(plan.expected, environment, np.full((len(plan.algebraic), moment.n_lanes), np.nan))
+    """Give the outputs expected from the states one sample `before` and all else, (n_outputs, n_lanes), SI."""
+    nothing = np.full((len(plan.algebraic), moment.n_lanes), np.nan)
+    return _run(plan, plan.expected, moment, nothing, (plan.before, before))
 
 
 def misfits_of(plan: ClassicPlan, moment: FilteredSample, states: FloatArray, rates: FloatArray) -> FloatArray:
-    """Give what is left over of each law between the signals on its sides, (n_sides, n_lanes)."""
-    environment = _environment(plan, moment)
-    _place(environment, plan.rates, rates)
-    _place(environment, plan.now, states)
-    return _run(plan.misfits, environment, np.full((len(plan.sides), moment.n_lanes), np.nan))
+    """Give what is left over of each law between the signals on its sides, (n_sides, n_lanes), SI.
+
+    states, rates : (n_states, n_lanes), SI
+    """
+    nothing = np.full((len(plan.sides), moment.n_lanes), np.nan)
+    return _run(plan, plan.misfits, moment, nothing, (plan.rates, rates), (plan.now, states))
 
 
-def _environment(plan: ClassicPlan, moment: FilteredSample) -> list[FloatArray]:
-    """Give the places with sample time, parameters and samples; the rest is nan."""
-    nothing = np.array([np.nan])
-    environment = [nothing] * len(plan.names)
+def _run(
+    plan: ClassicPlan,
+    programs: Programs,
+    moment: FilteredSample,
+    otherwise: FloatArray,
+    *given: tuple[Sequence[int], FloatArray],
+) -> FloatArray:
+    """Give the results of programs, and `otherwise` where they have none.
+
+    Known are sample time, parameters and samples, and what is given by its places; the rest is nan.
+    """
+    environment = [np.array([np.nan])] * len(plan.names)
     environment[0] = np.array([moment.dt])
-    for place, values in zip(plan.parameter_places, moment.parameters, strict=True):
-        environment[place] = values
-    for signal, places in enumerate(plan.sample_places):
-        for frame, place in enumerate(places):
+    for signal, own in enumerate(plan.sample_places):
+        for frame, place in enumerate(own):
             environment[place] = moment.frames[frame, signal : signal + 1]
-    return environment
-
-
-def _place(environment: list[FloatArray], places: Sequence[int], values: FloatArray) -> None:
-    for place, row in zip(places, values, strict=True):
-        if place >= 0:
-            environment[place] = row
-
-
-def _run(batch: Batch, environment: Sequence[FloatArray], otherwise: FloatArray) -> FloatArray:
+    for places, values in ((plan.parameter_places, moment.parameters), *given):
+        for place, row in zip(places, values, strict=True):
+            if place >= 0:
+                environment[place] = row
     found = otherwise.copy()
-    for program, rows in batch:
+    for program, rows in programs:
         if isinstance(program, NewtonTape):
-            value = solve(program, environment, found.shape[1])
+            value = solve_torn(program, environment, found.shape[1])
         else:
-            value = evaluate(program, environment)
+            value = run_program(program, environment)
         finite = np.isfinite(value)
         found[list(rows)] = value if finite.all() else np.where(finite, value, otherwise[list(rows)])
     return found

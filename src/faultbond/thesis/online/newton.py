@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.thesis.online.tape import NewtonTape, Program, evaluate
+from faultbond.thesis.online.tape import NewtonTape, run_program
 
 STEPS = 40
 HALVINGS = 8
@@ -13,7 +13,7 @@ SLOPE_STEP = 1e-7  # of a guess
 CLOSE = 1e-9  # of a guess; a smaller step is none
 
 
-def solve(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
+def solve_torn(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
     """Give the results of a torn function.
 
     Parameters
@@ -27,79 +27,57 @@ def solve(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> 
     float array, shape (n_results, n_lanes)
         nan where no solution was found; the caller silences warnings of numpy
     """
+    count = len(search.guessed)
     scale = np.maximum(np.abs(np.array(search.about)), 1e-12)[:, None]
-    guess = _first(search, environment, lanes)
-    found = _run(search, environment, guess)
+    guess = np.repeat(np.array(search.about, dtype=float)[:, None], lanes, axis=1)
+    for k, place in enumerate(search.starts):  # where the signals were one frame earlier, if that is known
+        if place >= 0:
+            guess[k] = np.where(np.isfinite(environment[place]), environment[place], guess[k])
+
+    def run(guess: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Give misfits, then results, (n_guessed + n_results, n_lanes), and the largest misfit of each lane."""
+        filled = list(environment)
+        for place, values in zip(search.guessed, guess, strict=True):
+            filled[place] = values
+        height = len(search.program.outcomes[0].results)
+        found = np.asarray(np.broadcast_to(run_program(search.program, filled), (height, lanes)))
+        misfits = found[:count]
+        return found, np.where(np.isfinite(misfits).all(axis=0), np.abs(misfits).max(axis=0), np.inf)
+
+    found, size = run(guess)
     done = np.zeros(lanes, dtype=bool)
     for _ in range(STEPS):
-        change = _newton(search, environment, guess, found, scale)
-        guess, found, moved = _damped(search, environment, guess, found, change)
+        slopes = np.empty((lanes, count, count))
+        for k in range(count):
+            step = SLOPE_STEP * np.maximum(np.abs(guess[k]), scale[k])
+            moved = guess.copy()
+            moved[k] += step
+            slopes[:, :, k] = ((run(moved)[0][:count] - found[:count]) / step).T
+        change = _newton_step(slopes, found[:count])
+        # The whole step, or half of it, or a quarter, ..., until the misfits shrink.
+        part, open_, before = 1.0, np.ones(lanes, dtype=bool), size
+        for _ in range(HALVINGS):
+            trial = guess + part * change
+            there, smaller = run(trial)
+            better = open_ & (smaller < before)
+            guess, found = np.where(better, trial, guess), np.where(better, there, found)
+            size = np.where(better, smaller, size)
+            open_ = open_ & ~better
+            if not open_.any():
+                break
+            part /= 2.0
         small = np.all(np.abs(change) <= CLOSE * np.maximum(np.abs(guess), scale), axis=0)
-        done = done | small | (_size(search, found) == 0.0)
-        if np.all(done | ~moved):
+        done = done | small | (size == 0.0)
+        if np.all(done | open_):
             break
-    return np.where(done, found[len(search.guessed) :], np.nan)
+    return np.where(done, found[count:], np.nan)
 
 
-def _first(search: NewtonTape, environment: Sequence[FloatArray], lanes: int) -> FloatArray:
-    """Begin where the signals were one frame earlier, or where they are in the nominal plant."""
-    found = np.repeat(np.array(search.about, dtype=float)[:, None], lanes, axis=1)
-    for k, place in enumerate(search.starts):
-        if place >= 0:
-            found[k] = np.where(np.isfinite(environment[place]), environment[place], found[k])
-    return found
-
-
-def _run(search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray) -> FloatArray:
-    """Give misfits, then results, (n_guessed + n_results, n_lanes)."""
-    filled = list(environment)
-    for place, values in zip(search.guessed, guess, strict=True):
-        filled[place] = values
-    return np.asarray(np.broadcast_to(evaluate(search.program, filled), (_height(search.program), guess.shape[1])))
-
-
-def _height(program: Program) -> int:
-    return len(program.outcomes[0].results)
-
-
-def _size(search: NewtonTape, found: FloatArray) -> FloatArray:
-    misfits = found[: len(search.guessed)]
-    return np.where(np.isfinite(misfits).all(axis=0), np.abs(misfits).max(axis=0), np.inf)
-
-
-def _newton(
-    search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, scale: FloatArray
-) -> FloatArray:
-    """Give the Newton step; nan where there is none."""
-    count = len(search.guessed)
-    slopes = np.empty((guess.shape[1], count, count))
-    for k in range(count):
-        step = SLOPE_STEP * np.maximum(np.abs(guess[k]), scale[k])
-        moved = guess.copy()
-        moved[k] += step
-        slopes[:, :, k] = ((_run(search, environment, moved)[:count] - found[:count]) / step).T
-    usable: BoolArray = np.asarray(np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(found[:count]).all(axis=0))
-    safe = np.where(usable[:, None, None], slopes, np.eye(count))
+def _newton_step(slopes: FloatArray, misfits: FloatArray) -> FloatArray:
+    """Give the change of the guesses (n_guessed, n_lanes), nan where there is none; slopes (n_lanes, n, n_guessed)."""
+    usable: BoolArray = np.asarray(np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(misfits).all(axis=0))
+    safe = np.where(usable[:, None, None], slopes, np.eye(len(misfits)))
     regular = np.abs(np.linalg.det(safe)) > 0.0
-    safe = np.where(regular[:, None, None], safe, np.eye(count))
-    change = -np.linalg.solve(safe, found[:count].T[:, :, None])[:, :, 0].T
+    safe = np.where(regular[:, None, None], safe, np.eye(len(misfits)))
+    change = -np.linalg.solve(safe, misfits.T[:, :, None])[:, :, 0].T
     return np.where(usable & regular, change, np.nan)
-
-
-def _damped(
-    search: NewtonTape, environment: Sequence[FloatArray], guess: FloatArray, found: FloatArray, change: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Take the whole step, or half of it, or a quarter, ..., until the misfits shrink; tell which lanes moved."""
-    part, open_ = 1.0, np.ones(guess.shape[1], dtype=bool)
-    before = _size(search, found)
-    for _ in range(HALVINGS):
-        trial = guess + part * change
-        there = _run(search, environment, trial)
-        better = open_ & (_size(search, there) < before)
-        guess = np.where(better, trial, guess)
-        found = np.where(better, there, found)
-        open_ = open_ & ~better
-        if not open_.any():
-            break
-        part /= 2.0
-    return guess, found, ~open_

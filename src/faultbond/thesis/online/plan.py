@@ -9,7 +9,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.thesis.online.settings import Settings
 from faultbond.thesis.online.tape import NewtonTape, Program
 
-Batch = tuple[tuple[Program | NewtonTape, tuple[int, ...]], ...]  # programs, and for each what its results are
+Programs = tuple[tuple[Program | NewtonTape, tuple[int, ...]], ...]  # programs, and for each what its results are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +62,10 @@ class ClassicPlan:
     before: tuple[int, ...]
     rates: tuple[int, ...]
     points: tuple[int, ...]
-    from_samples: Batch
-    from_before: Batch
-    expected: Batch
-    misfits: Batch
+    from_samples: Programs
+    from_before: Programs
+    expected: Programs
+    misfits: Programs
     algebraic: tuple[bool, ...]
     sides: tuple[Sides, ...]
     uses: tuple[tuple[int, ...], ...]

@@ -34,9 +34,9 @@ def filtered(window: FloatArray, centre: int, band: float, *, relative: bool = F
 
     Parameters
     ----------
-    window : float array, shape (points,), oldest first; nan where missing
+    window : float array, shape (points,), SI, oldest first; nan where missing
     centre : place of the sample
-    band : a sample farther from the parabola counts itself
+    band : SI; a sample farther from the parabola counts itself
     relative : whether the band is a part of the parabola's value
 
     Returns

@@ -9,17 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond import sets
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.ranking import MAX_CANDIDATES
 from faultbond.thesis.online.indices import indices_of, limits_of
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum
 from faultbond.thesis.online.state import ClassicState
 
 CLIP = 0.5  # largest error index that counts
-MAX_CANDIDATES = 100
 ALIKE = 1.0  # noise/signal ratios; hypotheses that differ by less are one group
 REFUTED = 4.0  # noise/signal ratios that a hypothesis costs if no tested set that contains it explains
 SIZE = 1.5  # noise/signal ratios that each further suspect costs
@@ -31,23 +30,17 @@ class Reasoning:
 
     error : error index of each tested set, averaged over the outputs, (n_tested,)
     explains : whether it explains, (n_tested,)
-    contains : whether a tested set contains a hypothesis, (n_hypotheses, n_tested)
-    left : whether a hypothesis is left, (n_hypotheses,)
-    cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,)
+    cleared : part of the tested sets that contain a hypothesis which explain, (n_hypotheses,); 1: it is left
     hitting : hitting index of each hypothesis, (n_hypotheses,)
     quarter : error index of a hypothesis: the lower quartile of those of the tested sets that contain it, so that one
         of them whose least squares went astray does not count, (n_hypotheses,)
-    noise : noise/signal ratio
     """
 
     error: FloatArray
     explains: BoolArray
-    contains: BoolArray
-    left: BoolArray
     cleared: FloatArray
     hitting: FloatArray
     quarter: FloatArray
-    noise: float
 
 
 def noise_of(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> FloatArray:
@@ -68,6 +61,7 @@ def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
     """Give the hitting index of each hypothesis, (n_hypotheses,).
 
     A hypothesis misses the conflict set of every tested set that contains it, and hits all others.
+    contains: (n_hypotheses, n_tested); error: (n_tested,), parts of the signal.
 
     Source
     ------
@@ -77,14 +71,16 @@ def hitting_indices(contains: BoolArray, error: FloatArray) -> FloatArray:
     return np.asarray(np.where(contains, clipped, CLIP - clipped).sum(axis=1))
 
 
-def left_over(contains: BoolArray, explains: BoolArray) -> BoolArray:
-    """Tell which hypotheses are left: those of which every tested set that contains them explains, if there is one.
+def cleared_parts(contains: BoolArray, explains: BoolArray) -> FloatArray:
+    """Give what part of the tested sets that contain a hypothesis explain, (n_hypotheses,); 0 where none contains it.
+
+    With 1 the hypothesis is left. contains: (n_hypotheses, n_tested); explains: (n_tested,).
 
     Source
     ------
     Thesis 6.4.2; `sets.hypotheses_left` gives the same as sets.
     """
-    return np.asarray((contains <= explains).all(axis=1) & contains.any(axis=1))
+    return np.asarray((contains & explains).sum(axis=1) / np.maximum(contains.sum(axis=1), 1))
 
 
 def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasoning:
@@ -101,47 +97,26 @@ def reason(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Reasonin
     return Reasoning(
         error=error,
         explains=explains,
-        contains=contains,
-        left=left_over(contains, explains),
-        cleared=(contains & explains).sum(axis=1) / counts,
+        cleared=cleared_parts(contains, explains),
         hitting=hitting_indices(contains, error),
         quarter=quarter,
-        noise=float(noise_of(spec, plan, state).mean()),
     )
-
-
-def conflicts(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> sets.Diagnoses[str]:
-    """Give the conflict sets that the tests show, by parameter names, and the diagnoses that hit them all.
-
-    Source
-    ------
-    Thesis 6.4.2: hitting sets of the conflicts found, without their parts that have been cleared.
-    """
-    suspects = frozenset(item.name for item in spec.parameters if item.suspect)
-    found = reason(spec, plan, state)
-    names = [frozenset(spec.parameters[k].name for k in item) for item in plan.tested]
-    verdicts = dict(zip(names, map(bool, found.explains), strict=True))
-    conflicting = sets.conflict_sets(suspects, verdicts)
-    cleared = [suspects - tested for tested, explains in verdicts.items() if explains]
-    hitting = sets.minimal_hitting_sets(conflicting, max_size=max(map(len, names), default=0))
-    return sets.Diagnoses(sets=sets.without_cleared(hitting, cleared), conflicts=conflicting, tests=len(names))
-
-
-def penalties(plan: ClassicPlan, hypotheses: tuple[tuple[int, ...], ...], found: Reasoning) -> FloatArray:
-    """Give how bad each hypothesis is, in noise/signal ratios: its error index, and what it takes to believe it."""
-    if Erratum.RANKING in plan.settings.printed:
-        return found.hitting / max(found.noise, 1e-12)
-    sizes = np.array([len(item) for item in hypotheses], dtype=float)
-    return np.asarray(found.quarter / max(found.noise, 1e-12) + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared))
 
 
 def rank(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Diagnosis:
     """Give the hypotheses, best first.
 
-    The thesis gives no probabilities. The weights here fall by e for each noise/signal ratio of error index.
+    How bad a hypothesis is, in noise/signal ratios, is its error index and what it takes to believe it. The thesis
+    gives no probabilities. The weights here fall by e for each noise/signal ratio.
     """
     found = reason(spec, plan, state)
-    penalty = np.where(state.rejected > 0, np.inf, penalties(plan, spec.hypotheses, found))
+    noise = max(float(noise_of(spec, plan, state).mean()), 1e-12)
+    if Erratum.RANKING in plan.settings.printed:
+        penalty = found.hitting / noise
+    else:
+        sizes = np.array([len(item) for item in spec.hypotheses], dtype=float)
+        penalty = found.quarter / noise + SIZE * (sizes - 1.0) + REFUTED * (1.0 - found.cleared)
+    penalty = np.where(state.rejected > 0, np.inf, penalty)
     order = np.argsort(penalty, kind="stable")[: min(MAX_CANDIDATES, int(np.isfinite(penalty).sum()))]
     weight = np.exp(np.min(penalty, initial=np.inf) - penalty) if len(order) else penalty
     total = float(weight.sum()) or 1.0

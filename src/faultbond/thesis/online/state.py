@@ -18,92 +18,52 @@ ALLOWED = {
     "since_step": Allowed(least=0.0, infinite=True),
     **dict.fromkeys(("raw", "raw_times", "frames", "held_inputs"), Allowed(nan=True)),
     **dict.fromkeys(  # of models that may have run away
-        (
-            "squares",
-            "spread_states",
-            "spread_sums",
-            "samples_states",
-            "before_states",
-            "states",
-            "rates",
-            "expected",
-            "sums",
-            "index_before",
-            "factors",
-            "covariance",
-            "misfits",
-        ),
-        ANYTHING,
+        ("squares", "spread_states", "spread_sums", "samples_states", "before_states", "states", "rates"), ANYTHING
     ),
+    **dict.fromkeys(("expected", "sums", "index_before", "factors", "covariance", "misfits"), ANYTHING),
 }
 _WHOLE = ("index", "running", "alarm", "absent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClassicState:
-    """The numbers; lane 0 is the healthy model, the others are the tested sets.
+    """The numbers, SI; lane 0 is the healthy model, the others are the tested sets."""
 
-    index : samples taken
-    running : samples since monitoring began, T of the thesis; -1: not yet
-    alarm : sample of the alarm; -1: none
-    absent : samples since any output was there
-    time, at : of the newest sample, and of the sample that was last worked on, which the prefilter delays; s
-    raw : newest samples as they came, oldest first, shape (window, n_signals); raw_times : (window,)
-    frames : filtered samples, newest first, missing ones held, shape (depth, n_signals)
-    present : whether each signal of the newest frame was there
-    held_inputs, peak, since_step : to find steps of inputs, (n_inputs,)
-    squares : mean square of each output, (n_outputs,); counts : samples in it
-    healthy : values of the parameters while healthy, (n_parameters,), SI; nominal until something is accepted
-    spread_states : states of models with one parameter off by its declared accuracy, (n_states, n_parameters)
-    spread_sums : numerator and denominator of the error index of such models, all together, (2, n_outputs)
-    rejected : 1 for each hypothesis that a person has ruled out, (n_hypotheses,)
-    samples_states, before_states, states : A, B and their blend, (n_states, n_lanes)
-    rates : change of the blend in a second, (n_states, n_lanes)
-    trust : P_A
-    expected : predicted outputs, (n_outputs, n_lanes)
-    sums : numerator and denominator of the error index, (2, n_outputs, n_lanes)
-    index_before : error index one sample earlier, (n_outputs, n_lanes)
-    quiet_at : time at which each output was last below half its limit, (n_outputs,)
-    factors : estimated parameters over their scale, (n_slots, n_lanes)
-    covariance : of the factors, (n_slots, n_slots, n_lanes)
-    misfits : mean square of what is left over of each law while healthy, (n_sides,); misfit_counts : samples in it
-    """
-
-    index: int
-    running: int
-    alarm: int
-    absent: int
-    time: float
-    at: float
-    trust: float
-    raw: FloatArray
-    raw_times: FloatArray
-    frames: FloatArray
-    present: FloatArray
-    held_inputs: FloatArray
-    peak: FloatArray
-    since_step: FloatArray
-    squares: FloatArray
-    counts: FloatArray
-    healthy: FloatArray
-    spread_states: FloatArray
-    spread_sums: FloatArray
-    rejected: FloatArray
-    samples_states: FloatArray
-    before_states: FloatArray
-    states: FloatArray
-    rates: FloatArray
-    expected: FloatArray
-    sums: FloatArray
-    index_before: FloatArray
-    quiet_at: FloatArray
-    factors: FloatArray
-    covariance: FloatArray
-    misfits: FloatArray
-    misfit_counts: FloatArray
+    index: int  # samples taken
+    running: int  # samples since monitoring began, T of the thesis; -1: not yet
+    alarm: int  # sample of the alarm; -1: none
+    absent: int  # samples since any output was there
+    time: float  # of the newest sample, s
+    at: float  # of the sample that was last worked on, which the prefilter delays, s
+    trust: float  # P_A
+    raw: FloatArray  # (window, n_signals): newest samples as they came, oldest first
+    raw_times: FloatArray  # (window,), s
+    frames: FloatArray  # (depth, n_signals): filtered samples, newest first, missing ones held
+    present: FloatArray  # (n_signals,): whether each signal of the newest frame was there
+    held_inputs: FloatArray  # (n_inputs,): this and the next two to find steps of inputs
+    peak: FloatArray  # (n_inputs,)
+    since_step: FloatArray  # (n_inputs,), s
+    squares: FloatArray  # (n_outputs,): mean square of each output
+    counts: FloatArray  # (n_outputs,): samples in it
+    healthy: FloatArray  # (n_parameters,): values while healthy; nominal until something is accepted
+    spread_states: FloatArray  # (n_states, n_parameters): of models with one parameter off by its declared accuracy
+    spread_sums: FloatArray  # (2, n_outputs): numerator and denominator of the error index of all these together
+    rejected: FloatArray  # (n_hypotheses,): 1 for each that a person has ruled out
+    samples_states: FloatArray  # (n_states, n_lanes): A,
+    before_states: FloatArray  # (n_states, n_lanes): B,
+    states: FloatArray  # (n_states, n_lanes): and their blend
+    rates: FloatArray  # (n_states, n_lanes): change of the blend in a second
+    expected: FloatArray  # (n_outputs, n_lanes): predicted outputs
+    sums: FloatArray  # (2, n_outputs, n_lanes): numerator and denominator of the error index
+    index_before: FloatArray  # (n_outputs, n_lanes): error index one sample earlier
+    quiet_at: FloatArray  # (n_outputs,): time at which each output was last below half its limit, s
+    factors: FloatArray  # (n_slots, n_lanes): estimated parameters over their scale
+    covariance: FloatArray  # (n_slots, n_slots, n_lanes): of the factors
+    misfits: FloatArray  # (n_sides,): mean square of what is left over of each law while healthy
+    misfit_counts: FloatArray  # (n_sides,): samples in it
 
     def save(self) -> dict[str, FloatArray]:
-        """Give all numbers by name, for `numpy.savez`."""
+        """Give all numbers by name, each in its shape above, for `numpy.savez`."""
         return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
 
     @staticmethod

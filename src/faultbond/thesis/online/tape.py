@@ -81,7 +81,7 @@ class NewtonTape:
     about: tuple[float, ...]
 
 
-def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
+def run_program(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
     """Run a program for all lanes at once.
 
     Where no root holds, as when noise turns the sign of a flow that stands still, the first is taken as it is.
@@ -105,7 +105,10 @@ def evaluate(program: Program, environment: Sequence[FloatArray]) -> FloatArray:
         return found
     for outcome in reversed(program.outcomes):
         other = _results(registers, outcome)
-        found = np.where(_holds(registers, outcome) & np.isfinite(other).all(axis=0), other, found)
+        met: BoolArray = np.array([True])
+        for place, strict in outcome.conditions:
+            met = met & (registers[place] > 0.0 if strict else registers[place] >= 0.0)
+        found = np.where(met & np.isfinite(other).all(axis=0), other, found)
     return found
 
 
@@ -114,11 +117,3 @@ def _results(registers: Sequence[FloatArray], outcome: Outcome) -> FloatArray:
     if len({value.shape for value in found}) > 1:
         found = list(np.broadcast_arrays(*found))
     return np.array(found)
-
-
-def _holds(registers: Sequence[FloatArray], outcome: Outcome) -> BoolArray:
-    met: BoolArray = np.array([True])
-    for place, strict in outcome.conditions:
-        value = registers[place]
-        met = met & (value > 0.0 if strict else value >= 0.0)
-    return met

@@ -96,7 +96,8 @@ def _filtered(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Class
     noises = [*(item.noise for item in spec.inputs), *(item.noise for item in spec.outputs)]
     row = state.raw[centre].copy()
     relative = Erratum.BAND in settings.printed
-    ratios = np.concatenate([np.full(len(spec.inputs), _mean_noise(spec, plan, state)), noise_of(spec, plan, state)])
+    noise = noise_of(spec, plan, state)
+    ratios = np.concatenate([np.full(len(spec.inputs), noise.mean()), noise])
     for k, points in enumerate(plan.points):
         if points > 1:
             first = centre - points // 2
@@ -118,19 +119,6 @@ def _filtered(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Class
     )
 
 
-def _mean_noise(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> float:
-    return float(noise_of(spec, plan, state).mean())
-
-
-def _interval(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> float:
-    """Give the time from the filtered sample before to that in the middle of the window, s."""
-    centre = plan.delay
-    before = state.raw_times[centre - 1] if centre > 0 else np.nan
-    if not np.isfinite(before):
-        return spec.sample_time or 1.0
-    return float(state.raw_times[centre] - before)
-
-
 def _begun(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:
     """Begin with the states that several samples give."""
     moment = _moment(spec, plan, state, 1)
@@ -149,28 +137,48 @@ def _begun(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicS
 
 
 def _moment(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, lanes: int) -> FilteredSample:
-    dt = _interval(spec, plan, state)
-    return FilteredSample(
-        dt=dt, frames=state.frames, parameters=parameters_of(spec, plan, state.healthy, state.factors[:, :lanes])
-    )
+    """Give the newest filtered sample for the models of the first lanes."""
+    parameters = parameters_of(spec, plan, state.healthy, state.factors[:, :lanes])
+    return FilteredSample(dt=_interval(spec, plan, state), frames=state.frames, parameters=parameters)
+
+
+def _interval(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> float:
+    """Give the time from the filtered sample before to that in the middle of the window, s."""
+    centre = plan.delay
+    before = state.raw_times[centre - 1] if centre > 0 else np.nan
+    if not np.isfinite(before):
+        return spec.sample_time or 1.0
+    return float(state.raw_times[centre] - before)
 
 
 def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:
-    """Estimate the states, predict the outputs and take their errors in, for all lanes that run."""
-    moment, past = _models(spec, plan, state)
+    """Estimate the states, predict the outputs and take their errors in, for all lanes that run.
+
+    After the alarm the healthy model runs and one of each tested set; until then the healthy one, and with it those
+    whose parameters are off by their declared accuracy.
+    """
+    testing = state.alarm >= 0
+    own, past = _moment(spec, plan, state, plan.n_lanes if testing else 1), state.states
+    moment = own
+    if not testing:
+        moment = replace(own, parameters=spread_parameters(spec, state.healthy))
+        past = np.hstack([state.states[:, :1], state.spread_states])
     expected = outputs_from_before(plan, moment, past)
     before = states_from_before(plan, moment, past)
     samples = states_from_samples(plan, moment, before)
     samples = np.where(np.isfinite(samples), samples, past)
     before = np.where(np.isfinite(before), before, samples)
-    state = _typical(spec, state)
+    if not testing:
+        y, present = state.frames[0, len(spec.inputs) :], state.present[len(spec.inputs) :] > 0
+        squares, counts = _mean_squares(state.squares, state.counts, y, present)
+        state = replace(state, squares=squares, counts=counts)
     running = state.running + 1
-    trust = trust_in_samples(plan.settings, _mean_noise(spec, plan, state), plan.accuracy, running)
+    noise = float(noise_of(spec, plan, state).mean())
+    trust = trust_in_samples(plan.settings, noise, plan.accuracy, running)
     states = trust * samples + (1.0 - trust) * before
-    if state.alarm < 0:
+    if not testing:
         state = _spread(spec, plan, state, expected, states)
         expected, before, samples, states, past = (item[:, :1] for item in (expected, before, samples, states, past))
-        moment = _moment(spec, plan, state, 1)
     sums = add_error(plan.settings, state.sums[:, :, : states.shape[1]], *_errors(spec, plan, state, expected))
     state = replace(
         state,
@@ -179,25 +187,12 @@ def _watched(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> Classi
         samples_states=_merged(state.samples_states, samples),
         before_states=_merged(state.before_states, before),
         states=_merged(state.states, states),
-        rates=_merged(state.rates, (states - past) / moment.dt),
+        rates=_merged(state.rates, (states - past) / own.dt),
         expected=_merged(state.expected, expected),
         index_before=indices_of(state.sums),
         sums=_merged(state.sums, sums),
     )
-    return _estimated(spec, plan, state, moment)
-
-
-def _models(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[FilteredSample, FloatArray]:
-    """Give the models that run, and their states one sample before.
-
-    After the alarm the healthy model and one of each tested set; until then the healthy one, and with it those whose
-    parameters are off by their declared accuracy.
-    """
-    if state.alarm >= 0:
-        return _moment(spec, plan, state, plan.n_lanes), state.states
-    parameters = spread_parameters(spec, state.healthy)
-    moment = FilteredSample(dt=_interval(spec, plan, state), frames=state.frames, parameters=parameters)
-    return moment, np.hstack([state.states[:, :1], state.spread_states])
+    return _estimated(spec, plan, state, own)
 
 
 def _spread(
@@ -212,20 +207,17 @@ def _spread(
     return replace(state, spread_states=states[:, 1:], spread_sums=sums[..., 0])
 
 
+def _mean_squares(
+    squares: FloatArray, counts: FloatArray, values: FloatArray, use: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Take the values that are used into their mean squares, and into the numbers of samples in these."""
+    counts = counts + use
+    return squares + np.where(use, (values**2 - squares) / np.maximum(counts, 1.0), 0.0), counts
+
+
 def _merged(whole: FloatArray, part: FloatArray) -> FloatArray:
     """Give an array with its first lanes replaced."""
     return np.concatenate([part, whole[..., part.shape[-1] :]], axis=-1)
-
-
-def _typical(spec: EngineSpec, state: ClassicState) -> ClassicState:
-    """Take the outputs into their mean squares, until the alarm."""
-    if state.alarm >= 0:
-        return state
-    n_u = len(spec.inputs)
-    present = state.present[n_u:] > 0
-    counts = state.counts + present
-    change = np.where(present, (state.frames[0, n_u:] ** 2 - state.squares) / np.maximum(counts, 1.0), 0.0)
-    return replace(state, counts=counts, squares=state.squares + change)
 
 
 def _errors(
@@ -268,10 +260,8 @@ def _estimated(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment:
         if state.running <= plan.settings.patience:
             return state
         misfits = healthy_misfits(plan, state, moment)
-        use = np.isfinite(misfits) & ~resting
-        counts = state.misfit_counts + use
-        change = np.where(use, (misfits**2 - state.misfits) / np.maximum(counts, 1.0), 0.0)
-        return replace(state, misfits=state.misfits + change, misfit_counts=counts)
+        squares, counts = _mean_squares(state.misfits, state.misfit_counts, misfits, np.isfinite(misfits) & ~resting)
+        return replace(state, misfits=squares, misfit_counts=counts)
     if state.index - state.alarm <= plan.settings.patience:
         return state
     factors, covariance = improve(spec, plan, state, moment, resting)
@@ -279,7 +269,10 @@ def _estimated(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, moment:
 
 
 def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[ClassicState, Report]:
-    """Compare the error indices of the healthy model with their limits, raise the alarm, rank."""
+    """Compare the error indices of the healthy model with their limits, raise the alarm, rank.
+
+    The onset is taken to be when the leading output was last below half its limit.
+    """
     index = indices_of(state.sums)[:, 0]
     limit = current_limits(spec, plan, state)
     warm = state.running >= spec.thresholds.warm_up_samples
@@ -291,7 +284,13 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
     elif warm:
         above = exceeds(plan.settings, index, state.index_before[:, 0], limit)
         if above.any():
-            detection = _detection(spec, state, above, index / limit)
+            leading = int(np.argmax(np.where(above, index / limit, -np.inf)))
+            detection = Detection(
+                time=state.time,
+                sample=state.index,
+                change_time=float(state.quiet_at[leading]),
+                signals=tuple(item.name for k, item in enumerate(spec.outputs) if above[k]),
+            )
             state = _suspected(spec, plan, state)
             diagnosis = rank(spec, plan, state)
     status = Status.DIAGNOSING if state.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
@@ -305,17 +304,6 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
         diagnosis=diagnosis,
     )
     return replace(state, index=state.index + 1), report
-
-
-def _detection(spec: EngineSpec, state: ClassicState, above: BoolArray, ratio: FloatArray) -> Detection:
-    """Give the alarm; the onset is taken to be when the leading output was last below half its limit."""
-    leading = int(np.argmax(np.where(above, ratio, -np.inf)))
-    return Detection(
-        time=state.time,
-        sample=state.index,
-        change_time=float(state.quiet_at[leading]),
-        signals=tuple(item.name for k, item in enumerate(spec.outputs) if above[k]),
-    )
 
 
 def _suspected(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> ClassicState:

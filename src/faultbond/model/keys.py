@@ -1,0 +1,244 @@
+"""The keys of a model file, once: what stands there, what it means, whether it may be missing, what holds instead.
+
+Reading, writing, messages and the JSON Schema follow from these tables, in their order.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from faultbond.model.elements import DEFAULT_LAWS, OWN_SIGNALS
+from faultbond.model.source import NAME
+
+Form = Mapping[str, Any]  # JSON Schema of a value; a `description` in it is a place for the sentence of a key
+
+MAX_FAULTS = 2
+MOST_FAULTS = 10
+ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
+CHANGE = 200.0  # per cent of the nominal
+CHECK_COST = 1.0
+
+_NAME = f"^{NAME.pattern}$"
+_SIGNAL = rf"^{NAME.pattern}(\.{NAME.pattern})?$"
+_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"
+
+TEXT: Form = {"type": "string", "minLength": 1}
+NAME_TEXT: Form = {"type": "string", "pattern": _NAME}
+VALUE: Form = {"type": ["string", "number"], "description": "a number, or a number and a unit, such as `64650 Pa`"}
+YES_NO: Form = {"description": "", "enum": [True, False, "yes", "no", "true", "false"]}
+RANGE: Form = {
+    "description": "",
+    "anyOf": [
+        {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2},
+        {"const": "any"},
+    ],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key of a table.
+
+    form, sentence : what may stand there, and what it means; for the schema
+    required : whether a schema can say that it must stand there
+    missing : what to do where it is missing; a reader of the table says so at once
+    default : what holds where it is missing, as it is listed for the user; empty where that needs no line or is no text
+    """
+
+    form: "Form | Keys"
+    sentence: str = ""
+    required: bool = False
+    missing: str = ""
+    default: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys that a table may have, in order.
+
+    short : a key whose value may stand for the whole table
+    may_be_empty : whether nothing may stand for it
+    """
+
+    known: Mapping[str, Key]
+    short: str = ""
+    may_be_empty: bool = False
+
+
+def _one_or_more(item: Form) -> Form:
+    """Give the form of one thing, or a list of them."""
+    return {"description": "", "anyOf": [item, {"type": "array", "items": item, "minItems": 1}]}
+
+
+def _named(item: "Form | Keys", pattern: str = _NAME, **more: int) -> Form:
+    """Give the form of a table whose keys are names of the user's."""
+    names = {"propertyNames": {"pattern": pattern}, "additionalProperties": item}
+    return {"type": "object", "description": "", **names, **more}
+
+
+_UNIT = "unit of its column"
+_COLUMN = Key(TEXT, "column of a recording; default its name", default="its name")
+_START = "solved from the first samples"
+
+PARAMETER_KEYS = Keys(
+    {
+        "nominal": Key(VALUE, "healthy value", required=True, missing="state its healthy value"),
+        "accuracy": Key(VALUE, "standard deviation while healthy, relative or absolute", default=f"{ACCURACY:g} %"),
+        "change": Key(
+            VALUE, "standard deviation of a faulty value about the nominal; default `200 %`", default=f"{CHANGE:g} %"
+        ),
+        "range": Key(RANGE, "default: the sign of the nominal"),
+        "limit": Key(
+            {"description": "", "anyOf": [VALUE, {"type": "array", "items": VALUE, "minItems": 1, "maxItems": 2}]},
+            "value at which a drift matters, or one on each side",
+        ),
+        "suspect": Key(YES_NO, "`no` trusts the parameter"),
+    },
+    short="nominal",
+)
+_PARAMETERS = Key(_named(PARAMETER_KEYS), "numbers that a fault may change")
+INPUT_KEYS = Keys(
+    {
+        "unit": Key(TEXT, f"{_UNIT}, such as `percent`; `logic` for 0 and 1"),
+        "column": _COLUMN,
+        "noise": Key(VALUE, "standard deviation; default 0", default="0"),
+        "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
+        "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
+        "suspect": Key(YES_NO, "`no` trusts the input"),
+    },
+    may_be_empty=True,
+)
+COMPONENT_KEYS = Keys(
+    {
+        "type": Key(
+            {"enum": [element.value for element in OWN_SIGNALS]},
+            required=True,
+            missing=f"it is one of {', '.join(element.value for element in OWN_SIGNALS)}",
+        ),
+        "law": Key(
+            _one_or_more(TEXT),
+            "`left = right`; default with one parameter X: "
+            + "; ".join(f"{element.value} `{' and '.join(texts)}`" for element, texts in DEFAULT_LAWS.items()),
+        ),
+        "parameters": _PARAMETERS,
+        "start": Key(
+            Keys({"q": Key(VALUE), "p": Key(VALUE), "sd": Key(VALUE, required=True)}),
+            f"known start of a store; default: {_START}",
+            default=_START,
+        ),
+    }
+)
+BLOCK_KEYS = Keys(
+    {
+        "law": Key(
+            _one_or_more(TEXT),
+            "`y = K*x` defines signal y, `der(y) = x/P` makes it a store, or any equation",
+            required=True,
+        ),
+        "parameters": _PARAMETERS,
+        "signals": Key(_one_or_more(NAME_TEXT), "unknown signals that no law defines"),
+        "start": Key(
+            {
+                "description": "",
+                "type": "object",
+                "additionalProperties": VALUE,
+                "propertyNames": {"pattern": _NAME},
+                "required": ["sd"],
+                "minProperties": 2,
+                "maxProperties": 2,
+            },
+            f"known start of its store, `{{y: 2 m, sd: 1 cm}}`; default: {_START}",
+            default=_START,
+        ),
+        "suspect": Key(YES_NO, "`no` trusts the block and its parameters"),
+    }
+)
+SENSOR_KEYS = Keys(
+    {
+        "reads": Key(TEXT, "a law of signals, such as `vessel.e`", required=True),
+        "unit": Key(TEXT, f"{_UNIT}; default SI; `logic` for 0 and 1", default="SI"),
+        "noise": Key(
+            VALUE, "standard deviation, `180 Pa` or `2 % of 8.9 kPa`; default 0 in a static network", default="0"
+        ),
+        "column": _COLUMN,
+        "range": Key(RANGE, "measuring range; a value at an end or beyond is not used; default any"),
+        "suspect": Key(YES_NO, "`no` trusts the sensor"),
+    }
+)
+SLOW_ERROR_KEYS = Keys(
+    {
+        "size": Key(
+            {
+                "type": "string",
+                "pattern": rf"^\s*{_NUMBER}.*\sover\s",
+                "description": "standard deviation and memory, `2 % over 600 s`",
+            },
+            required=True,
+            missing="write it as `size: 0.2 cm over 40 s`",
+        ),
+        "after": Key(_one_or_more(NAME_TEXT), "inputs after whose changes it is larger"),
+        "each": Key(VALUE, "how much larger for each unit of a change"),
+    },
+    short="size",
+)
+CHECK_KEYS = Keys(
+    {
+        "cost": Key(
+            {"type": ["string", "number"], "description": "cost in any measure; default 1"}, default=f"{CHECK_COST:g}"
+        ),
+        "move": Key(VALUE, "of an input: size of the change, `10 percent`"),
+        "reads": Key(TEXT, "a law of signals: what is measured by hand"),
+        "unit": Key(TEXT, "unit of what is measured; default SI", default="SI"),
+        "noise": Key(VALUE, "standard deviation of what is measured", default="0"),
+    },
+    short="cost",
+    may_be_empty=True,
+)
+TIME_KEYS = Keys({"column": Key(TEXT), "unit": Key(TEXT, "a unit of time; default s")})
+MODEL_KEYS = Keys(
+    {
+        "name": Key(TEXT, "default: the file's name", default="the file's name"),
+        "sample_time": Key(
+            TEXT,
+            "the engine's grid, `1 s`; `variable` for rows as they come, `none` for a static block network",
+            required=True,
+            missing="state it, such as `sample_time: 1 s`, or `variable`",
+        ),
+        "max_faults": Key(
+            {
+                "description": "",
+                "anyOf": [{"type": "integer", "minimum": 1, "maximum": MOST_FAULTS}, {"type": "string"}],
+            },
+            f"largest set of simultaneous faults that is tested; default {MAX_FAULTS}",
+            default=str(MAX_FAULTS),
+        ),
+        "accuracy": Key(TEXT, "standard deviation of each healthy parameter, relative; default `3 %`"),
+        "warm_up": Key(TEXT, "time without alarms after the start, `180 s`"),
+        "time": Key(
+            {
+                "description": "",
+                "anyOf": [TIME_KEYS, {"const": "none", "description": "row number times sample_time"}],
+            },
+            "where time stands in a recording; default column `time` in s",
+            default="column `time` in s",
+        ),
+        "constants": Key(_named(VALUE), "trusted numbers, never suspects"),
+        "inputs": Key(_named(INPUT_KEYS), "measured or commanded inputs"),
+        "components": Key(_named(COMPONENT_KEYS, minProperties=1), "elements with their laws and parameters"),
+        "junctions": Key(
+            _named({"enum": [0, 1, "0", "1"]}), "0: one effort, flows sum to 0; 1: one flow, efforts sum to 0"
+        ),
+        "bonds": Key(
+            _one_or_more({"type": "string", "pattern": "->"}), "`a -> b -> c`; power counts positive along `->`"
+        ),
+        "sensors": Key(_named(SENSOR_KEYS, minProperties=1), "measured outputs", required=True),
+        "slow_error": Key(_named(SLOW_ERROR_KEYS, _SIGNAL), "known imperfections of signals and sensors"),
+        "blocks": Key(_named(BLOCK_KEYS, minProperties=1), "blocks of a block network with their laws"),
+        "instrument_faults": Key(YES_NO, "`no` trusts every sensor and input that does not state `suspect`"),
+        "time_between_false_alarms": Key(TEXT, "mean time between false alarms of a healthy plant, `30 days`"),
+        "checks": Key(
+            _named(CHECK_KEYS), "what can be checked by hand: a component, an input, or a new name with `reads`"
+        ),
+    }
+)
+BOND_GRAPH_KEYS = ("components", "junctions", "bonds")  # a block network has none of them
