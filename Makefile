@@ -61,32 +61,32 @@ trust: $(DEV)
 	@$(BIN)/python -m pip install --quiet --group bench
 	@set -e; page=docs/trust.md; measure() { echo "faultbond: $$1"; $(BIN)/python -m "benchmarks.$$@"; }; \
 	  measure trust --seeds $(SEEDS) --first-seed 40000 --markdown $$page; \
-	  measure evidence --seeds $(SEEDS) --first-seed 700 --markdown $$page; \
-	  measure promise --hours $(HOURS) --first-seed 9000 --markdown $$page; \
+	  measure trust.evidence --seeds $(SEEDS) --first-seed 700 --markdown $$page; \
+	  measure trust.promise --hours $(HOURS) --first-seed 9000 --markdown $$page; \
 	  if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
-	  else for name in skab watersafe; do measure $$name --markdown $$page; done; fi; \
+	  else for name in skab watersafe; do measure peers.$$name --markdown $$page; done; fi; \
 	  page=docs/figures.md; \
-	  measure figures --seeds $(SEEDS) --first-seed 23000 --markdown $$page; \
-	  measure consistency --markdown $$page; \
-	  measure three_tank --seeds $(SEEDS) --first-seed 3000 --markdown $$page; \
-	  measure rivals --seeds $(SEEDS) --first-seed 1000 --markdown $$page
+	  measure trust.figures --seeds $(SEEDS) --first-seed 23000 --markdown $$page; \
+	  measure trust.consistency --markdown $$page; \
+	  measure peers.three_tank --seeds $(SEEDS) --first-seed 3000 --markdown $$page; \
+	  measure peers.rivals --seeds $(SEEDS) --first-seed 1000 --markdown $$page
 	@git --no-pager diff --stat -- docs
 
 bench: $(DEV)
 	@echo "faultbond: benchmarks, half an hour in all"
 	@echo "faultbond: figures (a quarter of an hour)"
-	@$(BIN)/python -m benchmarks.figures
+	@$(BIN)/python -m benchmarks.trust.figures
 	@echo "faultbond: speed"
 	@$(BIN)/python -m benchmarks.speed
-	@$(BIN)/python -m benchmarks.large_bank
-	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.equations
-	@echo "faultbond: structural diagnosis"; $(BIN)/python -m benchmarks.structure
-	@echo "faultbond: routes"; $(BIN)/python -m benchmarks.routes
-	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.closed_forms
-	@echo "faultbond: smallest faults (a quarter of an hour)"; $(BIN)/python -m benchmarks.smallest
+	@$(BIN)/python -m benchmarks.speed.large_bank
+	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.speed.equations
+	@echo "faultbond: structural diagnosis"; $(BIN)/python -m benchmarks.speed.structure
+	@echo "faultbond: routes"; $(BIN)/python -m benchmarks.speed.routes
+	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.speed.closed_forms
+	@echo "faultbond: smallest faults (a quarter of an hour)"; $(BIN)/python -m benchmarks.trust.smallest
 	@if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
 	  else set -e; for name in recordings skab watersafe; do \
-	    echo "faultbond: $$name"; $(BIN)/python -m benchmarks.$$name; done; fi
+	    echo "faultbond: $$name"; $(BIN)/python -m benchmarks.peers.$$name; done; fi
 
 $(RUNTIME): pyproject.toml
 	@echo "faultbond: setting up .venv (once) ..."

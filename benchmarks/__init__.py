@@ -1,1 +1,1 @@
-"""Measurements of the whole program, seconds to minutes each; `make bench` runs them."""
+"""Measurements of the whole program, by question: `thesis`, `trust`, `speed`, `peers`; `make bench` runs them."""

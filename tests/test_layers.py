@@ -215,11 +215,114 @@ def test_no_forbidden_calls(path: Path) -> None:
     assert called & FORBIDDEN_CALLS == set()
 
 
-def test_no_two_classes_have_one_name() -> None:
-    """Each public class has a name of its own, so that a reader who meets it knows which one it is."""
+# Names. What two modules may both call so, and why: the two methods are taken for each other, so they have one face.
+FACES = {  # name -> folders, one module of each
+    "init": {"runtime", "thesis/online"},
+    "step": {"runtime", "thesis/online"},
+    "finish": {"runtime", "thesis/online"},
+    "rank": {"runtime", "thesis/online"},
+    "accept": {"runtime", "thesis/online", "app"},  # the verbs of `app` pass on to what has their name
+    "reject": {"runtime", "thesis/online", "app"},
+    "simulate": {"simulate", "app"},
+}
+ENDINGS = ("s", "es", "d", "ed", "r", "er", "y", "ing")
+NOUNS = {  # modules with the ending of a gerund that are things
+    "matching": "pairs of equations and unknowns, a term of graph theory",
+    "recording": "a file of what was measured",
+    "drawing": "a picture",
+    "ranking": "an order of hypotheses",
+    "wiring": "who is connected to whom",
+    "builder": "the pattern of that name: parts are added, then the whole is asked for",
+}
+ONLINE_WORDS = {"accepting", "drifting", "estimates", "growing", "packing", "stepped"}  # acts, sample by sample
+
+
+def is_alias(node: ast.stmt) -> bool:
+    """Whether a statement names a type; names of constants have capitals only."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return any(isinstance(item, ast.Name) and item.id[:1].isupper() and not item.id.isupper() for item in targets)
+
+
+def homes_of_names() -> dict[str, list[str]]:
+    """Give the modules in which each public function, class or type alias stands."""
     homes: dict[str, list[str]] = {}
     for path in MODULES:
         for node in tree_of(path).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                homes.setdefault(node.name, []).append(name_of(path))
-    assert {name: paths for name, paths in homes.items() if len(paths) > 1} == {}
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                names = [node.name]
+            elif isinstance(node, ast.Assign) and is_alias(node):
+                names = [ast.unparse(item) for item in node.targets]
+            elif isinstance(node, ast.AnnAssign) and is_alias(node):
+                names = [ast.unparse(node.target)]
+            else:
+                continue
+            for name in names:
+                if not name.startswith("_"):
+                    homes.setdefault(name, []).append(name_of(path))
+    return homes
+
+
+def shared(homes: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Give the names with several homes, but for the faces of the methods."""
+    several = {name: paths for name, paths in homes.items() if len(paths) > 1}
+    folders = {name: [path.rpartition("/")[0] for path in paths] for name, paths in several.items()}
+    faces = [
+        name for name, found in folders.items() if len({*found}) == len(found) and {*found} <= FACES.get(name, set())
+    ]
+    return {name: paths for name, paths in several.items() if name not in faces}
+
+
+def longer(words: set[str]) -> dict[str, str]:
+    """Give the words that are another one with an ending, and that one; an `e` or a doubled letter may be between."""
+    stems = {word[:-1] if word.endswith("e") else word: word for word in words}
+    found = {}
+    for word in words:
+        for ending in ENDINGS:
+            stem = word.removesuffix(ending)
+            for short in (stem, stem[:-1] if stem[-2:-1] == stem[-1:] else stem):
+                if word.endswith(ending) and stems.get(short, word) != word:
+                    found[word] = stems[short]
+    return found
+
+
+def module_words() -> set[str]:
+    """Give the names of the modules."""
+    return {path.stem for path in MODULES if not path.name.startswith("__")}
+
+
+def breaches_of_modules(words: set[str]) -> dict[str, str]:
+    """Give the modules with a name that says too little, and why."""
+    acts = {word: "an act, not a thing" for word in words if word.endswith("ing") and word not in NOUNS}
+    return acts | {word: f"nearly {other!r}" for word, other in longer(words).items() if word not in NOUNS}
+
+
+def test_no_two_things_have_one_name() -> None:
+    """A public function, class or type alias has a name of its own, so that who meets it knows which one it is."""
+    assert shared(homes_of_names()) == {}
+
+
+def test_faces_are_shared() -> None:
+    """Each face of the methods stands where the table says."""
+    homes = homes_of_names()
+    assert {name: {path.rpartition("/")[0] for path in homes.get(name, [])} for name in FACES} == FACES
+
+
+def test_modules_are_nouns_of_their_own() -> None:
+    """No module is called by an act, nor by the name of another one with an ending."""
+    found = breaches_of_modules(module_words())
+    assert {name: why for name, why in found.items() if name not in ONLINE_WORDS} == {}
+    assert ONLINE_WORDS - set(found) == set()
+    assert NOUNS.keys() <= module_words()
+
+
+def test_names_are_compared() -> None:
+    """The checks above see endings, gerunds, and a face that stands twice in one folder."""
+    assert longer({"chart", "charts", "fit", "fitted", "estimate", "estimates", "noise", "noisy", "class"}) == {
+        "charts": "chart",
+        "fitted": "fit",
+        "estimates": "estimate",
+        "noisy": "noise",
+    }
+    assert set(breaches_of_modules({"naming", "matching", "alarm"})) == {"naming"}
+    homes = {"init": ["runtime/state.py", "thesis/online/state.py"], "step": ["runtime/a.py", "runtime/b.py"]}
+    assert set(shared(homes | {"x": ["fit/a.py", "io/b.py"], "y": ["fit/a.py"]})) == {"step", "x"}

@@ -15,7 +15,7 @@ from faultbond.algebra.solving.solve import solve
 from faultbond.analysis.groups import largest_angles
 from faultbond.analysis.operation import operate
 from faultbond.analysis.ranks import ReducedSensitivities, bases, reduce
-from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from faultbond.analysis.testable import generic_run
 from faultbond.arrays import FloatArray

@@ -4,7 +4,7 @@ Here are the names that are quick to load. An engine is built by `faultbond.synt
 are read by `faultbond.io`, plants are simulated by `faultbond.simulate`, pages are made by `faultbond.report`.
 """
 
-from faultbond.starting import is_program  # noqa: F401 - first, since what follows takes a while
+from faultbond.interrupt import is_program  # noqa: F401 - first, since what follows takes a while
 
 # isort: split
 from typing import TYPE_CHECKING

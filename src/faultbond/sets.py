@@ -7,8 +7,7 @@ order of what is given. Source: Reiter, Artificial Intelligence 32 (1987); thesi
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from heapq import heappop, heappush
-from itertools import combinations, count, islice
+from itertools import combinations
 from math import inf
 from typing import Generic, TypeVar
 
@@ -58,19 +57,6 @@ def largest(sets: Iterable[Collection[H]]) -> tuple[frozenset[H], ...]:
     return by_size(kept)
 
 
-# Hitting sets: algorithm MMCS of Murakami and Uno, Discrete Applied Mathematics 170 (2014), section 4. Each minimal
-# hitting set is reached once. Sets are integers: bit v is element v, or bit F is conflict F.
-
-
-@dataclass(frozen=True, slots=True)
-class _Family(Generic[H]):
-    """Conflicts as integers: elements by bit, conflicts[F] = its elements, covers[v] = the conflicts with v."""
-
-    elements: list[H]
-    conflicts: list[int]
-    covers: list[int]
-
-
 @dataclass(frozen=True, slots=True)
 class _Node:
     """A partial hitting set S of MMCS: S, CAND, uncov, and crit[f], the conflicts that f alone in S meets."""
@@ -79,26 +65,6 @@ class _Node:
     candidates: int
     uncovered: int
     critical: tuple[int, ...]
-
-
-def hitting_sets(conflicts: Iterable[Collection[H]], max_size: int | None = None) -> Iterator[frozenset[H]]:
-    """Give the minimal hitting sets one by one, in the order in which they are found.
-
-    Parameters
-    ----------
-    conflicts : sets of hashable elements
-    max_size : size of the largest set wanted; None: all
-    """
-    family = _family(conflicts)
-    ones = [1.0] * len(family.elements)
-    stack = [_root(family)]
-    while stack:
-        node = stack.pop()
-        if max_size is not None and len(node.critical) + _least_to_come(family, ones, node) > max_size:
-            continue
-        if not node.uncovered:
-            yield frozenset(family.elements[v] for v in _bits(node.chosen))
-        stack.extend(reversed(list(_children(family, node))))
 
 
 def minimal_hitting_sets(conflicts: Iterable[Collection[H]], max_size: int | None = None) -> tuple[frozenset[H], ...]:
@@ -113,100 +79,52 @@ def minimal_hitting_sets(conflicts: Iterable[Collection[H]], max_size: int | Non
 
     Source
     ------
-    Reiter 1987, definition 4.3; found by MMCS of Murakami and Uno 2014, which needs no closed tree and thus not the
-    correction of Greiner, Smith and Wilkerson, Artificial Intelligence 41 (1989).
+    Reiter 1987, definition 4.3; found by MMCS of Murakami and Uno, Discrete Applied Mathematics 170 (2014), section 4,
+    which needs no closed tree and thus not the correction of Greiner, Smith and Wilkerson, Artificial Intelligence 41
+    (1989). Each set is reached once. Comments quote MMCS.
 
     Example
     -------
     >>> [sorted(item) for item in minimal_hitting_sets([{"A", "B", "C"}, {"A", "B"}, {"B", "C"}])]
     [['B'], ['A', 'C']]
     """
-    return by_size(hitting_sets(conflicts, max_size))
-
-
-def lightest_hitting_sets(
-    conflicts: Iterable[Collection[H]], weights: Mapping[H, float], limit: int
-) -> tuple[tuple[frozenset[H], float], ...]:
-    """Give the minimal hitting sets of least total weight with their weights, lightest first.
-
-    Best first over the nodes of MMCS; a node waits at its weight plus that of the lightest element of each of some
-    disjoint conflicts not yet met, which no completion can undercut.
-
-    Parameters
-    ----------
-    conflicts : sets of hashable elements
-    weights : weight of each element, at least 0, such as the negative logarithm of the odds of its failure
-    limit : number of sets wanted
-
-    Raises
-    ------
-    ValueError
-        if an element has no weight, or a negative one.
-    """
-    family = _family(conflicts)
-    for element in family.elements:
-        if not weights.get(element, -inf) >= 0.0:
-            raise ValueError(f"{element!r} needs a weight of at least 0")
-    weight = [weights[element] for element in family.elements]
-    found = islice(_lightest(family, weight), limit)
-    sets = [(frozenset(family.elements[v] for v in _bits(chosen)), total) for chosen, total in found]
-    order = {item: k for k, item in enumerate(by_size(item for item, _ in sets))}
-    return tuple(sorted(sets, key=lambda pair: (pair[1], order[pair[0]])))
-
-
-def _lightest(family: _Family[H], weight: list[float]) -> Iterator[tuple[int, float]]:
-    arrival = count()
-    heap = [(0.0, next(arrival), _root(family))]
-    while heap:
-        bound, _, node = heappop(heap)
-        if not node.uncovered:
-            yield node.chosen, bound
-        for child in _children(family, node):
-            total = sum(weight[v] for v in _bits(child.chosen)) + _least_to_come(family, weight, child)
-            if total < inf:
-                heappush(heap, (total, next(arrival), child))
-
-
-def _least_to_come(family: _Family[H], weight: list[float], node: _Node) -> float:
-    """Give a weight that every completion of a node adds: of disjoint conflicts, greedily, smallest first."""
-    open_conflicts = sorted((family.conflicts[k] & node.candidates for k in _bits(node.uncovered)), key=int.bit_count)
-    total, seen = 0.0, 0
-    for conflict in open_conflicts:
-        if not conflict:
-            return inf
-        if not conflict & seen:
-            total += min(weight[v] for v in _bits(conflict))
-            seen |= conflict
-    return total
-
-
-def _family(conflicts: Iterable[Collection[H]]) -> _Family[H]:
     minimal = smallest(conflicts)  # a set that meets every smallest conflict meets all
     elements = ordered(element for conflict in minimal for element in conflict)
     place = {element: v for v, element in enumerate(elements)}
+    # Sets are integers: bit v is element v, or bit F is conflict F.
     masks = [sum(1 << place[element] for element in conflict) for conflict in minimal]
     covers = [sum(1 << k for k, mask in enumerate(masks) if mask >> v & 1) for v in range(len(elements))]
-    return _Family(elements, masks, covers)
+    found = []
+    stack = [_Node(0, (1 << len(elements)) - 1, (1 << len(masks)) - 1, ())]
+    while stack:
+        node = stack.pop()
+        left = sorted((masks[k] & node.candidates for k in _bits(node.uncovered)), key=int.bit_count)
+        if max_size is not None and len(node.critical) + _disjoint(left) > max_size:
+            continue
+        if not node.uncovered:
+            found.append(frozenset(elements[v] for v in _bits(node.chosen)))
+            continue
+        # "choose F from uncov": the one with fewest candidates. "C := CAND and F; CAND := CAND without C"
+        candidates = node.candidates & ~left[0]
+        for v in _bits(left[0]):  # "for each v in C"
+            met = covers[v]
+            critical = tuple(own & ~met for own in node.critical)  # "Update_crit_uncov(v, crit[], uncov)"
+            if all(critical):  # "if crit[f] is not empty for each f in S then call MMCS(S with v); CAND := CAND with v"
+                uncovered = node.uncovered
+                stack.append(_Node(node.chosen | 1 << v, candidates, uncovered & ~met, (*critical, uncovered & met)))
+                candidates |= 1 << v
+    return by_size(found)
 
 
-def _root(family: _Family[H]) -> _Node:
-    return _Node(0, (1 << len(family.elements)) - 1, (1 << len(family.conflicts)) - 1, ())
-
-
-def _children(family: _Family[H], node: _Node) -> Iterator[_Node]:
-    """Give the nodes below one, none below a hitting set; comments quote MMCS."""
-    if not node.uncovered:
-        return
-    # "choose F from uncov": the one with fewest candidates. "C := CAND and F; CAND := CAND without C"
-    shared = min((family.conflicts[k] & node.candidates for k in _bits(node.uncovered)), key=int.bit_count)
-    candidates = node.candidates & ~shared
-    for v in _bits(shared):  # "for each v in C"
-        met = family.covers[v]
-        critical = tuple(own & ~met for own in node.critical)  # "Update_crit_uncov(v, crit[], uncov)"
-        if all(critical):  # "if crit[f] is not empty for each f in S then call MMCS(S with v); CAND := CAND with v"
-            uncovered = node.uncovered
-            yield _Node(node.chosen | 1 << v, candidates, uncovered & ~met, (*critical, uncovered & met))
-            candidates |= 1 << v
+def _disjoint(conflicts: Iterable[int]) -> float:
+    """Give a number of elements that it takes at least to meet some conflicts: one for each of disjoint ones."""
+    total, seen = 0, 0
+    for conflict in conflicts:
+        if not conflict:
+            return inf
+        if not conflict & seen:
+            total, seen = total + 1, seen | conflict
+    return total
 
 
 def _bits(mask: int) -> Iterator[int]:
@@ -262,24 +180,6 @@ def minimal_diagnoses(
                 below.update(candidate | {element} for element in conflict)
         level = by_size(below)
     return Diagnoses(sets=tuple(found), conflicts=by_size(conflicts), tests=tests)
-
-
-def minimal_conflict(
-    suspects: Iterable[H], is_consistent: Callable[[frozenset[H]], bool], conflict: Collection[H]
-) -> frozenset[H]:
-    """Shrink a conflict by one test an element until every element is needed.
-
-    Parameters
-    ----------
-    suspects : what may be at fault
-    is_consistent : as in `minimal_diagnoses`
-    conflict : suspects that cannot all be healthy
-    """
-    everyone, kept = frozenset(suspects), frozenset(conflict)
-    for element in ordered(kept):
-        if not is_consistent(everyone - (kept - {element})):
-            kept -= {element}
-    return kept
 
 
 def hypotheses(suspects: Iterable[H], max_size: int | None = None) -> tuple[frozenset[H], ...]:
@@ -385,11 +285,3 @@ def hitting_index(diagnosis: Collection[H], error_indices: Mapping[frozenset[H],
     return sum(limit - index for tested, index in limited if own & tested) + sum(
         index for tested, index in limited if not own & tested
     )
-
-
-def rank_by_hitting_index(
-    diagnoses: Iterable[Collection[H]], error_indices: Mapping[frozenset[H], float], limit: float = 0.5
-) -> tuple[tuple[frozenset[H], float], ...]:
-    """Give (diagnosis, hitting index), the most likely first; among equals the smaller set first (thesis 6.6)."""
-    scored = [(item, hitting_index(item, error_indices, limit)) for item in by_size(frozenset(d) for d in diagnoses)]
-    return tuple(sorted(scored, key=lambda pair: pair[1]))

@@ -8,12 +8,16 @@ file of that folder. All other blocks are left alone.
 import math
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+from warnings import catch_warnings
 
+from faultbond.cli import main as main_of_program
 from faultbond.synthesis.compile import cache_folder
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,10 +52,30 @@ def commands(body: str) -> Iterator[str]:
 
 
 def output(command: str, folder: Path) -> str:
-    """Give what a command prints, without what differs from machine to machine."""
+    """Give what a command prints, without what differs from machine to machine.
+
+    What begins with `faultbond` runs in this process, which has loaded by now what every one would have to load anew;
+    what stands behind it, such as `| grep alarm`, takes its output and its exit code.
+    """
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    if command == "make demo":  # as the Makefile does it: by its path, and in the project's own folder
-        command, path = f"{BIN / 'faultbond'} demo", os.defpath
+    call = re.fullmatch(r"faultbond\b(.*?)((?: [|>]|;).*)?", command, flags=re.S)
+    if call is not None:
+        with tempfile.TemporaryDirectory() as place:
+            printed = [Path(place, name) for name in ("out", "err")]
+            code = called(shlex.split(call[1].replace("\\\n", " ")), folder, *printed)
+            again = f"{{ cat {printed[0]}; cat {printed[1]} >&2; (exit {code}); }}{call[2] or ''}"
+            text = shell(again, folder, path)
+    elif command == "make demo":  # as the Makefile does it: by its path, and in the project's own folder
+        text = shell(f"{BIN / 'faultbond'} demo", folder, os.defpath)
+    else:
+        text = shell(command, folder, path)
+    text = text.replace(str(cache_folder()), "~/.cache/faultbond")
+    text = text.replace(f"{BIN}/", ".venv/bin/").replace(f"{ROOT}/", "").replace(f"{folder}/", "")
+    return "".join(line.rstrip() + "\n" for line in text.splitlines())
+
+
+def shell(command: str, folder: Path, path: str) -> str:
+    """Give what a shell prints when it runs a command in a folder."""
     done = subprocess.run(  # noqa: S602 - commands of our own pages
         command,
         shell=True,
@@ -63,9 +87,29 @@ def output(command: str, folder: Path) -> str:
         encoding="utf-8",
         check=False,
     )
-    text = done.stdout.replace(str(cache_folder()), "~/.cache/faultbond")
-    text = text.replace(f"{BIN}/", ".venv/bin/").replace(f"{ROOT}/", "").replace(f"{folder}/", "")
-    return "".join(line.rstrip() + "\n" for line in text.splitlines())
+    return done.stdout
+
+
+def called(words: list[str], folder: Path, out: Path, err: Path) -> int:
+    """Call the program as its script does, in a folder, with its two outputs in files; give the exit code."""
+    argv, width = sys.argv, os.environ.get("COLUMNS")
+    sys.argv, os.environ["COLUMNS"] = ["faultbond", *words], WIDTH
+    try:
+        with (
+            chdir(folder),
+            redirect_stdout(out.open("w", encoding="utf-8")) as one,
+            redirect_stderr(err.open("w", encoding="utf-8")) as two,
+            catch_warnings(),
+            one,
+            two,
+        ):
+            return main_of_program()
+    except SystemExit as leaving:  # `--help`
+        return int(leaving.code or 0)
+    finally:
+        sys.argv = argv
+        os.environ.pop("COLUMNS")
+        os.environ |= {"COLUMNS": width} if width is not None else {}
 
 
 def differences(shown: str, printed: str) -> list[tuple[str, str]]:

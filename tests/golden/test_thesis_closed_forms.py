@@ -13,7 +13,7 @@ import sympy
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record, plant_of, simulate
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant, plant_of, simulate_frames
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.roots import find_roots
 from faultbond.algebra.solving.solution import Solution, SolutionKind, closed_form, evaluate_root, solve_samples
@@ -22,7 +22,7 @@ from faultbond.algebra.solving.symbols import to_sympy
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components, frame_name
 from faultbond.equations.constraint_network import build_network
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.model.text import load_model
 
 MODEL = Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml"
@@ -71,13 +71,13 @@ def volts(values: tuple[int, ...]) -> dict[str, tuple[Fraction, ...]]:
     return {"V": tuple(map(Fraction, values))}
 
 
-def samples(record: Record, back: int = 0, frames: int = 4) -> dict[str, Value]:
+def samples(record: FrameRecord, back: int = 0, frames: int = 4) -> dict[str, Real]:
     """Measured values by name, some samples before the end."""
     end = len(record["omega"]) - 1 - back
     return {frame_name((name, k)): record[name][end - k] for name in ("V", "omega") for k in range(frames)}
 
 
-def close(one: Mapping[str, Value], other: Mapping[str, float | Fraction], tolerance: float) -> bool:
+def close(one: Mapping[str, Real], other: Mapping[str, float | Fraction], tolerance: float) -> bool:
     """Whether values agree within a relative tolerance."""
     return all(abs(float(one[name]) - float(value)) <= tolerance * abs(float(value)) for name, value in other.items())
 
@@ -90,19 +90,19 @@ def both() -> Solution:
 
 def test_backward_euler_speeds() -> None:
     """Backward Euler gives the rational speeds of G1."""
-    assert simulate(MOTOR, NOMINAL, volts(VOLTS), HALF)["omega"] == SPEEDS
+    assert simulate_frames(MOTOR, NOMINAL, volts(VOLTS), HALF)["omega"] == SPEEDS
 
 
 def test_exact_motor(both: Solution) -> None:
     """G1: R = 3 and L = 5/2 exactly, from four speeds and two voltages."""
-    record = simulate(MOTOR, NOMINAL, volts(VOLTS), HALF)
+    record = simulate_frames(MOTOR, NOMINAL, volts(VOLTS), HALF)
     known = {**NOMINAL, "dt": HALF, **samples(record)}
     assert solve_samples(both, known) == ({"R": Fraction(3), "L": Fraction(5, 2)},)
 
 
 def test_float_motor(both: Solution) -> None:
     """G2: R = 3 and L = 2.5 within 1e-6 from samples in floating point at 50 Hz; the currents on the way as well."""
-    known: dict[str, Value] = {**NOMINAL, "dt": 0.02, **G2}
+    known: dict[str, Real] = {**NOMINAL, "dt": 0.02, **G2}
     found = evaluate_root(both.roots[0], known)
     assert close(found, {"R": 3.0, "L": 2.5}, 1e-6)
     assert close(found, {"armature.f_0": 0.3714781404762622, "armature.f_1": 0.2928743542224284}, 1e-9)
@@ -122,7 +122,7 @@ def test_state_from_its_change() -> None:
     a, b, r, k, inductance, rate = (sympy.Symbol(x, real=True) for x in ("V_0", "omega_0", "R", "K", "L", "L.rate_0"))
     assert sympy.simplify(to_sympy(form) - (a - rate * inductance - k * b) / r) == 0
     change = 0.3714781404762622 - 0.2928743542224284
-    known: dict[str, Value] = {**NOMINAL, **G2, "L.rate_0": change / 0.02}
+    known: dict[str, Real] = {**NOMINAL, **G2, "L.rate_0": change / 0.02}
     assert close(evaluate_root(solution.roots[0], known), {"armature.f_0": 0.3714781404762622}, 1e-12)
 
 
@@ -161,7 +161,7 @@ def test_appendix_a(both: Solution, target: str) -> None:
 def test_roots_of_the_minimal_window(suspects: tuple[str, ...]) -> None:
     """G18: on the least number of samples nine of fifteen hypotheses have a second root, and it is the known one."""
     faulty = NOMINAL | {name: NOMINAL[name] * Fraction(6, 5) for name in suspects}
-    record = simulate(MOTOR, faulty, volts(VOLTS), HALF)
+    record = simulate_frames(MOTOR, faulty, volts(VOLTS), HALF)
     route = route_to(*suspects)
     solution = solve(MOTOR, route, PLANT)
     known = {**NOMINAL, "dt": HALF, **samples(record)}
@@ -189,7 +189,7 @@ def test_second_root_fits_its_own_samples_only() -> None:
     """E9: the second root of {J, K} explains the four samples it was found from, and not a single further one."""
     faulty = NOMINAL | {"J": Fraction(9, 5), "K": Fraction(12, 5)}
     given = volts((*VOLTS, 3, -4, 7))
-    record = simulate(MOTOR, faulty, given, HALF)
+    record = simulate_frames(MOTOR, faulty, given, HALF)
     solution = solve(MOTOR, route_to("J", "K"), PLANT)
     found = [solve_samples(solution, {**NOMINAL, "dt": HALF, **samples(record, back)}) for back in range(4)]
     true = {"J": Fraction(9, 5), "K": Fraction(12, 5)}
@@ -209,6 +209,6 @@ def test_output_from_input_and_states() -> None:
     route = find_route(MOTOR, question)
     assert len(route.steps) == 10
     solution = solve(MOTOR, route, PLANT)
-    record = simulate(MOTOR, NOMINAL, volts(VOLTS), HALF)
+    record = simulate_frames(MOTOR, NOMINAL, volts(VOLTS), HALF)
     known = {**NOMINAL, "dt": HALF, "V_0": Fraction(8), "omega_1": SPEEDS[3], "armature.f_1": record["armature.f"][3]}
     assert solve_samples(solution, known) == ({"omega_0": SPEEDS[4]},)

@@ -8,8 +8,8 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from benchmarks.ladders import example
-from benchmarks.thesis_motor import PARTS, in_figure_a_2
+from benchmarks.shared.ladders import example
+from benchmarks.thesis.motor import PARTS, in_figure_a_2
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.fewest import fewest_components

@@ -3,7 +3,7 @@
 from functools import cache
 
 import pytest
-from benchmarks.consistency import CASES, Stand, consistency, stand_of
+from benchmarks.trust.consistency import CASES, Stand, consistency, stand_of
 
 SAMPLES, SEEDS = 10_000, range(20)
 NIS = 0.028  # twice the standard deviation of a mean of so many squares of white innovations: sqrt(2 / SAMPLES)

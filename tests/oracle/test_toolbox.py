@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.classes import redundancy
-from faultbond.diagnosability.index import low_index, structural_index
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.diagnosability.placement import sensors_to_detect, sensors_to_isolate
 from faultbond.diagnosability.structural import StructuralModel
 from faultbond.equations.matching import decompose
+from low_index import low_index
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the toolbox and of what it imports
@@ -149,10 +149,3 @@ def test_placement_of_commault() -> None:
     """The smallest sensor sets for Commault's example are the same."""
     model = published.structure(published.COMMAULT)
     assert sorted(sensors_to_isolate(model)) == as_sets(peer(model).SensorPlacementIsolability()[1])
-
-
-def test_index_of_the_pendulum() -> None:
-    """The index of the pendulum, and how often each equation is differentiated, are the same."""
-    model = published.structure(published.PENDULUM)
-    index, times = peer(model).Pantelides()
-    assert structural_index(model) == (index, tuple(times))

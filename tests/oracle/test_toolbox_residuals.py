@@ -6,7 +6,7 @@ from runpy import run_path
 
 import numpy as np
 import pytest
-from benchmarks import three_tank
+from benchmarks.peers import three_tank
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the toolbox and of what it imports

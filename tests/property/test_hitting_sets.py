@@ -10,8 +10,6 @@ from faultbond.sets import (
     hitting_index,
     hypotheses,
     hypotheses_left,
-    lightest_hitting_sets,
-    minimal_conflict,
     minimal_diagnoses,
     minimal_hitting_sets,
     smallest,
@@ -64,17 +62,6 @@ def test_a_limit_of_size_only_leaves_out(conflicts: Sets, size: int) -> None:
     assert set(minimal_hitting_sets(conflicts, size)) == {item for item in brute_force(conflicts) if len(item) <= size}
 
 
-@given(families, st.lists(st.integers(0, 3), min_size=7, max_size=7), st.integers(1, 5))
-def test_lightest_hitting_sets_are_the_lightest(conflicts: Sets, numbers: list[int], limit: int) -> None:
-    """The weights given are the least of all minimal hitting sets, in order, and belong to their sets."""
-    weights = dict(zip(UNIVERSE, map(float, numbers), strict=True))
-    found = lightest_hitting_sets(conflicts, weights, limit)
-    everything = {item: sum(weights[element] for element in item) for item in brute_force(conflicts)}
-    assert [weight for _, weight in found] == sorted(everything.values())[:limit]
-    assert all(everything[item] == weight for item, weight in found)
-    assert len({item for item, _ in found}) == len(found)
-
-
 @given(families, st.integers(0, 5), st.booleans())
 def test_diagnoses_by_testing_are_the_hitting_sets(conflicts: Sets, size: int, explained: bool) -> None:
     """Testing finds the hitting sets of the conflicts that the test obeys, with or without their being told."""
@@ -89,13 +76,6 @@ def test_diagnoses_by_testing_are_the_hitting_sets(conflicts: Sets, size: int, e
     assert set(found.sets) == {item for item in brute_force(conflicts) if len(item) <= size}
     assert found.tests <= len(hypotheses(UNIVERSE, size)) + 1
     assert all(not is_consistent(frozenset(UNIVERSE) - conflict) for conflict in found.conflicts)
-
-
-@given(families.filter(bool))
-def test_a_shrunk_conflict_is_one_of_the_smallest(conflicts: Sets) -> None:
-    """Shrinking the set of all elements ends at a smallest conflict."""
-    shrunk = minimal_conflict(UNIVERSE, lambda out: all(conflict & out for conflict in conflicts), UNIVERSE)
-    assert shrunk in smallest(conflicts)
 
 
 @given(families)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations, product
 
 import pytest
-from benchmarks.made_circuits import made_scenario, random_circuit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, Sig
 from faultbond.networks.logic.answers import Case, smallest_sets
 from faultbond.networks.logic.circuit import build_circuit
 from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses, predict
+from made_circuits import made_scenario, random_circuit
 
 MAX_GATES = 6
 

@@ -19,12 +19,12 @@ from faultbond.contract.findings import (
     Suspect,
     Unexplained,
 )
-from faultbond.contract.records import diagnosis_record
+from faultbond.contract.json_records import diagnosis_record
 from faultbond.model.text import load_model
 from faultbond.report import RunCounts, render_report
 from faultbond.report.chart import payload
-from faultbond.report.charts import sections
 from faultbond.report.numbers import Notation
+from faultbond.report.run_figures import chart_sections
 from faultbond.report.verdict import table_rows, verdict_sentence
 from faultbond.types import CheckKind, FaultKind
 
@@ -137,8 +137,8 @@ def test_everything_can_be_told(history: History) -> None:
         assert verdict.endswith(".")
         assert verdict.startswith("None of the modelled faults") is (last.unexplained is not None)
         assert len(table_rows(GRAPH, last, notation)) == len(last.candidates)
-    charts = [chart for part in sections(GRAPH, history) for chart in part.charts]
-    json.dumps(payload(history, charts), allow_nan=False)
+    charts = [chart for part in chart_sections(GRAPH, history) for chart in part.charts]
+    json.dumps(payload(history.time, (), charts), allow_nan=False)
     assert len(diagnosis_record(last)) > 3
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from random import Random
 
 import pytest
-from benchmarks.ladders import components_of, ladder_text
+from benchmarks.shared.ladders import components_of, ladder_text
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from strategies import as_text, plants

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from faultbond.contract.findings import Detection, Diagnosis
-from faultbond.equations.numeric import evaluate, exact
+from faultbond.equations.numeric import exact, numeric_value
 from faultbond.io.grid import GridPoint
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
@@ -43,8 +43,8 @@ def outputs(graph: BondGraph, order: Sequence[str], inputs: Sequence[int], chang
     known = {**values, "x1": Fraction(inputs[0]), "x2": Fraction(inputs[1])}
     laws = {law.signal: law.right for block in graph.components for law in block.laws}
     for signal in order:
-        known[signal] = exact(float(evaluate(laws[signal], known)))
-    return [float(evaluate(item.reads, known)) for item in graph.sensors]
+        known[signal] = exact(float(numeric_value(laws[signal], known)))
+    return [float(numeric_value(item.reads, known)) for item in graph.sensors]
 
 
 def observe(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.skab import LARGE, MODEL, Label, Run, gives_way, read_labels, summary
+from benchmarks.peers.skab import LARGE, MODEL, Label, Run, gives_way, read_labels, summary
 
 from faultbond.cli import DONE, FAULT_DETECTED, main
 from faultbond.model.text import load_model

@@ -1,6 +1,7 @@
 """The imports of the package, read from its source."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src" / "faultbond"
@@ -12,7 +13,7 @@ LEVELS = {
     "arrays": 0,
     "lazy": 0,
     "sets": 0,
-    "starting": 0,
+    "interrupt": 0,
     "contract": 1,
     "model": 2,
     "runtime": 2,
@@ -39,8 +40,9 @@ def name_of(path: Path) -> str:
     return path.relative_to(SOURCE).as_posix()
 
 
+@cache
 def tree_of(path: Path) -> ast.Module:
-    """Parse one module."""
+    """Parse one module, once."""
     return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 

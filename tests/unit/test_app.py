@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,8 @@ from faultbond.equations.step import build_step_model
 from faultbond.io import Grid, columns_of, on_grid, read_rows
 from faultbond.io.out import Out
 from faultbond.model.text import load_model
-from faultbond.report.listing import MEANING
+from faultbond.report.inventory import THRESHOLDS, LoopFound, loops_of, settings_of
 from faultbond.report.progress import progress_bar
-from faultbond.report.understanding import LoopFound, loops_of, settings_of
 from faultbond.runtime.trace import Trace
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
@@ -334,8 +334,9 @@ def test_check_as_one_record(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_setting_has_its_words() -> None:
     """No number of the method is shown by its bare name."""
-    model = build_step_model(build_plant(load_model(MODEL)))
-    assert set(settings_of(build_spec(model))) == set(MEANING)
+    spec = build_spec(build_step_model(build_plant(load_model(MODEL))))
+    assert set(asdict(spec.thresholds)) == set(THRESHOLDS)
+    assert all(" " in meaning for _, meaning in settings_of(spec).values())
 
 
 def test_loops_are_told() -> None:

@@ -6,11 +6,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from benchmarks.circuits import main, score, utility
-from benchmarks.made_circuits import circuit_text, corrector, made_scenario, scenario_text
+from benchmarks.peers.circuits import main, score, utility
 
 from faultbond.model.logic import GateSet
 from faultbond.networks.logic.diagnoses import minimum_diagnoses
+from made_circuits import circuit_text, corrector, made_scenario, scenario_text
 
 
 def sets(*texts: str) -> list[GateSet]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli import main
 from faultbond.errors import CONTROLS, ModelError, NoVerdictError
@@ -109,6 +110,14 @@ class Spy:
         self.do(out)
 
 
+def called(arguments: list[str], spy: Spy) -> int:
+    """Run the command line with these verbs in the place of the application's."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in (name for name in vars(Spy) if not name.startswith("_")):
+            patch.setattr(app, name, getattr(spy, name))
+        return main(arguments)
+
+
 @pytest.mark.parametrize(
     ("arguments", "seen"),
     [
@@ -123,7 +132,7 @@ class Spy:
 def test_arguments_of_analyse(arguments: list[str], seen: dict[str, object]) -> None:
     """What is asked for reaches `analyse`; code and trace are verbs of their own to the application."""
     spy = Spy()
-    assert main(["analyse", "m.yaml", *arguments], spy) == 0
+    assert called(["analyse", "m.yaml", *arguments], spy) == 0
     assert spy.seen == {"model": Path("m.yaml")} | seen
 
 
@@ -139,14 +148,14 @@ def test_arguments_of_analyse(arguments: list[str], seen: dict[str, object]) -> 
 def test_arguments_of_decisions(arguments: list[str], verb: str, names: tuple[str, ...]) -> None:
     """What was decided of which candidate of which kept run reaches its verb."""
     spy = Spy()
-    assert main(arguments, spy) == 0
+    assert called(arguments, spy) == 0
     assert spy.seen == {"verb": verb, "model": Path("m.yaml"), "state": Path("x.state"), "names": names}
 
 
 @pytest.mark.parametrize("level", ["0.3", "1.5", "nan", "sure", ""])
 def test_levels_that_no_rule_takes(level: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A rule accepts from a probability between a half and 1; anything else is a mistake of the user."""
-    assert main(["run", "m.yaml", "r.csv", "--accept", level], Spy()) == 2
+    assert called(["run", "m.yaml", "r.csv", "--accept", level], Spy()) == 2
     assert "expected auto, or a probability from 0.5 to 1" in capsys.readouterr().err
 
 
@@ -196,7 +205,7 @@ def test_arguments_reach_the_verb(
     """Each verb gets its arguments, typed, with the defaults that the help names."""
     monkeypatch.delenv("FAULTBOND_ENGINE", raising=False)
     spy = Spy()
-    assert main(arguments, spy) == (4 if arguments[0] == "run" else 0)  # the spy has no verdict
+    assert called(arguments, spy) == (4 if arguments[0] == "run" else 0)  # the spy has no verdict
     assert spy.seen == {"engine": EngineChoice.AUTO} | seen
 
 
@@ -205,10 +214,10 @@ def test_the_engine_of_the_environment(monkeypatch: pytest.MonkeyPatch, capsys: 
     monkeypatch.setenv("FAULTBOND_ENGINE", "vm")
     for options, engine in ([], EngineChoice.MACHINE), (["--engine", "c"], EngineChoice.COMPILED):
         spy = Spy()
-        main(["check", "m.yaml", *options], spy)
+        called(["check", "m.yaml", *options], spy)
         assert spy.seen["engine"] is engine
     monkeypatch.setenv("FAULTBOND_ENGINE", "steam")
-    assert main(["check", "m.yaml"], Spy()) == 2
+    assert called(["check", "m.yaml"], Spy()) == 2
     assert capsys.readouterr().err == "FAULTBOND_ENGINE=steam: no such engine; set it to one of auto, c, vm.\n"
 
 
@@ -216,7 +225,7 @@ def test_faults_reach_simulate() -> None:
     """Faults are repeatable and arrive parsed."""
     spy = Spy()
     faults = ["--fault", "K1=x2@10", "--fault", "K6=3e-5@20..30"]
-    assert main(["simulate", "m.yaml", "--inputs", "i.csv", "--seed", "7", "-o", "o.csv", *faults], spy) == 0
+    assert called(["simulate", "m.yaml", "--inputs", "i.csv", "--seed", "7", "-o", "o.csv", *faults], spy) == 0
     assert spy.seen == {
         "model": Path("m.yaml"),
         "inputs": "i.csv",
@@ -235,17 +244,17 @@ def test_the_plant_of_simulate() -> None:
     """Imperfections arrive as parts of 1 and seconds, starts in SI."""
     spy = Spy()
     options = ["--spread", "3 %", "--lag", "0.5 min", "--curve", "2%", "--start", "tank.q=50 l", "--start", "L.p=1e-3"]
-    assert main(["simulate", "m.yaml", "--inputs", "i.csv", "-o", "o.csv", *options], spy) == 0
+    assert called(["simulate", "m.yaml", "--inputs", "i.csv", "-o", "o.csv", *options], spy) == 0
     assert spy.seen["imperfections"] == Imperfections(spread=0.03, lag=30.0, curve=0.02)
     assert spy.seen["start"] == pytest.approx({"tank.q": 0.05, "L.p": 1e-3})
 
 
 def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:
     """`run` gives 1 for a fault, 0 for none, 4 where it cannot tell; `demo`, which finds one too, gives 0."""
-    assert main(["run", "m.yaml", "r.csv"], Spy(speak)) == 1
-    assert main(["run", "m.yaml", "r.csv"], Spy(lambda out: False)) == 0
-    assert main(["run", "m.yaml", "r.csv"], Spy()) == 4
-    assert main(["demo"], Spy(speak)) == 0
+    assert called(["run", "m.yaml", "r.csv"], Spy(speak)) == 1
+    assert called(["run", "m.yaml", "r.csv"], Spy(lambda out: False)) == 0
+    assert called(["run", "m.yaml", "r.csv"], Spy()) == 4
+    assert called(["demo"], Spy(speak)) == 0
 
 
 @pytest.mark.parametrize(
@@ -259,14 +268,14 @@ def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:
 )
 def test_what_stands_on_standard_output(arguments: list[str], shown: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Text or records, never both; a run on standard input gives records unless told otherwise."""
-    main(arguments, Spy(speak))
+    called(arguments, Spy(speak))
     assert capsys.readouterr() == (shown, "")
 
 
 def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With `--json FILE` people keep their text, also on standard input."""
     target = tmp_path / "out.json"
-    main(["run", "m", "-", "--json", str(target)], Spy(speak))
+    called(["run", "m", "-", "--json", str(target)], Spy(speak))
     assert json.loads(target.read_text(encoding="utf-8")) == {"record": "end"}
     assert capsys.readouterr().out == "for people\n"
 
@@ -289,7 +298,7 @@ def test_bad_usage_is_one_line_and_exit_code_2(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A wrong command line says what is wrong, on one line of standard error."""
-    assert main(arguments, Spy()) == 2
+    assert called(arguments, Spy()) == 2
     shown = capsys.readouterr()
     assert message in shown.err
     assert (shown.out, shown.err.count("\n")) == ("", 1)
@@ -297,8 +306,8 @@ def test_bad_usage_is_one_line_and_exit_code_2(
 
 def test_an_analysis_that_tells_nothing_is_exit_code_4() -> None:
     """`analyse` without a part that could be told, and a recording from which nothing follows, have no verdict."""
-    assert main(["analyse", "m.yaml"], Spy(lambda out: False)) == 4
-    assert main(["fit", "m.yaml", "r.csv"], Spy(failing(NoVerdictError("r.csv: too short")))) == 4
+    assert called(["analyse", "m.yaml"], Spy(lambda out: False)) == 4
+    assert called(["fit", "m.yaml", "r.csv"], Spy(failing(NoVerdictError("r.csv: too short")))) == 4
 
 
 @pytest.mark.parametrize(
@@ -311,13 +320,13 @@ def test_an_analysis_that_tells_nothing_is_exit_code_4() -> None:
 )
 def test_mistakes_of_the_user(error: Exception, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Our own errors and those of the operating system are exit code 2 and one line."""
-    assert main(["check", "m"], Spy(failing(error))) == 2
+    assert called(["check", "m"], Spy(failing(error))) == 2
     assert capsys.readouterr() == ("", message)
 
 
 def test_a_json_file_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder that is not there is named."""
-    assert main(["check", "m", "--json", str(tmp_path / "no" / "x.json")], Spy()) == 2
+    assert called(["check", "m", "--json", str(tmp_path / "no" / "x.json")], Spy()) == 2
     path = tmp_path / "no" / "x.json"
     assert capsys.readouterr().err == f"{path}: there is no folder {path.parent}. Create it, or name another file.\n"
 
@@ -325,19 +334,19 @@ def test_a_json_file_that_cannot_be_written(tmp_path: Path, capsys: pytest.Captu
 def test_an_internal_error(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A defect is exit code 3 and one line with the way to the traceback, which the variable shows."""
     monkeypatch.delenv("FAULTBOND_TRACEBACK", raising=False)
-    assert main(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
+    assert called(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
     shown = capsys.readouterr().err
     assert shown.startswith("faultbond: internal error: ZeroDivisionError: oh. ")
     assert "FAULTBOND_TRACEBACK=1" in shown
     assert shown.count("\n") == 1
     monkeypatch.setenv("FAULTBOND_TRACEBACK", "1")
-    assert main(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
+    assert called(["check", "m"], Spy(failing(ZeroDivisionError("oh")))) == 3
     assert "Traceback (most recent call last)" in capsys.readouterr().err
 
 
 def test_control_c() -> None:
     """An interrupt from the keyboard is exit code 130."""
-    assert main(["check", "m"], Spy(failing(KeyboardInterrupt()))) == 130
+    assert called(["check", "m"], Spy(failing(KeyboardInterrupt()))) == 130
 
 
 @pytest.mark.parametrize(
@@ -353,11 +362,12 @@ def test_a_closed_pipe_is_quiet(options: list[str], action: str) -> None:
     code = f"""
 import sys
 from rich.console import Console
+from faultbond import app
 from faultbond.cli import main
-class Verbs:
-    def check(self, model, *, engine, out):
-        for _ in range(100000): {action}
-sys.exit(main(["check", "m", *{options}], Verbs()))
+def check(model, *, engine, out):
+    for _ in range(100000): {action}
+app.check = check
+sys.exit(main(["check", "m", *{options}]))
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -385,10 +395,11 @@ def test_umlauts_without_a_locale() -> None:
     """Text is UTF-8 on a machine whose locale is ASCII."""
     code = """
 import sys
+from faultbond import app
 from faultbond.cli import main
-class Verbs:
-    def check(self, model, *, engine, out): out.say("Behälter")
-sys.exit(main(["check", "m"], Verbs()))
+def check(model, *, engine, out): out.say("Behälter")
+app.check = check
+sys.exit(main(["check", "m"]))
 """
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment, check=True)

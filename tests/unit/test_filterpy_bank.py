@@ -10,9 +10,10 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of what it imports
     pytest.importorskip("filterpy")
 
-from benchmarks import filterpy_bank, rivals
-from benchmarks.plants import case
-from benchmarks.play import Outcome, Reading, engine_of, watch
+from benchmarks.peers import filterpy_bank, rivals
+from benchmarks.shared.plants import case
+from benchmarks.shared.play import engine_of
+from benchmarks.trust.figures import Outcome, Reading, watch
 
 from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.simulate import Fault, Simulation
@@ -112,14 +113,10 @@ def test_ranges_of_parameters_are_kept() -> None:
 
 def outcome(alarm: float, rank: int) -> Outcome:
     """One run of the circuit with a fault at 20 s."""
-    reading = Reading(after=20.0, rank=rank, probability=0.5, group=True, error=0.01, winner="C", winner_probability=1)
+    reading = Reading(rank=rank, error=0.01)
     early = alarm < 20.0
     return Outcome(
         key="rlc.C",
-        seed=1,
-        onset=20.0,
-        counted_from=20.0,
-        alarm=alarm,
         delay=None if early else alarm - 20.0,
         early=early,
         cusum=3.0,

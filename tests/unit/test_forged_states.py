@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from faultbond.app.classic import Classic
+from faultbond.app.method_face import Numbers, Watcher
 from faultbond.app.methods import BankWatcher, build_method
 from faultbond.app.rows import sample_of
-from faultbond.app.watcher import Numbers, Watcher
 from faultbond.cli import main
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.large_bank import waits
+from benchmarks.speed.large_bank import waits
 
 
 def test_samples_wait_for_the_work_before_them() -> None:

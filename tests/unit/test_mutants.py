@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from benchmarks.mutants import Case, Outcome, campaign, try_out
+from benchmarks.trust.mutants import Case, Outcome, campaign, try_out
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that can be forked")
 

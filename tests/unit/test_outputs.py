@@ -19,7 +19,7 @@ from faultbond.cli import main
 from faultbond.io import files
 from faultbond.io.examples import example
 from faultbond.io.out import Out, open_out
-from faultbond.io.record_file import Mark, holds
+from faultbond.io.record_file import Mark, holds_records
 from faultbond.synthesis.compile import cache_folder
 
 RC = Path(__file__).parents[2] / "examples" / "rc"
@@ -123,7 +123,7 @@ def test_a_pipe_is_read_once(tmp_path: Path) -> None:
 def test_records_longer_than_any_file(tmp_path: Path) -> None:
     """A state that tells of more records than there are takes no memory."""
     (tmp_path / "j").write_bytes(b"x")
-    assert not holds(tmp_path / "j", Mark(path=str(tmp_path), length=2**52, sha256="0"))
+    assert not holds_records(tmp_path / "j", Mark(path=str(tmp_path), length=2**52, sha256="0"))
 
 
 def test_a_stamp_of_what_cannot_be_looked_at(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.promise import PLANTS, Count, circuit, count, main, promised, rows, span
+from benchmarks.trust.promise import PLANTS, Count, circuit, count, main, promised, rows, span
 
 
 def test_without_an_alarm_the_mean_time_is_known_from_below_only() -> None:
@@ -54,11 +54,11 @@ def test_every_plant_gives_its_lines(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     ]
     assert {row[1] for row in table} == {"10 min"}
     assert all(row[2].startswith("0.49") for row in table)
-    monkeypatch.setattr("benchmarks.promise.PLANTS", short[:1])
+    monkeypatch.setattr("benchmarks.trust.promise.PLANTS", short[:1])
     page = tmp_path / "page.md"
     main(["--hours", "0.01", "--first-seed", "2", "--markdown", str(page)])
     text = page.read_text(encoding="utf-8")
-    assert "`python -m benchmarks.promise --hours 0.01 --first-seed 2`" in text
+    assert "`python -m benchmarks.trust.promise --hours 0.01 --first-seed 2`" in text
     assert text.count("| motor, ") == 2
 
 

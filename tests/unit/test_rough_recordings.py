@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from faultbond.app import methods
-from faultbond.app.engines import build_watcher
+from faultbond.app.engine_choice import build_watcher
 from faultbond.cli import main
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.model.graph import BondGraph

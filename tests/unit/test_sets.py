@@ -11,12 +11,9 @@ from faultbond.sets import (
     hypotheses,
     hypotheses_left,
     largest,
-    lightest_hitting_sets,
-    minimal_conflict,
     minimal_diagnoses,
     minimal_hitting_sets,
     ordered,
-    rank_by_hitting_index,
     smallest,
     without_cleared,
 )
@@ -57,8 +54,6 @@ def test_no_conflict_and_an_empty_conflict() -> None:
     """Nothing to hit: the empty set does it. An empty conflict: nothing does it."""
     assert minimal_hitting_sets([]) == (frozenset(),)
     assert minimal_hitting_sets([set(), {"A"}]) == ()
-    assert lightest_hitting_sets([], {}, 3) == ((frozenset(), 0.0),)
-    assert lightest_hitting_sets([set()], {}, 3) == ()
 
 
 def test_elements_of_any_hashable_kind_come_in_one_order() -> None:
@@ -69,7 +64,7 @@ def test_elements_of_any_hashable_kind_come_in_one_order() -> None:
 
 
 def test_dozens_of_conflicts_over_a_hundred_elements() -> None:
-    """Of forty random conflicts over a hundred elements, the smallest hitting sets are minimal and the lightest."""
+    """Of forty random conflicts over a hundred elements, the smallest hitting sets are minimal."""
     random = np.random.default_rng(1)
     conflicts = [frozenset(random.choice(100, 4, replace=False).tolist()) for _ in range(40)]
     found = minimal_hitting_sets(conflicts, max_size=14)
@@ -77,24 +72,7 @@ def test_dozens_of_conflicts_over_a_hundred_elements() -> None:
     for item in found:
         assert all(item & conflict for conflict in conflicts)
         assert not any(all((item - {element}) & conflict for conflict in conflicts) for element in item)
-    (lightest, weight), *_ = lightest_hitting_sets(conflicts, dict.fromkeys(range(100), 1.0), 1)
-    assert weight == 14.0
-    assert lightest in found
-
-
-def test_lightest_hitting_sets_weigh() -> None:
-    """A light pair goes before a heavy single element."""
-    weights = {"A": 1.0, "B": 5.0, "C": 1.5}
-    found = lightest_hitting_sets(sets("AB", "BC"), weights, 2)
-    assert found == ((frozenset("AC"), 2.5), (frozenset("B"), 5.0))
-    assert lightest_hitting_sets(sets("AB", "BC"), weights, 1) == found[:1]
-
-
-def test_elements_without_a_proper_weight_are_refused() -> None:
-    """A missing, negative or undefined weight is an error that names the element."""
-    for weights in ({"A": 1.0}, {"A": 1.0, "B": -1.0}, {"A": 1.0, "B": float("nan")}):
-        with pytest.raises(ValueError, match="'B' needs a weight of at least 0"):
-            lightest_hitting_sets(sets("AB"), weights, 1)
+    assert minimal_hitting_sets(conflicts, max_size=13) == ()
 
 
 def test_supersets_of_a_diagnosis_are_not_tested() -> None:
@@ -143,11 +121,6 @@ def test_a_healthy_plant_has_the_empty_diagnosis() -> None:
     """If everything is consistent, nothing is at fault, by one test."""
     found = minimal_diagnoses("AB", lambda _: True)
     assert (found.sets, found.conflicts, found.tests) == ((frozenset(),), (), 1)
-
-
-def test_a_conflict_shrinks_to_what_is_needed() -> None:
-    """Of A to E only B and D contradict each other."""
-    assert minimal_conflict("ABCDE", lambda out: bool(out & set("BD")), "ABCDE") == frozenset("BD")
 
 
 def test_number_of_hypotheses() -> None:
@@ -203,14 +176,6 @@ def test_smallest_and_largest_sets() -> None:
 def test_hitting_index(diagnosis: str, index: float) -> None:
     """The hitting index is the sum of thesis 6.6, worked by hand (G13)."""
     assert hitting_index(diagnosis, ERROR_INDICES) == pytest.approx(index, abs=1e-12)
-
-
-def test_ranking_by_hitting_index() -> None:
-    """The lowest index comes first, and of two equal ones the smaller set."""
-    ranked = rank_by_hitting_index(sets("A", "B", "ABC", "BC"), ERROR_INDICES)
-    assert [item for item, _ in ranked] == list(sets("BC", "ABC", "B", "A"))
-    ties = rank_by_hitting_index(sets("AB", "A"), {frozenset("A"): 0.4})
-    assert [item for item, _ in ties] == list(sets("A", "AB"))
 
 
 def test_another_limit_of_the_error_index() -> None:

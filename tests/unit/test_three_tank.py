@@ -6,7 +6,7 @@ from runpy import run_path
 
 import numpy as np
 import pytest
-from benchmarks import three_tank
+from benchmarks.peers import three_tank
 from scipy.interpolate import CubicSpline
 
 from faultbond.io import columns_of, read_rows

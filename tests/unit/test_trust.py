@@ -8,25 +8,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import trust, trust_arrival, trust_rows
-from benchmarks.evidence import evidence
-from benchmarks.page import Row
-from benchmarks.play import engine_of
-from benchmarks.trust_calibration import claims_of, expected_claims
-from benchmarks.trust_cases import CASES, Case
-from benchmarks.trust_plants import (
+from benchmarks.shared.page import Row
+from benchmarks.shared.plants import graph_of
+from benchmarks.shared.play import engine_of
+from benchmarks.trust import arrival as trust_arrival
+from benchmarks.trust import rows as trust_rows
+from benchmarks.trust import table as trust
+from benchmarks.trust.calibration import claims_of, expected_claims, write_plot
+from benchmarks.trust.cases import CASES, Case
+from benchmarks.trust.evidence import evidence
+from benchmarks.trust.plants import (
     SWING,
     Played,
     disobeyed,
     drawn,
-    graph_of,
     healthy,
     healthy_moving,
     misread,
     stepped,
 )
-from benchmarks.trust_play import Claim, Run, _Patience, play
-from benchmarks.trust_plot import write_plot
+from benchmarks.trust.play import Claim, Run, _Patience, play
 
 from faultbond.contract.lanes import starts_of
 from faultbond.runtime.state import Sample

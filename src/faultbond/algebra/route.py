@@ -49,7 +49,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class RouteStep:
     """One equation of a route, its frame, and the signal or parameter that it finds."""
 
     equation: str
@@ -70,7 +70,7 @@ class Route:
     """
 
     question: Question
-    steps: tuple[Step, ...]
+    steps: tuple[RouteStep, ...]
     blocks: tuple[tuple[int, ...], ...]
     samples: tuple[SignalAt, ...]
     known: tuple[SignalAt, ...] = ()

@@ -11,17 +11,20 @@ _BLOCKS = (64, 16, 4, 1)  # evaluations in one call
 
 
 class Batch:
-    """A CasADi function evaluated for many arguments, without copies."""
+    """A CasADi function of columns, evaluated for many arguments."""
 
     def __init__(self, function: ca.Function) -> None:
-        function = _dense(function)
+        if not all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
+            symbols = function.sx_in()
+            function = ca.Function(function.name(), symbols, [ca.densify(item) for item in function.call(symbols)])
         self.function = function  # the buffer's methods take one argument less than CasADi's types say
         self.blocks: list[tuple[int, Any, Any]] = [
             (n, *(function.map(n) if n > 1 else function).buffer()) for n in _BLOCKS
         ]
 
     def __call__(self, *arguments: FloatArray) -> list[FloatArray]:
-        """Give results (n, rows, columns) for arguments (n, size), each contiguous."""
+        """Give results (n, rows, columns) for arguments (n, size)."""
+        arguments = tuple(np.ascontiguousarray(argument) for argument in arguments)
         count, done = len(arguments[0]), 0
         shapes = [self.function.size_out(k)[::-1] for k in range(self.function.n_out())]
         results = [np.empty((count, *shape)) for shape in shapes]
@@ -36,11 +39,3 @@ class Batch:
                 evaluate()
                 done += n
         return [result.transpose(0, 2, 1) for result in results]
-
-
-def _dense(function: ca.Function) -> ca.Function:
-    """Give a function whose results have all their entries."""
-    if all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
-        return function
-    arguments = function.sx_in()
-    return ca.Function(function.name(), arguments, [ca.densify(item) for item in function.call(arguments)])

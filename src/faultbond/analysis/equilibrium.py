@@ -24,7 +24,7 @@ class Stand:
 
 
 def reference_levels(model: StepModel) -> FloatArray:
-    """Give the inputs of the usual run, SI: half range for percent, else one unit or 30 noises, whichever is more."""
+    """Give the inputs (n_inputs,) of the usual run, SI: half range for percent, else one unit, or 30 noises if more."""
     levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
     return np.array([level + max(item.noise / NOISE_PART - item.unit.factor, 0.0) for item, level in levels])
 
@@ -43,8 +43,13 @@ def reference(model: StepModel) -> Stand:
     return Stand(contents=contents, implicit=np.asarray(model.reference_implicit))
 
 
+def stands(model: StepModel, levels: FloatArray) -> list[Stand]:
+    """Give where runs with inputs (n_inputs,), SI, may begin: where the nominal run ended, and at rest if there is."""
+    return [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+
+
 def at_rest(model: StepModel, levels: FloatArray) -> Stand | None:
-    """Give where the nominal plant comes to rest with its inputs at these levels, SI; None where it does not."""
+    """Give where the nominal plant comes to rest with its inputs at levels (n_inputs,), SI; None where it does not."""
     graph, begin = model.plant.graph, reference(model)
     dt = (graph.sample_time or 1.0) * _LONGER ** np.arange(_STEPS, dtype=np.float64)
     dt[0] = 0.0

@@ -9,10 +9,10 @@ from math import ceil
 
 import numpy as np
 
+from faultbond.analysis.equilibrium import reference
 from faultbond.analysis.sensitivity import Experiment, Recursion
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
-from faultbond.model.graph import BondGraph, Parameter
 
 PARAMETER_SPREAD = 0.05  # of nominal; of `scale` where the nominal is 0
 START_SPREAD = 0.1
@@ -33,62 +33,49 @@ def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) ->
     The last is for a store that is empty in the nominal run, as all are where there is no input: the size of its
     effort or flow is drawn about one SI unit, so that what it shows while it empties is seen.
     """
-    graph = model.plant.graph
+    graph, begin = model.plant.graph, reference(model).contents
     rng = np.random.default_rng(seed)
     n_unknown = len(graph.parameters) + len(model.states)
     n = int(np.clip(ceil((_SPARE * n_unknown + 10) / max(1, len(graph.sensors))), _LEAST_SAMPLES, _MOST_SAMPLES))
-    nominal = np.array([item.nominal for item in graph.parameters])
-    reference = model.contents(model.reference_state, nominal).full()[:, 0]
-    shortest, longest = _step_range(model, recursion, reference)
+    shortest, longest = _step_range(model, recursion, begin)
+    kinds = [(begin, *kind) for kind in INPUT_KINDS]
     empty = np.abs(model.reference_state) < _EMPTY
-    filled = model.contents(np.where(empty, 1.0, model.reference_state), nominal).full()[:, 0]
-    kinds = [(reference, kind) for kind in INPUT_KINDS] + ([(filled, INPUT_KINDS[0])] if empty.any() else [])
+    if empty.any():
+        nominal = np.array([item.nominal for item in graph.parameters])
+        filled = model.contents(np.where(empty, 1.0, model.reference_state), nominal).full()[:, 0]
+        kinds.append((filled, *INPUT_KINDS[0]))
     found = []
-    for begin, (decades, signed) in kinds:
+    for start, decades, signed in kinds:
         dt = np.exp(rng.uniform(np.log(shortest), np.log(longest), n))
         dt[0] = 0.0
-        theta = np.array([_near(item, rng) for item in graph.parameters])
+        theta = [
+            np.clip(item.nominal + PARAMETER_SPREAD * item.scale * rng.standard_normal(), item.lower, item.upper)
+            for item in graph.parameters
+        ]
+        begun = start * (1.0 + START_SPREAD * rng.standard_normal(len(start)))
+        inputs = np.zeros((n, len(graph.inputs)))  # that jump at every sample
+        for k, item in enumerate(graph.inputs):
+            if item.unit.text == "percent":
+                inputs[:, k] = rng.uniform(*PERCENT_RANGE, n)
+            else:
+                sizes = 10.0 ** rng.uniform(*decades, n)
+                values = sizes * rng.choice([-1.0, 1.0], n) if signed else sizes
+                inputs[:, k] = [item.unit.to_si(float(value)) for value in values]
         found.append(
-            Experiment(
-                start=begin * (1.0 + START_SPREAD * rng.standard_normal(len(begin))),
-                inputs=_random_inputs(graph, rng, n, decades, signed),
-                dt=dt,
-                theta=theta,
-                implicit=model.reference_implicit,
-            )
+            Experiment(start=begun, inputs=inputs, dt=dt, theta=np.array(theta), implicit=model.reference_implicit)
         )
     return tuple(found)
 
 
-def _near(item: Parameter, rng: np.random.Generator) -> float:
-    """Give a value near the nominal, inside the range."""
-    value = item.nominal + PARAMETER_SPREAD * item.scale * rng.standard_normal()
-    return float(np.clip(value, item.lower, item.upper))
-
-
-def _random_inputs(
-    graph: BondGraph, rng: np.random.Generator, n: int, decades: tuple[float, float], signed: bool
-) -> FloatArray:
-    """Give inputs, shape (n, n_inputs), that jump at every sample; percent is drawn from `PERCENT_RANGE`."""
-    columns = []
-    for item in graph.inputs:
-        if item.unit.text == "percent":
-            columns.append(rng.uniform(*PERCENT_RANGE, n))
-            continue
-        sizes = 10.0 ** rng.uniform(*decades, n)
-        values = sizes * rng.choice([-1.0, 1.0], n) if signed else sizes
-        columns.append(np.array([item.unit.to_si(float(value)) for value in values]))
-    return np.array(columns).T.reshape(n, len(graph.inputs))
-
-
-def _step_range(model: StepModel, recursion: Recursion, reference: FloatArray) -> tuple[float, float]:
+def _step_range(model: StepModel, recursion: Recursion, contents: FloatArray) -> tuple[float, float]:
     """Give the shortest and the longest step that the plant's time constants ask for, in seconds."""
     graph = model.plant.graph
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     n_x = len(model.states)
     nominal = np.array([item.nominal for item in graph.parameters])
     u, z = reference_inputs(model.plant), model.reference_implicit
-    slope = recursion.misfit(reference, z, reference, u, nominal, 1.0)[1].full()
+    point = (contents, z, contents, u, nominal, np.ones(1))
+    slope = recursion.misfit(*(item[None] for item in point))[1][0]
     slope = np.where(np.isfinite(slope), slope, 0.0)  # then the step is only less well chosen
     matrix = np.eye(n_x) - slope[:n_x, :n_x]
     if len(z):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.analysis.alarms import alarming, ratios_of
 from faultbond.analysis.batch import Batch
+from faultbond.analysis.false_alarm_trials import alarming, ratios_of
 from faultbond.analysis.operation import Operation, advance_function
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
@@ -18,7 +18,7 @@ from faultbond.equations.step import StepModel
 _ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
 _MOST = 1e12  # standard deviations; more need not be told apart
 
-Case = tuple[int, int]  # parameter, sign of the change
+FaultCase = tuple[int, int]  # parameter, sign of the change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,8 +45,8 @@ class Faults:
         self.healthy[:, spec.noise_slice] = 0.0
         self.outputs = self._outputs(self.healthy)
 
-    def shift(self, cases: Sequence[Case], sizes: FloatArray) -> Shift:
-        """Give what faults of these sizes, in factors, do to outputs, innovations and slow errors."""
+    def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
+        """Give what faults of sizes (n_cases,), in factors, do to outputs, innovations and slow errors."""
         spec, operation, rows = self.spec, self.operation, self.rows
         starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])
         seen = self._outputs(starts).reshape(rows.shape[1], len(cases), len(rows), -1)
@@ -83,13 +83,13 @@ class Faults:
         """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn."""
         operation, rows = self.operation, self.rows
         times = len(starts) // len(rows)
-        v, z = np.ascontiguousarray(starts), np.tile(operation.implicit[rows[:, 0]], (times, 1))
+        v, z = starts, np.tile(operation.implicit[rows[:, 0]], (times, 1))
         seen = np.zeros((rows.shape[1], len(starts), len(self.spec.outputs)))
         for w in range(rows.shape[1]):
             k = np.tile(rows[:, w], times)
             if w:
                 arguments = (v, z, operation.u_before[k], operation.u[k], operation.dt[k, None])
-                v, z, y = (np.ascontiguousarray(item[:, :, 0]) for item in self.advance(*arguments))
+                v, z, y = (item[:, :, 0] for item in self.advance(*arguments))
             else:
                 y = self.measure(v, operation.u[k], z)[0][:, :, 0]
             seen[w] = y

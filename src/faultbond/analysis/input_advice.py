@@ -9,19 +9,21 @@ and slow errors are left out: it tells which input to move, and only roughly how
 Source: none in the thesis; expected separation as in Box and Hill, Technometrics 9 (1967) 57, for linear models.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
 
 import numpy as np
 
-from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_levels
+from faultbond.analysis.comparison import places_of
+from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.ranks import reduce, set_ranks, told_rank
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities
 from faultbond.analysis.testable import generic_run
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
+from faultbond.model.graph import Input
 
 PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
 FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range
@@ -75,7 +77,7 @@ def input_advice(
     ----------
     model : the plant
     sets : two or more sets of parameter names
-    inputs : levels of the operating point, SI; default those of `rest.reference_levels`
+    inputs : levels of the operating point, SI; default those of `equilibrium.reference_levels`
     longest : s, the longest hold; default 600 samples, fewer where the plant has no finite solution for so long
 
     Raises
@@ -85,71 +87,64 @@ def input_advice(
     StructureError
         Where the plant has no finite solution even for a while with its inputs at these levels.
     """
-    places = [_places(model, names) for names in sets]
+    graph = model.plant.graph
+    places = [tuple(places_of(graph, names)) for names in sets]
     if len(places) < 2:
-        raise ModelError(f"{model.plant.graph.file}: {len(places)} set given; two or more are needed to be told apart")
+        raise ModelError(f"{graph.file}: {len(places)} set given; two or more are needed to be told apart")
     named = tuple(tuple(names) for names in sets)
-    refusal = _refusal(model, places, named)
-    if refusal:
-        return Stimulus(sets=named, choices=(), words=refusal)
-    levels = reference_levels(model) if inputs is None else np.asarray(inputs, dtype=np.float64)
-    choices = _choices(model, places, levels, longest)
-    return Stimulus(sets=named, choices=choices, words=_summary(named, choices))
-
-
-def _places(model: StepModel, names: Sequence[str]) -> tuple[int, ...]:
-    known = [item.name for item in model.plant.graph.parameters]
-    for name in names:
-        if name not in known:
-            raise ModelError(f"{model.plant.graph.file}: no parameter {name}; there are {', '.join(known)}")
-    return tuple(known.index(name) for name in names)
-
-
-def _grid(model: StepModel) -> float:
-    sample_time = model.plant.graph.sample_time
-    return 1.0 if sample_time is None else sample_time
-
-
-def _refusal(model: StepModel, places: Sequence[tuple[int, ...]], named: Sequence[tuple[str, ...]]) -> str:
-    """Say why no input can help, if none can."""
-    if not model.plant.graph.inputs:
-        return f"the plant has no input that could separate {_list(named)}"
+    if not graph.inputs:
+        words = f"the plant has no input that could separate {_list(named)}"
+        return Stimulus(sets=named, choices=(), words=words)
     reduced = reduce([generic_run(model)])
     for (one, first), (other, second) in combinations(zip(places, named, strict=True), 2):
         ranks = [int(set_ranks(reduced, [chosen])[0][0]) for chosen in (one, other, tuple(sorted({*one, *other})))]
         if ranks[2] == max(ranks[:2]):  # what one does, the other does too
-            return f"no input can separate {_list((first, second))}: for every input they have the same effects"
-    return ""
-
-
-def _choices(
-    model: StepModel, places: Sequence[tuple[int, ...]], levels: FloatArray, asked: float | None
-) -> tuple[InputAdvice, ...]:
+            words = f"no input can separate {_list((first, second))}: for every input they have the same effects"
+            return Stimulus(sets=named, choices=(), words=words)
+    levels = reference_levels(model) if inputs is None else np.asarray(inputs, dtype=np.float64)
     trials = _trials(model, levels)
-    longest, still, runs = _runs(model, levels, asked, trials)
+    hold, still, runs = _runs(model, levels, longest, trials)
     found = []
     for (number, change), run in zip(trials, runs, strict=True):
         if run is None:
             continue
-        after = [_separation(model, places, run, longest, part) for part in PARTS]
+        after = [_separation(model, places, run, hold, part) for part in PARTS]
         part, value = next((p, v) for p, v in zip(PARTS, after, strict=True) if v >= _AS_GOOD * after[-1])
-        before = _separation(model, places, still, longest, part)
+        before = _separation(model, places, still, hold, part)
         if value > max(_BETTER * before, _SEEN):
-            found.append(_advice(model, number, levels[number], change, part * longest, (before, value)))
-    return tuple(sorted(found, key=lambda item: -item.after))
+            found.append(_advice(graph.inputs[number], levels[number], change, part * hold, before, value))
+    choices = tuple(sorted(found, key=lambda item: -item.after))
+    if not choices:
+        words = f"no change of one input brings {_list(named)} further apart"
+    elif choices[0].after < ENOUGH:
+        words = f"no change of one input tells {_list(named)} apart surely; best: {choices[0].words}"
+    else:
+        words = f"to tell {_list(named)} apart, {choices[0].words}"
+    return Stimulus(sets=named, choices=choices, words=words)
 
 
 def _runs(
     model: StepModel, levels: FloatArray, asked: float | None, trials: Sequence[tuple[int, float]]
 ) -> tuple[float, Sensitivity, tuple[Sensitivity | None, ...]]:
-    """Give the longest hold, the run at rest, and those of the trials; None where the plant cannot do a trial."""
+    """Give the longest hold, s, the run at rest, and those of the trials; None where the plant cannot do a trial.
+
+    They are at the operating point first, and half way comes the change. Where they begin: where the reference run
+    ended, else at rest, else with a shorter hold.
+    """
+    graph, count = model.plant.graph, 2 * _STEPS + 1
     recursion = build_recursion(model.plant)
-    for longest, stand in _points(model, levels, asked):
-        experiments = [_experiment(model, levels, longest, *trial, stand=stand) for trial in ((0, 0.0), *trials)]
-        still, *runs = sensitivities(recursion, experiments)
+    inputs = np.tile(levels, (1 + len(trials), count, 1))
+    for k, (number, change) in enumerate(trials, 1):
+        inputs[k, _STEPS + 1 :, number] += change
+    longest = HOLD_SAMPLES * (graph.sample_time or 1.0) if asked is None else asked
+    for part, stand in product(SHORTER, stands(model, levels)):
+        dt = np.full(count, part * longest / _STEPS)
+        dt[0] = 0.0
+        theta = np.array([item.nominal for item in graph.parameters])
+        begin = Experiment(start=stand.contents, inputs=inputs[0], dt=dt, theta=theta, implicit=stand.implicit)
+        still, *runs = sensitivities(recursion, [replace(begin, inputs=item) for item in inputs])
         if still is not None:
-            return longest, still, tuple(runs)
-    graph = model.plant.graph
+            return part * longest, still, tuple(runs)
     held = ", ".join(
         f"{item.name} = {item.unit.from_si(level):.3g} {item.unit.text}"
         for item, level in zip(graph.inputs, levels, strict=True)
@@ -158,13 +153,6 @@ def _runs(
         f"{graph.file}: {graph.name} has no finite solution while its inputs stand still at {held}; check that its "
         "stores neither empty nor overflow there, or declare a start"
     )
-
-
-def _points(model: StepModel, levels: FloatArray, asked: float | None) -> Iterator[tuple[float, Stand]]:
-    """Give holds with where to begin them: where the reference run ended, else at rest, else for a shorter while."""
-    longest = HOLD_SAMPLES * _grid(model) if asked is None else asked
-    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
-    yield from ((part * longest, stand) for part in SHORTER for stand in stands)
 
 
 def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
@@ -180,33 +168,13 @@ def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
     return trials
 
 
-def _experiment(
-    model: StepModel, levels: FloatArray, longest: float, number: int, change: float, *, stand: Stand
-) -> Experiment:
-    """Give a run at the operating point and, half way, the change of one input."""
-    graph = model.plant.graph
-    nominal = np.array([item.nominal for item in graph.parameters])
-    count = 2 * _STEPS + 1
-    inputs = np.tile(levels, (count, 1))
-    inputs[_STEPS + 1 :, number] += change
-    dt = np.full(count, longest / _STEPS)
-    dt[0] = 0.0
-    return Experiment(
-        start=stand.contents,
-        inputs=inputs,
-        dt=dt,
-        theta=nominal,
-        implicit=stand.implicit,
-    )
-
-
 def _separation(
     model: StepModel, places: Sequence[tuple[int, ...]], run: Sensitivity, longest: float, part: float
 ) -> float:
     """Give the separation of the two closest sets when the record ends `part` of the longest hold after the change."""
     graph = model.plant.graph
     rows = _STEPS + 1 + round(part * _STEPS)
-    samples = max(longest / _STEPS / _grid(model), 1.0)  # that one step stands for
+    samples = max(longest / _STEPS / (graph.sample_time or 1.0), 1.0)  # that one step stands for
     noise = np.array([item.noise for item in graph.sensors])
     noise = np.maximum(noise, 1e-9 * np.max(np.abs(run.y), axis=0, initial=0.0) + 1e-300)
     weight = np.sqrt(samples) / noise[:, None]
@@ -230,13 +198,10 @@ def _apart(columns: FloatArray, others: FloatArray) -> float:
     return float(np.sqrt(np.sum(columns**2)))
 
 
-def _advice(
-    model: StepModel, number: int, level: float, change: float, hold: float, separation: tuple[float, float]
-) -> InputAdvice:
-    item = model.plant.graph.inputs[number]
-    before, after = separation
+def _advice(item: Input, level: float, change: float, hold: float, before: float, after: float) -> InputAdvice:
     one, two = (f"{item.unit.from_si(value):.3g}" for value in (level, level + change))
     unit = "%" if item.unit.text == "percent" else item.unit.text
+    far, near = ("0" if size < 0.05 else f"{size:.1f}" if size < 9.95 else f"{size:.0f}" for size in (after, before))
     return InputAdvice(
         input=item.name,
         level=float(level),
@@ -245,21 +210,8 @@ def _advice(
         before=before,
         after=after,
         words=f"move {item.name} from {one} to {two} {unit} and hold it for {float(f'{hold:.3g}'):.15g} s: "
-        f"{_shown(after)} standard deviations apart instead of {_shown(before)}",
+        f"{far} standard deviations apart instead of {near}",
     )
-
-
-def _shown(size: float) -> str:
-    return "0" if size < 0.05 else f"{size:.1f}" if size < 9.95 else f"{size:.0f}"
-
-
-def _summary(named: Sequence[tuple[str, ...]], choices: tuple[InputAdvice, ...]) -> str:
-    if not choices:
-        return f"no change of one input brings {_list(named)} further apart"
-    best = choices[0]
-    if best.after < ENOUGH:
-        return f"no change of one input tells {_list(named)} apart surely; best: {best.words}"
-    return f"to tell {_list(named)} apart, {best.words}"
 
 
 def _list(named: Sequence[tuple[str, ...]]) -> str:

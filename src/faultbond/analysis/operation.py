@@ -8,20 +8,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from math import ceil, inf
+from math import ceil
 
 import casadi as ca
 import numpy as np
 
 from faultbond.analysis.batch import Batch
-from faultbond.analysis.equilibrium import Stand, at_rest, reference, reference_levels, times
+from faultbond.analysis.equilibrium import Stand, reference_levels, stands, times
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError, StructureError
-from faultbond.runtime.monitor import START_PATIENCE, step
+from faultbond.runtime.monitor import quiet, step
 from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.state import Sample, init
 
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
 HELD = 4.0  # settling times between two moves
@@ -65,17 +65,6 @@ class UsualRun:
     states: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Trace:
-    """What the monitor left behind: time (n,), samples (n, n_sample), lanes (n, n_numbers), spread (n, n_outputs)."""
-
-    time: FloatArray
-    samples: FloatArray
-    lanes: FloatArray
-    spread: FloatArray
-    warm: int
-
-
 def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | Sequence[Sample]) -> Operation:
     """Run the healthy filter over samples and linearise it.
 
@@ -87,24 +76,30 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
     RecordingError
         Where the filter never gets going, or loses the plant.
     """
-    told = _told(spec, run.states) if isinstance(run, UsualRun) else spec
-    samples = run.samples if isinstance(run, UsualRun) else run
-    try:
-        trace = _trace(told, engine, samples)
-    except np.linalg.LinAlgError:
-        trace = None
-    if trace is None:
+    told, samples = spec, run.samples if isinstance(run, UsualRun) else run
+    if isinstance(run, UsualRun):
+        sizes = np.max(np.abs(run.states), axis=0, initial=0.0).tolist()
+        states = [
+            replace(state, start_mean=start, start_sd=size if size > 0.0 else 1.0) if state.start_sd is None else state
+            for state, start, size in zip(spec.states, run.states[0].tolist(), sizes, strict=True)
+        ]
+        told = replace(spec, states=tuple(states))
+    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    with suppress(np.linalg.LinAlgError):
+        rows, warm = _filtered(told, engine, samples)
+    if not rows:
         raise RecordingError(
             f"{spec.model}: the healthy filter does not get going on these {len(samples)} samples; "
             "give a longer recording of the healthy plant, with every input"
         )
-    fields = {name: trace.samples[:, place] for name, place in spec.sample_fields.items()}
-    mean, implicit = trace.lanes[:, : spec.n_joint], trace.lanes[:, spec.n_joint + spec.n_packed : -1]
+    time, packed, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
+    fields = {name: packed[:, place] for name, place in spec.sample_fields.items()}
+    mean, implicit = lanes[:, : spec.n_joint], lanes[:, spec.n_joint + spec.n_packed : -1]
     transition, slope = _slopes(model, spec, mean, implicit, fields)
-    spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in trace.lanes])
+    spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in lanes])
     information = fields["use"] / (spec.output_noise**2 * fields["scale"])
     found = Operation(
-        time=trace.time,
+        time=time,
         dt=fields["dt"][:, 0],
         u=fields["u"],
         u_before=fields["u_before"],
@@ -113,11 +108,11 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
         transition=transition,
         slope=slope,
         gain=spreads @ slope.transpose(0, 2, 1) * information[:, None, :],
-        spread=trace.spread,
+        spread=spread,
         counted=(fields["use"] > 0) & (fields["scale"] == 1.0),
         blanked=(fields["use"] > 0) & (fields["scale"] != 1.0),
         covariance=spreads[0],
-        warm=trace.warm,
+        warm=warm,
     )
     parts = (found.transition, found.slope, found.gain, found.spread, found.covariance)
     if not all(np.isfinite(part).all() for part in parts):
@@ -128,62 +123,32 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
     return found
 
 
-def _told(spec: EngineSpec, states: FloatArray) -> EngineSpec:
-    """Give the specification with starts that are known to their own size, where they are not declared."""
-    sizes = np.max(np.abs(states), axis=0, initial=0.0)
-    found = [
-        state
-        if state.start_sd is not None
-        else replace(state, start_mean=float(start), start_sd=float(size) if size > 0.0 else 1.0)
-        for state, start, size in zip(spec.states, states[0], sizes, strict=True)
-    ]
-    return replace(spec, states=tuple(found))
+def _filtered(
+    spec: EngineSpec, engine: Engine, samples: Sequence[Sample]
+) -> tuple[list[tuple[float, FloatArray, FloatArray, FloatArray]], int]:
+    """Run the monitor with its alarms off; give rows since its filter runs, and before how many alarms would be off.
 
-
-def _trace(spec: EngineSpec, engine: Engine, samples: Sequence[Sample]) -> _Trace | None:
-    quiet = replace(
-        spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf, history_samples=START_PATIENCE + 2
-    )  # only as much history as the start may need
-    watched = replace(spec, thresholds=quiet)
-    state = _begun(watched, engine)
-    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    A row: time, s; packed sample (n_sample,); healthy lane (n_numbers,); sd of the innovations (n_outputs,), SI.
+    """
+    watched = quiet(spec)
+    state = init(watched)
+    if all(item.start_sd is not None for item in spec.states):  # the filter runs from the first sample on
+        start = solve_start(watched, engine, np.zeros((0, spec.n_sample)))
+        state = replace(
+            state,
+            clock=replace(state.clock, running=1),
+            healthy=replace(state.healthy, lane=healthy_lane(watched, *start)),
+        )
+    rows = list[tuple[float, FloatArray, FloatArray, FloatArray]]()
     for sample in samples:
         state, report = step(watched, engine, state, sample)
         if not state.clock.running:
             rows = []
             continue
-        rows.append(
-            (
-                sample.time,
-                state.past.samples[-1].copy(),
-                state.healthy.lane[:, 0],
-                np.sqrt(np.maximum(report.variance, 0.0)),
-            )
-        )
-    if not rows:
-        return None
+        packed, lane = state.past.samples[-1].copy(), state.healthy.lane[:, 0]
+        rows.append((sample.time, packed, lane, np.sqrt(np.maximum(report.variance, 0.0))))
     first = state.clock.index - len(rows)
-    time, samples_seen, lanes, spread = (np.array(item) for item in zip(*rows, strict=True))
-    return _Trace(
-        time=time,
-        samples=samples_seen,
-        lanes=lanes,
-        spread=spread,
-        warm=max(state.clock.begun + spec.thresholds.warm_up_samples - first, 0),
-    )
-
-
-def _begun(spec: EngineSpec, engine: Engine) -> State:
-    """Give the state before the first sample; where every start is known, the filter runs from there on."""
-    state = init(spec)
-    if any(item.start_sd is None for item in spec.states):
-        return state
-    start = solve_start(spec, engine, np.zeros((0, spec.n_sample)))
-    return replace(
-        state,
-        clock=replace(state.clock, running=1),
-        healthy=replace(state.healthy, lane=healthy_lane(spec, *start)),
-    )
+    return rows, max(state.clock.begun + spec.thresholds.warm_up_samples - first, 0)
 
 
 def _slopes(
@@ -193,10 +158,9 @@ def _slopes(
     n, n_x, count = spec.n_joint, len(spec.states), len(mean)
     transition = np.zeros((count, n, n))
     memories = np.array([error.memory for error in spec.slow_errors])
-    dt = np.ascontiguousarray(fields["dt"][1:])
+    dt = fields["dt"][1:]
     decay = np.exp(-dt / memories)
-    before = mean[:-1].copy(), np.ascontiguousarray(fields["u_before"][1:]), implicit[:-1].copy()
-    x, by, z = Batch(model.predict)(*before, dt)
+    x, by, z = Batch(model.predict)(mean[:-1], fields["u_before"][1:], implicit[:-1], dt)
     transition[1:, :n_x] = by
     slow, parameters = (np.arange(n)[place] for place in (spec.slow_slice, spec.parameter_slice))
     transition[1:, slow, slow] = decay
@@ -208,7 +172,7 @@ def _slopes(
     predicted[1:, spec.noise_slice] = 0.0
     solved = implicit.copy()
     solved[1:] = z[:, :, 0]
-    slope = Batch(model.measure)(predicted, np.ascontiguousarray(fields["u"]), solved)[1]
+    slope = Batch(model.measure)(predicted, fields["u"], solved)[1]
     return transition, slope.copy()
 
 
@@ -255,36 +219,27 @@ def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[Usual
     inputs at their references, or where the reference run ended if it does not come to rest; declared starts hold. Then
     come runs whose inputs move less, or not at all.
     """
-    batch = Batch(advance_function(model))
-    stands = list(_stands(model))
-    for part in SMALLER:
-        u = _inputs(model, spec, count, part)
-        for stand in stands:
-            run = _run(model, spec, batch, stand, u)
-            if run is not None:
-                yield run
-
-
-def _stands(model: StepModel) -> Iterator[Stand]:
-    """Give where a usual run may begin."""
-    still = at_rest(model, reference_levels(model))
-    if still is not None:
-        yield still
-    yield reference(model)
-
-
-def _inputs(model: StepModel, spec: EngineSpec, count: int, part: float) -> FloatArray:
-    n_u, dt = len(spec.inputs), spec.sample_time or 1.0
-    held = np.array([max(1, ceil(HELD * item.settling / dt)) for item in spec.inputs], dtype=np.int64)
+    batch, levels, n_u = Batch(advance_function(model)), reference_levels(model), len(spec.inputs)
+    held = np.array([max(1, ceil(HELD * item.settling / (spec.sample_time or 1.0))) for item in spec.inputs], dtype=int)
     k, shift = np.arange(count)[:, None] // held * held, np.arange(n_u) / (n_u + 0.5)
     moves = sum((size * np.sin(2 * np.pi * (k / period + shift)) for size, period in MOVES), np.zeros((count, n_u)))
-    return np.ascontiguousarray(times(model, reference_levels(model), 1.0 + part * moves))
+    begins = stands(model, levels)[::-1]
+    for part in SMALLER:
+        for stand in begins:
+            run = _run(model, spec, batch, stand, times(model, levels, 1.0 + part * moves))
+            if run is not None:
+                yield run
 
 
 def _run(model: StepModel, spec: EngineSpec, batch: Batch, stand: Stand, u: FloatArray) -> UsualRun | None:
     """Give the run from one start, or None."""
     dt, n_x = np.full((1, 1), spec.sample_time or 1.0), len(spec.states)
-    v = _healthy(model, spec, stand)[None]
+    factors = np.array([item.healthy for item in spec.parameters])
+    v = np.zeros((1, spec.n_joint))
+    v[0, spec.parameter_slice] = factors
+    known = [state.start_sd is not None for state in spec.states]  # declared starts hold
+    x = model.coordinates(stand.contents, factors * model.scales).full()[:, 0]
+    v[0, :n_x] = np.where(known, [state.start_mean for state in spec.states], x)
     y, _, z = (item.full().T.copy() for item in model.measure(v[0], u[0], stand.implicit)) if len(u) else (v, v, v)
     samples, states = [], np.zeros((len(u), n_x))
     for row, held in enumerate(u):
@@ -296,13 +251,3 @@ def _run(model: StepModel, spec: EngineSpec, batch: Batch, stand: Stand, u: Floa
         samples.append(Sample(time=time, dt=float(dt[0, 0]) if row else 0.0, u=held, y=y[0].copy()))
         states[row] = v[0, :n_x]
     return UsualRun(samples=tuple(samples), states=states)
-
-
-def _healthy(model: StepModel, spec: EngineSpec, stand: Stand) -> FloatArray:
-    """Give the joint vector of the nominal plant at its declared start, or standing there."""
-    v = np.zeros(spec.n_joint)
-    v[spec.parameter_slice] = [item.healthy for item in spec.parameters]
-    x = model.coordinates(stand.contents, v[spec.parameter_slice] * model.scales).full()[:, 0]
-    known = [state.start_sd is not None for state in spec.states]
-    v[: len(x)] = np.where(known, [state.start_mean for state in spec.states], x)
-    return v

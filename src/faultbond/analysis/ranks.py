@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultbond.analysis.sensitivity import Sensitivity
+from faultbond.analysis.sensitivity import Sensitivity, still
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 
 _SURELY_KEPT = 1e-7  # of the largest singular value
@@ -19,7 +19,7 @@ _SURELY_DROPPED = 1e-12
 _CLEAR = 1e3  # ratio of two neighbours between which a rank is told
 _BORDER = 30.0  # a value nearer to the border than this factor is uncertain
 _ROUNDING = 1e-16
-_BLOCK = 2**21  # numbers in one batch
+BLOCK = 2**21  # numbers in one batch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,16 +79,20 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     parts = [_without(part / lengths, _rows(run.by_start, units)) for part, run in zip(full, runs, strict=True)]
     columns = np.vstack(parts)
     outputs = np.concatenate([np.tile(np.arange(len(units)), len(run.times)) for run in runs])
-    matrix, rank = _compressed(columns)
+    values, right = np.zeros(0), np.zeros((0, columns.shape[1]))
+    if columns.size:
+        _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
+    rank = told_rank(values)
+    n = min(rank.value, len(values))
     return ReducedSensitivities(
         outputs=runs[0].outputs,
         parameters=runs[0].parameters,
         steps=runs[0].steps,
         relative=runs[0].steps == runs[0].theta,
-        columns=_still(columns),
+        columns=still(columns),
         row_outputs=outputs,
-        lengths=_still(lengths),
-        matrix=_still(matrix),
+        lengths=still(lengths),
+        matrix=still(values[:n, None] * right[:n]),
         rank=rank,
     )
 
@@ -108,7 +112,7 @@ def above_noise(reduced: ReducedSensitivities, sizes: FloatArray, least: float =
     top = float(values[0]) if len(values) and values[0] > 0 else 1.0
     kept, dropped = (float(values[seen - 1]) if seen else 0.0), (float(values[seen]) if seen < len(values) else 0.0)
     rank = Rank(value=seen, least=seen, kept=kept / top, dropped=dropped / top, clear=True, low=least, high=least)
-    return replace(reduced, matrix=_still(reduced.matrix * scale), rank=rank)
+    return replace(reduced, matrix=still(reduced.matrix * scale), rank=rank)
 
 
 def _rows(array: FloatArray, units: FloatArray) -> FloatArray:
@@ -127,17 +131,8 @@ def _without(columns: FloatArray, start: FloatArray) -> FloatArray:
     return columns
 
 
-def _compressed(columns: FloatArray) -> tuple[FloatArray, Rank]:
-    if not columns.size:
-        return np.zeros((0, columns.shape[1])), told_rank(np.zeros(0))
-    _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
-    rank = told_rank(values)
-    n = min(rank.value, len(values))
-    return values[:n, None] * right[:n], rank
-
-
 def told_rank(values: FloatArray) -> Rank:
-    """Tell the rank from singular values in falling order: at the widest gap in the range where rounding may be."""
+    """Tell the rank from singular values (n,) in falling order: at the widest gap where rounding may be."""
     top = float(values[0]) if len(values) else 0.0
     if not top > 0.0:
         return Rank(value=0, least=0, kept=0.0, dropped=0.0, clear=True, low=_SURELY_KEPT, high=_SURELY_KEPT)
@@ -161,7 +156,7 @@ def told_rank(values: FloatArray) -> Rank:
 
 
 def set_ranks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> tuple[IntArray, BoolArray]:
-    """Give the rank of the columns of each set, and whether it is in doubt; the sets have one size.
+    """Give the ranks (n_sets,) of the columns of sets of one size, and whether they are in doubt.
 
     Where it is in doubt, the rank is the largest that it may be.
     """
@@ -218,12 +213,6 @@ def _singular_values(r: FloatArray) -> FloatArray:
 def _blocks(reduced: ReducedSensitivities, sets: Sequence[tuple[int, ...]]) -> Iterator[FloatArray]:
     """Give the columns of the sets, shape (n, rank, size), some sets at a time."""
     height, size = reduced.matrix.shape[0], len(sets[0])
-    step = max(1, _BLOCK // max(1, height * size))
+    step = max(1, BLOCK // max(1, height * size))
     for first in range(0, len(sets), step):
         yield reduced.matrix[:, np.array(sets[first : first + step])].transpose(1, 0, 2)
-
-
-def _still(array: FloatArray) -> FloatArray:
-    """Make an array read-only: a frozen class does not freeze what it holds."""
-    array.setflags(write=False)
-    return array

@@ -6,14 +6,14 @@ noise of a sensor that is not there is taken as `NOISE_PART` of the signal's usu
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import combinations, islice
 from math import comb
 
 import numpy as np
 
-from faultbond.analysis.groups import Group, classes, groups, near_pairs
+from faultbond.analysis.groups import Group, alike_classes, groups, near_pairs
 from faultbond.analysis.ranks import reduce
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, build_recursion, sensitivity
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
@@ -55,6 +55,11 @@ class SensorChoice:
         """What is compared, the most important first."""
         return self.classes, self.testable, self.rank, -self.near
 
+    @property
+    def order(self) -> tuple[float, ...]:
+        """By what choices are sorted, the best first."""
+        return (*(-part for part in self.merit), -self.clearness)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorAdvice:
@@ -92,18 +97,20 @@ def advise_sensors(model: StepModel, recursion: Recursion | None = None) -> Sens
     StructureError
         Where the equations have no finite solution along any random run.
     """
-    run, room = _extended_run(model, candidates(model), recursion)
+    run, room = _extended_run(model, readable_signals(model), recursion)
     trial = _trial(model.plant.graph, run)
     shown = [k for k in range(trial.present, len(run.outputs)) if np.any(run.by_theta[:, k] != 0.0)]
     now = _advice(trial, ())
-    most = _best_possible(trial)
+    rank = len(run.parameters)
+    sets = sum(comb(len(trial.suspects), size) for size in range(1, min(trial.largest, rank - 1) + 1))
+    most = (sets, sets, rank, 0)  # the merit of a plant of which everything shows
     alone = {k: _advice(trial, (k,)) for k in shown[: trial.most] if now.merit < most}
-    ranked = sorted(alone, key=lambda k: _order(alone[k]))
+    ranked = sorted(alone, key=lambda k: alone[k].order)
     best = max((now.merit, *(item.merit for item in alone.values())))
-    wanted = _pairs(ranked) if best < most else iter(())
+    wanted = combinations(ranked, 2) if best < most else iter(())
     pairs = [_advice(trial, pair) for pair in islice(wanted, max(0, trial.most - len(alone)))]
     useful = [alone[k] for k in ranked if alone[k].merit > now.merit]
-    better = sorted((item for item in pairs if item.merit > best), key=_order)
+    better = sorted((item for item in pairs if item.merit > best), key=lambda item: item.order)
     tried = len(alone) + len(pairs)
     return SensorAdvice(
         now=_with_groups(trial, now),
@@ -131,14 +138,7 @@ def _trial(graph: BondGraph, run: Sensitivity) -> _Trial:
     )
 
 
-def _best_possible(trial: _Trial) -> tuple[int, int, int, int]:
-    """Give the merit of a plant of which everything shows."""
-    rank = len(trial.run.parameters)
-    sets = sum(comb(len(trial.suspects), size) for size in range(1, min(trial.largest, rank - 1) + 1))
-    return sets, sets, rank, 0
-
-
-def candidates(model: StepModel) -> tuple[str, ...]:
+def readable_signals(model: StepModel) -> tuple[str, ...]:
     """Give the signals and stored quantities that a sensor could read and none does; signals of junctions first."""
     plant = model.plant
     read = {expression.text for expression in plant.network.readings if isinstance(expression, Name)}
@@ -178,24 +178,6 @@ def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
     )
 
 
-def _pairs(ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Give the pairs of sensors: the best one with each other one, then the next best with the rest, and so on."""
-    for place, best in enumerate(ranked):
-        for other in ranked[place + 1 :]:
-            yield best, other
-
-
-def _order(item: SensorChoice) -> tuple[object, ...]:
-    return tuple(-part for part in item.merit), -item.clearness
-
-
-def _few(sets: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Give the sets up to the largest size at which there are not too many to compare; the smallest at least."""
-    sizes = [len(chosen) for chosen in sets]
-    most = max((size for size in sizes if bisect_right(sizes, size) <= MOST_COMPARED), default=min(sizes, default=0))
-    return [chosen for chosen in sets if len(chosen) <= most]
-
-
 def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     """Judge the plant with its sensors and some further outputs of the run; groups are left for later."""
     part = restricted(trial.run, (*range(trial.present), *further))
@@ -204,15 +186,17 @@ def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     noise = np.where(noise > 0, noise, NOISE_PART * usual)
     seen, weighed = reduce([part]), reduce([part], noise)
     sets = sets_to_test(judge(seen, trial.suspects, trial.largest)).sets
-    alike = classes(seen, sets)
+    alike = alike_classes(seen, sets)
     judged = [item for item in sets if len(item) < seen.rank.value]
+    sizes = [len(chosen) for chosen in sets]  # of which those are compared at which there are not too many
+    few = max((size for size in sizes if bisect_right(sizes, size) <= MOST_COMPARED), default=min(sizes, default=0))
     told = weighed.rank.clear and weighed.rank.value >= seen.rank.value
     return SensorChoice(
         sensors=tuple(trial.run.outputs[k] for k in further),
         rank=seen.rank.value,
         testable=len(judged),
         classes=len(sets) - sum(len(members) - 1 for members in alike) if judged else 0,
-        near=len(near_pairs(weighed, _few(sets), alike)),
+        near=len(near_pairs(weighed, [chosen for chosen in sets if len(chosen) <= few], alike)),
         clearness=float(f"{weighed.rank.kept:.0e}") if told else 0.0,
         groups=(),
     )

@@ -20,9 +20,9 @@ from math import log
 
 import numpy as np
 
-from faultbond.analysis.alarms import REALISATIONS, Bisection, Detector, windows_of
-from faultbond.analysis.comparison import Allowance
-from faultbond.analysis.faulty import Case, Faults
+from faultbond.analysis.comparison import NO_TIME, Allowance
+from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
+from faultbond.analysis.faulty import FaultCase, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import Engine, EngineSpec
@@ -34,7 +34,6 @@ WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
 ONSETS = 4
 SECONDS = 6.0  # of processor time, for all parameters together
-NO_TIME = "no time left"
 NO_RANGE = "its range leaves no room for a change"
 NO_EFFECT = "no sensor shows it"
 NO_SOLUTION = "not found before the plant has no finite solution any more"
@@ -126,7 +125,12 @@ def smallest_faults(
         Where there is no usual run.
     """
     clock = Allowance(seconds=seconds)
-    chosen = _chosen(spec, parameters)
+    names = [item.name for item in spec.parameters]
+    for name in parameters or ():
+        if name not in names:
+            raise ModelError(f"{spec.model}: no parameter {name}; there are {', '.join(names)}")
+    asked = [item.name for item in spec.parameters if item.suspect] if parameters is None else parameters
+    chosen = [names.index(name) for name in asked]
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
     if samples is None:
@@ -139,16 +143,6 @@ def smallest_faults(
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):
         yield from _report(search, chosen[first : first + together], length * grid, clock)
-
-
-def _chosen(spec: EngineSpec, parameters: Sequence[str] | None) -> list[int]:
-    names = [item.name for item in spec.parameters]
-    if parameters is None:
-        return [k for k, item in enumerate(spec.parameters) if item.suspect]
-    for name in parameters:
-        if name not in names:
-            raise ModelError(f"{spec.model}: no parameter {name}; there are {', '.join(names)}")
-    return [names.index(name) for name in parameters]
 
 
 def _onset_rows(spec: EngineSpec, operation: Operation, length: int, onsets: Sequence[float] | None) -> list[int]:
@@ -204,14 +198,15 @@ class _Search:
     def __init__(self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float) -> None:
         self.spec, self.faults, self.detector, self.certainty = spec, faults, detector, certainty
 
-    def run(self, cases: list[Case], clock: Allowance) -> _Progress:
+    def run(self, cases: list[FaultCase], clock: Allowance) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
         n = len(cases)
-        limits = np.array([self._limit(k, sign) for k, sign in cases])
-        first = np.array([max(_LINEAR * self.spec.parameters[k].accuracy, _LEAST) for k, _ in cases])
+        items = [(self.spec.parameters[k], sign) for k, sign in cases]
+        limits = [max(x.upper - x.healthy if sign > 0 else x.healthy - x.lower, 0.0) for x, sign in items]
+        first = [max(_LINEAR * item.accuracy, _LEAST) for item, _ in items]
         progress = _Progress(
             size=np.minimum(first, limits),
-            limits=limits,
+            limits=np.array(limits),
             low=np.zeros(n),
             high=np.full(n, np.inf),
             trial=np.zeros(n, dtype=np.intp),
@@ -230,11 +225,7 @@ class _Search:
         progress.size[enough], progress.found[enough] = progress.high[enough], True
         return progress
 
-    def _limit(self, k: int, sign: int) -> float:
-        item = self.spec.parameters[k]
-        return max(item.upper - item.healthy if sign > 0 else item.healthy - item.lower, 0.0)
-
-    def _round(self, progress: _Progress, cases: list[Case], live: IntArray) -> None:
+    def _round(self, progress: _Progress, cases: list[FaultCase], live: IntArray) -> None:
         """Try the sizes of some cases, and choose the next."""
         now = progress.size[live]
         shift = self.faults.shift([cases[c] for c in live], now)
@@ -286,6 +277,8 @@ def _report(search: _Search, chosen: list[int], within: float, clock: Allowance)
             up, down = down, up
         finite = [case for case in (2 * number, 2 * number + 1) if progress.found[case]]
         worst = max(finite, key=lambda case: sizes[case], default=None)
+        largest = () if worst is None else zip(spec.outputs, progress.largest[worst].tolist(), strict=True)
+        effects = tuple(Effect(output=of.name, size=size, in_noise=size / of.noise) for of, size in largest)
         yield SmallestFault(
             parameter=item.name,
             value=None if worst is None else float(sizes[worst] * abs(item.scale)),
@@ -293,7 +286,7 @@ def _report(search: _Search, chosen: list[int], within: float, clock: Allowance)
             down=down,
             within=within,
             certainty=search.certainty,
-            effects=() if worst is None else _effects(spec, progress.largest[worst]),
+            effects=effects,
             reason=_reason(spec, progress, both) if worst is None else "",
         )
 
@@ -309,10 +302,3 @@ def _reason(spec: EngineSpec, progress: _Progress, both: slice) -> str:
     if len(np.intersect1d(progress.live, np.arange(both.start, both.stop))):
         return NO_TIME
     return TOO_LARGE if (progress.largest[both] > _SEEN * spec.output_noise).any() else NO_EFFECT
-
-
-def _effects(spec: EngineSpec, largest: FloatArray) -> tuple[Effect, ...]:
-    return tuple(
-        Effect(output=item.name, size=float(size), in_noise=float(size / item.noise))
-        for item, size in zip(spec.outputs, largest, strict=True)
-    )

@@ -16,6 +16,7 @@ from faultbond.analysis.ranks import Rank, ReducedSensitivities, reduce, set_ran
 from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
+from faultbond.model.graph import BondGraph
 
 MOST_SETS = 20_000  # sets judged, small ones first
 EXPLAINS_ANYTHING = "explains anything"
@@ -70,12 +71,16 @@ def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensiti
     runs = sensitivities(recursion, random_experiments(model, recursion))
     ranks = [(reduce([run]).rank, run) for run in runs if run is not None]
     if not ranks:
-        graph = model.plant.graph
-        raise StructureError(
-            f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
-            "check the laws, their units and the nominal values"
-        )
+        raise no_run(model.plant.graph)
     return max(ranks, key=lambda item: (item[0].least, item[0].clear, item[0].kept))[1]
+
+
+def no_run(graph: BondGraph) -> StructureError:
+    """Give the error of a plant that no random run can be made with."""
+    return StructureError(
+        f"{graph.file}: the equations of {graph.name} have no finite solution along random inputs; "
+        "check the laws, their units and the nominal values"
+    )
 
 
 def judge(reduced: ReducedSensitivities, suspects: Sequence[int], largest: int) -> Judgement:

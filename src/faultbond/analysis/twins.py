@@ -17,9 +17,9 @@ from typing import TypeVar
 import numpy as np
 
 from faultbond.analysis.comparison import Allowance, Bench, changed, places_of, short_benches
-from faultbond.analysis.least_squares import fit, fit_together
+from faultbond.analysis.levenberg_marquardt import fit_together
+from faultbond.analysis.other_roots import FEW_STARTS, STARTS
 from faultbond.analysis.ranks import ReducedSensitivities, reduce
-from faultbond.analysis.solutions import FEW_STARTS, STARTS
 from faultbond.analysis.testable import generic_run
 from faultbond.analysis.trajectories import lanes_of
 from faultbond.arrays import FloatArray
@@ -35,7 +35,7 @@ _STEEPEST = 4.0  # largest power at which a family is looked for
 _PARALLEL = 0.999  # cosine; two effects that are one have a larger one
 _SIMPLE = 1e-5  # an exponent so near a simple fraction is that fraction
 
-Sides = tuple[list[int], list[int]]
+PairPlaces = tuple[list[int], list[int]]
 _T = TypeVar("_T")
 
 
@@ -70,10 +70,14 @@ class Twins:
         if self.always:
             return f"whatever {_set(self.first)} does, {_set(self.second)} can do as well"
         if self.first_powers is not None and self.second_powers is not None:
-            one, two = (_scaled(*item) for item in ((self.first, self.first_powers), (self.second, self.second_powers)))
+            both = ((self.first, self.first_powers), (self.second, self.second_powers))
+            one, two = (_set([_term(*item) for item in zip(*side, strict=True)]) for side in both)
             return f"{one} looks exactly like {two}, for any s > 0"
         match = self.matches[-1]
-        one, two = (_times(*item) for item in ((self.first, match.first), (self.second, match.second)))
+        one, two = (
+            _set([f"{name} x{factor:.3g}" for name, factor in zip(*side, strict=True)])
+            for side in ((self.first, match.first), (self.second, match.second))
+        )
         return f"{one} looks exactly like {two}, and so for other sizes"
 
 
@@ -124,7 +128,9 @@ def compare(
     graph, clock = model.plant.graph, Allowance(seconds=seconds)
     every = comb(comb(sum(item.suspect for item in graph.parameters), 2), 2)
     unformed = every if pairs is None and largest < 2 else 0
-    pairs = pairs if pairs is not None else _all_pairs(graph, largest)
+    if pairs is None:
+        names = [item.name for item in graph.parameters if item.suspect]
+        pairs = [pair for k in range(1, largest + 1) for pair in combinations(combinations(names, k), 2)]
     sides = [(places_of(graph, one), places_of(graph, other)) for one, other in pairs]
     reduced = reduce([generic_run(model)])
     tangents = _tangents(reduced, sides)
@@ -166,35 +172,24 @@ def _in_parts(
     return found
 
 
-def _all_pairs(graph: BondGraph, largest: int) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
-    names = [item.name for item in graph.parameters if item.suspect]
-    sets = [chosen for size in range(1, largest + 1) for chosen in combinations(names, size)]
-    return [(a, b) for a, b in combinations(sets, 2) if len(a) == len(b)]
+def _tangents(reduced: ReducedSensitivities, sides: Sequence[PairPlaces]) -> list[FloatArray]:
+    """Give for each pair a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
 
-
-def _tangents(reduced: ReducedSensitivities, sides: Sequence[Sides]) -> list[FloatArray]:
-    """Give the tangent of each pair; two single suspects have one only if their effects are nearly parallel."""
+    Empty where a set is not identifiable: then it is no twin, it explains itself in many ways. Two single suspects have
+    one only if their effects are nearly parallel.
+    """
     lengths = np.linalg.norm(reduced.matrix, axis=0)
     unit = reduced.matrix / np.where(lengths > 0.0, lengths, 1.0)
     parallel = np.abs(unit.T @ unit) > _PARALLEL
-    return [
-        np.zeros((0, 2))
-        if len(one) == len(other) == 1 and not parallel[one[0], other[0]]
-        else _tangent(reduced, one, other)
-        for one, other in sides
-    ]
-
-
-def _tangent(reduced: ReducedSensitivities, one: list[int], other: list[int]) -> FloatArray:
-    """Give a basis, (n, |one| + |other|), of small faults of both sets whose outputs are the same.
-
-    Empty where a set is not identifiable: then it is no twin, it explains itself in many ways.
-    """
-    nothing = np.zeros((0, len(one) + len(other)))
-    if any(len(_silent(reduced, reduced.matrix[:, places])) for places in (one, other)):
-        return nothing
-    found = _silent(reduced, np.hstack([reduced.matrix[:, one], -reduced.matrix[:, other]]))
-    return np.asarray(found / reduced.lengths[[*one, *other]]) if len(found) else nothing
+    tangents = []
+    for one, other in sides:
+        tangent = np.zeros((0, len(one) + len(other)))
+        skew = len(one) == len(other) == 1 and not parallel[one[0], other[0]]
+        if not skew and not any(len(_silent(reduced, reduced.matrix[:, places])) for places in (one, other)):
+            found = _silent(reduced, np.hstack([reduced.matrix[:, one], -reduced.matrix[:, other]]))
+            tangent = found / reduced.lengths[[*one, *other]] if len(found) else tangent
+        tangents.append(tangent)
+    return tangents
 
 
 def _silent(reduced: ReducedSensitivities, columns: FloatArray) -> FloatArray:
@@ -203,7 +198,7 @@ def _silent(reduced: ReducedSensitivities, columns: FloatArray) -> FloatArray:
     return np.asarray(right[int(np.sum(values > reduced.rank.low)) :])
 
 
-def _always(bench: Bench, sides: Sequence[Sides], clock: Allowance) -> list[bool | None]:
+def _always(bench: Bench, sides: Sequence[PairPlaces], clock: Allowance) -> list[bool | None]:
     """Give for each pair whether random faults of the first are imitated by the second, within its range.
 
     None where they have no finite solution.
@@ -211,28 +206,27 @@ def _always(bench: Bench, sides: Sequence[Sides], clock: Allowance) -> list[bool
     graph, rng = bench.graph, np.random.default_rng(0)
     plants = [changed(graph, one, rng.uniform(*DRAWN, len(one)).tolist()) for one, _ in sides for _ in range(DRAWS)]
     outputs, able = bench.outputs(plants, clock)
-    tasks = [
-        (row, sides[row // DRAWS][1], factors)
-        for row in np.flatnonzero(able).tolist()
-        for factors in product(STARTS.get(len(sides[row // DRAWS][1]), FEW_STARTS), repeat=len(sides[row // DRAWS][1]))
-    ]
+    rows, places, factors = list[int](), list[list[int]](), list[tuple[float, ...]]()
+    for row in np.flatnonzero(able).tolist():
+        other = sides[row // DRAWS][1]
+        for begin in product(STARTS.get(len(other), FEW_STARTS), repeat=len(other)):
+            rows.append(row)
+            places.append(other)
+            factors.append(begin)
     good = np.zeros(len(plants), dtype=bool)
-    for first in range(0, len(tasks), bench.course.most_lanes):
-        part = tasks[first : first + bench.course.most_lanes]
-        lanes = lanes_of(
-            [changed(graph, places, factors) for _, places, factors in part],
-            bench.course.run.start,
-            [places for _, places, _ in part],
-        )
-        result = fit(bench.course, lanes, bench.nominal, outputs[[row for row, _, _ in part]], stop=clock.over)
-        for (row, _, _), theta, exact in zip(part, result.theta[0], result.exact, strict=True):
-            good[row] |= exact and bench.inside(theta)
+    fits = bench.fits(places, factors, [outputs[row] for row in rows], stop=clock.over)
+    for row, found in zip(rows, fits, strict=True):
+        good[row] |= found.exact and bench.inside(found.theta)
     pairs = zip(good.reshape(-1, DRAWS), able.reshape(-1, DRAWS), strict=True)
     return [bool(found.all()) if known.all() else None for found, known in pairs]
 
 
 def _families(
-    bench: Bench, sides: Sequence[Sides], directions: Sequence[FloatArray], sizes: Sequence[float], clock: Allowance
+    bench: Bench,
+    sides: Sequence[PairPlaces],
+    directions: Sequence[FloatArray],
+    sizes: Sequence[float],
+    clock: Allowance,
 ) -> list[tuple[Match, ...]]:
     """Follow each one-parameter family from the healthy plant: the leading parameter of the first set has the size."""
     first_thetas, second_thetas, free = [], [], []
@@ -250,9 +244,14 @@ def _families(
     second = lanes_of(second_thetas, start, [other for _, other in sides for _ in sizes])
     found = fit_together(bench.course, first, second, bench.nominal, stop=clock.over)
     lanes = list(zip(*found.theta, found.exact, strict=True))
+    scale = np.array([item.scale for item in bench.graph.parameters])
+    shift = np.array([1.0 if item.nominal == 0.0 else 0.0 for item in bench.graph.parameters])
     return [
         tuple(
-            _match(bench, both, one, other)
+            Match(
+                first=tuple((one / scale + shift)[both[0]].tolist()),
+                second=tuple((other / scale + shift)[both[1]].tolist()),
+            )
             for one, other, exact in lanes[k * len(sizes) : (k + 1) * len(sizes)]
             if exact and bench.inside(one) and bench.inside(other)
         )
@@ -260,20 +259,19 @@ def _families(
     ]
 
 
-def _match(bench: Bench, sides: Sides, first: FloatArray, second: FloatArray) -> Match:
-    reference = np.array([item.scale for item in bench.graph.parameters])
-    shift = np.array([1.0 if item.nominal == 0.0 else 0.0 for item in bench.graph.parameters])
-    return Match(
-        first=tuple(float(value) for value in (first / reference + shift)[sides[0]]),
-        second=tuple(float(value) for value in (second / reference + shift)[sides[1]]),
-    )
-
-
-def _twins(graph: BondGraph, sides: Sides, always: bool, matches: tuple[Match, ...], sizes: Sequence[float]) -> Twins:
+def _twins(
+    graph: BondGraph, sides: PairPlaces, always: bool, matches: tuple[Match, ...], sizes: Sequence[float]
+) -> Twins:
+    """Say what was found of a pair, with powers of the size if they are the same simple fractions for every size."""
     one, other = sides
-    names = [item.name for item in graph.parameters]
+    names, powers = [item.name for item in graph.parameters], None
     plain = all(graph.parameters[place].nominal != 0.0 for place in (*one, *other))
-    powers = _powers(matches, sizes) if plain and len(matches) == len(sizes) else None
+    if plain and len(matches) == len(sizes):
+        factors = np.array([[*match.first, *match.second] for match in matches])
+        found = np.log(factors) / np.log(np.asarray(sizes))[:, None]
+        simple = tuple(Fraction(float(value)).limit_denominator(4) for value in found[0])
+        away = np.abs(found - np.array([float(value) for value in simple]))
+        powers = simple if np.all(away < _SIMPLE) else None
     return Twins(
         first=tuple(names[place] for place in one),
         second=tuple(names[place] for place in other),
@@ -284,27 +282,10 @@ def _twins(graph: BondGraph, sides: Sides, always: bool, matches: tuple[Match, .
     )
 
 
-def _powers(matches: tuple[Match, ...], sizes: Sequence[float]) -> tuple[Fraction, ...] | None:
-    """Give the powers of the size, if they are the same simple fractions for every size."""
-    factors = np.array([[*match.first, *match.second] for match in matches])
-    found = np.log(factors) / np.log(np.asarray(sizes))[:, None]
-    simple = [Fraction(float(value)).limit_denominator(4) for value in found[0]]
-    away = np.abs(found - np.array([float(value) for value in simple]))
-    return tuple(simple) if bool(np.all(away < _SIMPLE)) else None
-
-
 def _set(names: Sequence[str]) -> str:
     return "{" + ", ".join(names) + "}"
-
-
-def _scaled(names: Sequence[str], powers: Sequence[Fraction]) -> str:
-    return _set([_term(name, power) for name, power in zip(names, powers, strict=True)])
 
 
 def _term(name: str, power: Fraction) -> str:
     size = "s" if abs(power) == 1 else f"s^{abs(power)}" if abs(power).denominator == 1 else f"s^({abs(power)})"
     return name if power == 0 else f"{name} {size}" if power > 0 else f"{name}/{size}"
-
-
-def _times(names: Sequence[str], factors: Sequence[float]) -> str:
-    return _set([f"{name} x{factor:.3g}" for name, factor in zip(names, factors, strict=True)])

@@ -4,7 +4,7 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from faultbond.app.naming import check_names
+from faultbond.app.parameter_names import check_names
 from faultbond.app.wishes import Wishes
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
@@ -13,8 +13,6 @@ from faultbond.errors import ModelError, StructureError
 from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-
-PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
@@ -27,8 +25,6 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     console = None if out.text is None else Console(file=out.text)
     record = plant_record(graph, network)
     if console is not None:
-        if not console.is_terminal:
-            console.width = PLAIN_WIDTH
         print_plant(console, graph, network)
         console.file.flush()
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
@@ -61,7 +57,7 @@ def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     from faultbond.app.answers import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
-    from faultbond.report.formulas import CodeForm, code  # noqa: PLC0415 - loads rich
+    from faultbond.report.closed_forms import CodeForm, code  # noqa: PLC0415 - loads rich
 
     with threadpool_limits(1):  # as in `analyse`
         found = answers(graph, network, wishes)

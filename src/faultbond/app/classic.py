@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.algebra.routes.questions import parameters
-from faultbond.app.watcher import Numbers, Watcher
+from faultbond.app.method_face import Numbers, Watcher
 from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.errors import StructureError

@@ -6,10 +6,10 @@ from math import nan
 
 import numpy as np
 
+from faultbond.app.method_face import Watcher
 from faultbond.app.rows import sample_of
-from faultbond.app.watcher import Watcher
 from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
-from faultbond.contract.records import decision_record, detection_record, diagnosis_record, end_record
+from faultbond.contract.json_records import decision_record, detection_record, diagnosis_record, end_record
 from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, GridPoint
 from faultbond.io.out import Out

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from faultbond.app.kept_run import read_before
+from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method
-from faultbond.app.watcher import Watcher
 from faultbond.contract.findings import Decider, Decision, Diagnosis
-from faultbond.contract.records import decision_record, diagnosis_record
+from faultbond.contract.json_records import decision_record, diagnosis_record
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.files import locked
 from faultbond.io.out import Out
-from faultbond.io.record_file import holds
+from faultbond.io.record_file import holds_records
 from faultbond.io.saved import FoundSoFar, Saved, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
@@ -63,7 +63,7 @@ def reject(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
     out.record(decision_record(rejected, rejected=True))
     out.record(diagnosis_record(left))
     if out.text is not None:
-        from faultbond.report.decided import ranking_text, rejected_sentence  # noqa: PLC0415 - loads rich
+        from faultbond.report.verdict import ranking_text, rejected_sentence  # noqa: PLC0415 - loads rich
 
         out.say(rejected_sentence(opened.graph, rejected))
         out.say(ranking_text(opened.graph, left))
@@ -85,7 +85,7 @@ def _opened(model: Path, state: Path, out: Out) -> _Opened:
     saved = read_before(state, graph)
     if saved is None:
         raise RecordingError(f"{state}: there is no such file. `faultbond run MODEL REC --state {state}` writes it.")
-    if out.replaces is not None and saved.records is not None and holds(out.replaces, saved.records):
+    if out.replaces is not None and saved.records is not None and holds_records(out.replaces, saved.records):
         raise FaultbondError(f"{out.replaces}: there are the records of the run in {state}. Name another file.")
     watcher = build_method(graph, saved.method, EngineChoice.AUTO, saved.numbers)
     diagnosis = watcher.finish()

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from faultbond.app.any_run import run
-from faultbond.app.engines import engine_title
+from faultbond.app.engine_choice import engine_title
 from faultbond.app.wishes import DEMO, Wanted
 from faultbond.io.examples import example
 from faultbond.io.out import Out

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from faultbond.app.engines import NO_COMPILER, build_watcher
+from faultbond.app.engine_choice import NO_COMPILER, build_watcher
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.spec import Engine
@@ -41,7 +41,7 @@ def fit(
 
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
-    from faultbond.report.fitted import Fitted, fit_record, print_fit  # noqa: PLC0415 - loads rich
+    from faultbond.report.fit_result import fit_record, fitted_model, print_fit  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
@@ -53,7 +53,7 @@ def fit(
         found = fit_plant(
             plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
         )
-    fitted = Fitted(graph=graph, found=found, version=spec.version)
+    fitted = fitted_model(graph, found, spec.version)
     refused: OSError | None = None
     try:
         if output is not None:
@@ -95,17 +95,15 @@ def check_data(
     graph = load_model(model)
     _refuse(graph, recordings)
     read = tuple((name, read_points(graph, name)) for name in recordings)
-    from faultbond.fit.samples import prepare  # noqa: PLC0415 - loads casadi
-    from faultbond.fit.session import layout_of_graph  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
     from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
 
     with _waiting() as status:
         spec, watcher = build_watcher(graph, engine)
         status("watching the recordings")
-        layout = layout_of_graph(graph)
-        records = tuple(prepare(name, points, spec, layout) for name, points in read)
-        found = on_trial(spec, watcher, layout, records, promise or graph.time_between_false_alarms or MONTH)
+        records = tuple(healthy_recording(name, points, spec) for name, points in read)
+        found = on_trial(spec, watcher, records, promise or graph.time_between_false_alarms or MONTH)
     out.record(health_record(graph, spec, found))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load

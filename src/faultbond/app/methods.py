@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultbond.app.engines import build_watcher
-from faultbond.app.watcher import Numbers, Watcher
+from faultbond.app.engine_choice import build_watcher
+from faultbond.app.method_face import Numbers, Watcher
 from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import Engine, EngineSpec
@@ -16,7 +16,7 @@ from faultbond.runtime.advice import Probe, advise
 from faultbond.runtime.allowed import BEGIN_ANEW, fitting
 from faultbond.runtime.monitor import START_PATIENCE, finish, step
 from faultbond.runtime.packing import resumed
-from faultbond.runtime.state import Report, Sample, State, allowed_of, init, restore
+from faultbond.runtime.state import Report, Sample, State, allowed_of, init
 from faultbond.types import EngineChoice, Method
 
 
@@ -101,8 +101,7 @@ def restored(spec: EngineSpec, saved: Numbers) -> State:
     RecordingError
         Where it does not fit the model, or has numbers that no run has.
     """
-    fresh = init(spec)
-    state = restore(fresh, fitting(fresh.save(), saved, allowed_of(spec)))
+    state = State.restore(fitting(init(spec).save(), saved, allowed_of(spec)))
     clock = state.clock
     gathering = 0 if clock.running or clock.begun < 0 else clock.index - clock.begun
     if max(clock.begun, clock.alarm, clock.accepted) > clock.index or gathering > START_PATIENCE:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from faultbond.app.engines import engine_title
+from faultbond.app.engine_choice import engine_title
 from faultbond.io.out import Out
 from faultbond.model.text import load_model
 from faultbond.types import EngineChoice
@@ -12,16 +12,16 @@ def check(model: Path, *, engine: EngineChoice, out: Out) -> None:
     """Tell what was understood of a model."""
     graph = load_model(model)
     title = engine_title(engine)
-    from faultbond.report.understanding import Understanding, check_record  # noqa: PLC0415 - loads casadi
+    from faultbond.report.inventory import Inventory, check_record  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.specify import build_spec  # noqa: PLC0415 - loads casadi
 
     step_model = build_model(graph)
-    seen = Understanding(graph=graph, model=step_model, spec=build_spec(step_model), engine=title)
+    seen = Inventory(graph=graph, model=step_model, spec=build_spec(step_model), engine=title)
     out.record(check_record(seen))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
 
-        from faultbond.report.listing import print_check  # noqa: PLC0415 - loads rich
+        from faultbond.report.inventory import print_check  # noqa: PLC0415 - loads rich
 
         print_check(Console(file=out.text), seen)

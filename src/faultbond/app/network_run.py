@@ -12,7 +12,7 @@ import numpy as np
 
 from faultbond.app.signals import Stopping
 from faultbond.contract.findings import Detection, Diagnosis
-from faultbond.contract.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Counts, Grid, GridPoint, on_grid

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from faultbond.app.course import Course, Following
 from faultbond.app.kept_run import Keeper, read_before, stamp_of
+from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method
 from faultbond.app.rows import begun, no_time, progress
 from faultbond.app.signals import Stopping
-from faultbond.app.watcher import Watcher
 from faultbond.app.wishes import Wanted
-from faultbond.contract.records import run_record
+from faultbond.contract.json_records import run_record
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text

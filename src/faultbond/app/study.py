@@ -8,17 +8,17 @@ import numpy as np
 from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView, in_general, on_record
-from faultbond.analysis.equilibrium import at_rest, reference, reference_levels
+from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
-from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.other_roots import other_solutions
+from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import Recursion, build_recursion
 from faultbond.analysis.sensor_advice import advise_sensors
 from faultbond.analysis.smallest import smallest_faults
-from faultbond.analysis.solutions import other_solutions
 from faultbond.analysis.twins import compare
 from faultbond.app.answers import answers, left_out
-from faultbond.app.naming import check_names
+from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulation import solved_start
 from faultbond.app.wishes import Wishes
@@ -32,8 +32,8 @@ from faultbond.errors import ModelError, RecordingError, StructureError
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
-from faultbond.report import analysed, analysis
-from faultbond.report.formulas import print_routes
+from faultbond.report import analysis
+from faultbond.report.closed_forms import print_routes, routes_record
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.types import TimeGrid
 
@@ -134,7 +134,7 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
 
 def _general(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record=analysed.groups_record(study.graph, view),
+        record=analysis.groups_record(study.graph, view),
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What the sensors can tell", "with everything excited"
         ),
@@ -154,7 +154,7 @@ def _recorded(study: _Study) -> CapabilityView:
 
 def _on_data(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record={"on_data": analysed.groups_record(study.graph, view)},
+        record={"on_data": analysis.groups_record(study.graph, view)},
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What this recording can tell", "effects that its noise does not hide"
         ),
@@ -167,12 +167,12 @@ def _structure(study: _Study) -> Section:
     tests = _tests(model)
     sensors = _structural_sensors(model)
     return Section(
-        record=analysed.structure_record(study.network.suspects, found, tests, sensors),
+        record=analysis.structure_record(study.network.suspects, found, tests, sensors),
         show=lambda console: analysis.print_structure(console, study.network.suspects, found, tests, sensors),
     )
 
 
-def _tests(model: StructuralModel) -> analysed.Tests | None:
+def _tests(model: StructuralModel) -> analysis.StructuralTests | None:
     """The smallest sets of equations that can be checked, and of faults that a check responds to, if not too many."""
     try:
         sets = minimal_sets(model.equations, model.n_variables, limit=MOST_TESTS)
@@ -181,7 +181,7 @@ def _tests(model: StructuralModel) -> analysed.Tests | None:
         return None
     rows = signatures(supports, model.faults)
     faults = tuple(tuple(model.fault_names[k] for k in np.flatnonzero(row)) for row in rows)
-    return analysed.Tests(n_sets=len(sets), faults=faults)
+    return analysis.StructuralTests(n_sets=len(sets), faults=faults)
 
 
 def _structural_sensors(model: StructuralModel) -> tuple[tuple[str, ...], ...]:
@@ -198,7 +198,7 @@ def _routes(study: _Study, wishes: Wishes) -> Section:
     found = answers(study.graph, study.network, wishes)
     late = left_out(found, wishes)
     return Section(
-        record=analysed.routes_record(study.network, found, late),
+        record=routes_record(study.network, found, late),
         show=lambda console: print_routes(console, study.network, found, late),
     )
 
@@ -214,7 +214,7 @@ def _solutions(study: _Study, view: CapabilityView, recorded: CapabilityView | N
     found = other_solutions(study.model, sets) if sets else ()
     alike = compare(study.model, largest=2 if len(study.network.suspects) <= MOST_TWINS else 1)
     return Section(
-        record=analysed.hypotheses_record(graph, view, recorded, found, alike),
+        record=analysis.hypotheses_record(graph, view, recorded, found, alike),
         show=lambda console: analysis.print_solutions(console, graph, found, alike),
     )
 
@@ -233,7 +233,7 @@ def _smallest(study: _Study, wishes: Wishes) -> Section:
     except RecordingError as error:
         raise StructureError(str(error)) from error
     return Section(
-        record=analysed.smallest_record(found),
+        record=analysis.smallest_record(found),
         show=lambda console: analysis.print_smallest(console, study.graph, found),
     )
 
@@ -241,7 +241,7 @@ def _smallest(study: _Study, wishes: Wishes) -> Section:
 def _sensors(study: _Study) -> Section:
     advice = advise_sensors(study.model, study.recursion)
     return Section(
-        record=analysed.sensors_record(study.graph, advice),
+        record=analysis.sensors_record(study.graph, advice),
         show=lambda console: analysis.print_sensor_advice(console, advice),
     )
 
@@ -260,7 +260,7 @@ def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> S
     if not wishes.separate:  # alike in direction, but far enough apart in a record of that length, needs no move
         found = tuple(item for item in found if not item.choices or item.choices[0].before < ENOUGH)
     return Section(
-        record=analysed.inputs_record(found),
+        record=analysis.inputs_record(found),
         show=lambda console: analysis.print_input_advice(console, found, note),
     )
 
@@ -283,10 +283,10 @@ def _apart(suspects: set[int], pair: NearGroup) -> bool:
 def _at_rest(study: _Study) -> CapabilityView:
     """What can be told where all inputs stand still: from where the reference run ended, else from where it rests."""
     model, levels = study.model, reference_levels(study.model)
-    stands = [item for item in (reference(model), at_rest(model, levels)) if item is not None]
+    begins = stands(model, levels)
     for count in REST_SAMPLES:
         times = np.arange(count, dtype=np.float64) * (study.graph.sample_time or 1.0)
-        for stand in stands:
+        for stand in begins:
             with suppress(StructureError):
                 held = np.tile(levels, (count, 1))
                 return on_record(model, recorded_runs(model, study.recursion, times, held, stand.contents))

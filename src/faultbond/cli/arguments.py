@@ -1,68 +1,204 @@
-"""The arguments of all other verbs."""
+"""The arguments of all verbs, and how each verb is called with them."""
 
 import argparse
+import os
+from collections.abc import Callable
+from math import nan
 from pathlib import Path
+from typing import Never, TypeAlias
 
-from faultbond.app import Imperfections, Wanted
+from faultbond import app
+from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.app.wishes import SURE
-from faultbond.cli.verbs import (
-    DONE,
-    FAULT_DETECTED,
-    NO_VERDICT,
-    Subparsers,
-    Verbs,
-    add_engine,
-    add_model,
-    add_verb,
-    engine,
-    level,
-    part,
-    time,
-    whole,
-)
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
-from faultbond.model.quantities import quantity
-from faultbond.types import Method, Verdict
+from faultbond.model.quantities import duration, quantity, spread
+from faultbond.types import EngineChoice, Method, Verdict
 
+DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}
+ENGINE = "FAULTBOND_ENGINE"
+LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
+MAX_CLOSED = 5
+MOST_STARTS = 100
+REPORT = "write a report to open in a browser"
+
+VerbCall = Callable[[argparse.Namespace, Out], int]
 
 
-def add_check(verbs: Subparsers) -> None:
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line."""
+
+    def error(self, message: str) -> Never:
+        """Refuse the arguments.
+
+        Raises
+        ------
+        FaultbondError
+            Always.
+        """
+        raise FaultbondError(f"{self.prog}: {message}. See: {self.prog} --help")
+
+
+Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def add_verbs(verbs: Subparsers) -> None:
+    """Add all verbs, in the order in which the help shows them."""
+    for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_demo):
+        add(verbs)
+
+
+def _add_check(verbs: Subparsers) -> None:
     """Add `check`."""
 
-    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
+    def call(arguments: argparse.Namespace, out: Out) -> int:
         if arguments.data:
-            recordings = tuple(arguments.data)
-            verbs.check_data(arguments.model, recordings, promise=arguments.promise, engine=engine(arguments), out=out)
+            read, engine = tuple(arguments.data), _engine(arguments)
+            app.check_data(arguments.model, read, promise=arguments.promise, engine=engine, out=out)
         else:
-            verbs.check(arguments.model, engine=engine(arguments), out=out)
+            app.check(arguments.model, engine=_engine(arguments), out=out)
         return DONE
 
     example = "faultbond check examples/tank/model.yaml"
-    parser = add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
-    add_model(parser)
-    parser.add_argument(
+    parser = _add_verb(verbs, "check", call, "show what was understood of a model, with every default", example)
+    add = parser.add_argument
+    add(
         "--data",
         metavar="REC",
         nargs="+",
         help="healthy recordings: tell what the model gets wrong there, and what it must declare",
     )
-    parser.add_argument(
+    add(
         "--promise",
         metavar="TIME",
-        type=time,
+        type=duration,
         help="with --data: mean time between false alarms that is wanted (default: that of the model, else '30 day')",
     )
-    add_engine(parser)
+    _add_engine(parser)
 
 
-def add_simulate(verbs: Subparsers) -> None:
+def _add_analyse(verbs: Subparsers) -> None:
+    """Add `analyse`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        if arguments.trace is not None:
+            app.trace(arguments.model, arguments.trace, out=out)
+            return DONE
+        wishes = Wishes(
+            data=arguments.data,
+            within=arguments.within,
+            separate=tuple(arguments.separate),
+            closed=arguments.closed,
+            patience=arguments.patience,
+            preference=arguments.preference,
+        )
+        if arguments.code is not None:
+            app.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
+            return DONE
+        return DONE if app.analyse(arguments.model, wishes=wishes, out=out) else NO_VERDICT
+
+    example = "faultbond analyse model.yaml --data healthy.csv"
+    summary = "tell which faults can be found and told apart, how small, and what would help"
+    parser = _add_verb(verbs, "analyse", call, summary, example)
+    add = parser.add_argument
+    add("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
+    add("--within", metavar="TIME", type=duration, help="find the smallest faults within '60 s' (default: 300 samples)")
+    add(
+        "--separate",
+        metavar="SET",
+        nargs="+",
+        type=_names,
+        default=[],
+        help="find the input that best separates these sets, such as K4 K6,K1 "
+        "(default: those alike at rest, or in the recording)",
+    )
+    add(
+        "--closed",
+        metavar="N",
+        type=_number("--closed", 0, MAX_CLOSED),
+        default=1,
+        help="solve sets of up to N parameters in closed form (default: %(default)s; 0 none)",
+    )
+    add(
+        "--patience",
+        metavar="TIME",
+        type=duration,
+        default=4.0,
+        help="time for all closed forms together; one may take a quarter of it (default: 4 s)",
+    )
+    routes = parser.add_mutually_exclusive_group()
+    for option, value in (("--fewest", "fewest components"), ("--least-noise", "least noise")):
+        summary = f"take routes with the {value}, not with the fewest samples"
+        routes.add_argument(option, dest="preference", action="store_const", const=value, help=summary)
+    parser.set_defaults(preference="fewest frames")
+    add("--code", choices=["python", "c", "latex"], help="print the closed forms as functions, and nothing else")
+    add("--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step")
+
+
+def _add_fit(verbs: Subparsers) -> None:
+    """Add `fit`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        wishes = FitWishes(
+            fixed=arguments.fixed,
+            free=arguments.free,
+            prior=arguments.prior,
+            starts=arguments.starts,
+            seed=arguments.seed,
+            own=arguments.per_recording,
+        )
+        app.fit(
+            arguments.model,
+            tuple(arguments.recordings),
+            wishes=wishes,
+            output=arguments.output,
+            report=arguments.report,
+            engine=_engine(arguments),
+            out=out,
+        )
+        return DONE
+
+    example = "faultbond fit model.yaml healthy.csv -o fitted.yaml --report fit.html"
+    summary = "find parameters and noise from healthy recordings, and write them into a model file"
+    parser = _add_verb(verbs, "fit", call, summary, example)
+    add = parser.add_argument
+    add("recordings", metavar="REC", nargs="+", help="healthy recording; several are fitted together")
+    add("-o", "--output", metavar="MODEL2", type=Path, help="model file to write")
+    add("--report", metavar="FILE.html", type=Path, help=REPORT)
+    add("--fixed", metavar="NAMES", type=_names, default=(), help="parameters that are known: G,K_meter")
+    add("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
+    add(
+        "--per-recording",
+        metavar="NAMES",
+        type=_names,
+        default=(),
+        help="parameters that each recording has for itself, such as a temperature at its start",
+    )
+    add(
+        "--prior",
+        choices=["widened", "declared", "none"],
+        default="widened",
+        help="what declared accuracies count for: widened where the data contradict them, as declared, or nothing "
+        "(default: %(default)s)",
+    )
+    add(
+        "--starts",
+        metavar="N",
+        type=_number("--starts", 1, MOST_STARTS),
+        default=4,
+        help="begin the search at N places (default: %(default)s)",
+    )
+    add("--seed", metavar="N", type=_seed, default=0, help="choose the other places (default: %(default)s)")
+    _add_engine(parser)
+
+
+def _add_simulate(verbs: Subparsers) -> None:
     """Add `simulate`."""
 
-    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.simulate(
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        app.simulate(
             arguments.model,
             inputs=arguments.inputs,
             faults=tuple(parse_fault(text) for text in arguments.fault),
@@ -75,12 +211,10 @@ def add_simulate(verbs: Subparsers) -> None:
         return DONE
 
     example = "faultbond simulate model.yaml --inputs healthy.csv --fault K1=x1.85@2460 --seed 1 -o faulty.csv"
-    parser = add_verb(verbs, "simulate", call, "make a recording of the plant, healthy or faulty", example)
-    add_model(parser)
-    parser.add_argument(
-        "--inputs", metavar="REC", required=True, help="recording with the time and input columns; - is standard input"
-    )
-    parser.add_argument(
+    parser = _add_verb(verbs, "simulate", call, "make a recording of the plant, healthy or faulty", example)
+    add = parser.add_argument
+    add("--inputs", metavar="REC", required=True, help="recording with the time and input columns; - is standard input")
+    add(
         "--fault",
         metavar="FAULT",
         action="append",
@@ -89,8 +223,8 @@ def add_simulate(verbs: Subparsers) -> None:
         "SIGNAL.bias, .gain, .noise or .stuck, such as flow.bias=1.4e-5@1500 or flow.stuck@1500; @TIME..TIME for a "
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
-    parser.add_argument("--seed", metavar="N", type=whole, help="make the noise repeatable")
-    parser.add_argument(
+    add("--seed", metavar="N", type=_seed, help="make the noise repeatable")
+    add(
         "--start",
         metavar="STATE=VALUE",
         action="append",
@@ -99,17 +233,154 @@ def add_simulate(verbs: Subparsers) -> None:
         help="start of a state, such as 'tank.q=0.05 m^3', SI without a unit; may be repeated (default: that of the "
         "model, else solved from the sensors in REC, else 0)",
     )
-    zero = "(default: 0)"
-    parser.add_argument(
-        "--spread", metavar="PART", type=part, default=0.0, help=f"true parameters are off by up to '3 %%' {zero}"
+    for option, metavar, read, meaning in (
+        ("--spread", "PART", _part, "true parameters are off by up to '3 %%'"),
+        ("--lag", "TIME", duration, "inputs that settle lag behind by '3 s'"),
+        ("--curve", "PART", _part, "inputs in percent act wrongly by up to '3 %%'"),
+    ):
+        add(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
+    add("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
+
+
+def _add_run(verbs: Subparsers) -> None:
+    """Add `run`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        wanted = Wanted(
+            method=Method(arguments.method),
+            engine=_engine(arguments),
+            report=arguments.report,
+            accept=arguments.accept,
+            state=arguments.state,
+        )
+        return CODES[app.run(arguments.model, arguments.recording, wanted=wanted, out=out)]
+
+    example = "faultbond run model.yaml faulty.csv --report report.html"
+    summary = "watch a recording, detect a fault and diagnose it; exit code 1: there is one, 4: no verdict"
+    parser = _add_verb(verbs, "run", call, summary, example)
+    add = parser.add_argument
+    add("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")
+    add(
+        "--method",
+        choices=[method.value for method in Method],
+        default=Method.BANK.value,
+        help="how to detect and diagnose (default: %(default)s)",
     )
-    parser.add_argument(
-        "--lag", metavar="TIME", type=time, default=0.0, help=f"inputs that settle lag behind by '3 s' {zero}"
+    add("--report", metavar="FILE.html", type=Path, help=REPORT)
+    add("--state", metavar="STATE", type=Path, help="go on from the run kept in this file, if it exists, and keep this")
+    add(
+        "--accept",
+        metavar="LEVEL",
+        type=_level,
+        help=f"accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: {SURE:g}",
     )
-    parser.add_argument(
-        "--curve", metavar="PART", type=part, default=0.0, help=f"inputs in percent act wrongly by up to '3 %%' {zero}"
+    _add_engine(parser)
+
+
+def _add_decisions(verbs: Subparsers) -> None:
+    """Add `accept` and `reject`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        decide = app.accept if arguments.verb == "accept" else app.reject
+        names = tuple(name for word in arguments.names for name in word.split(",") if name)  # commas as elsewhere
+        decide(arguments.model, arguments.state, names, out=out)
+        return DONE
+
+    meaning = "parameters or components of the candidate, or its sensor or input"
+    for verb, number, summary, default in (
+        ("accept", "*", "take a diagnosis of a kept run as the new normal", " (default: the best)"),
+        ("reject", "+", "rule a diagnosis of a kept run out; the others share its probability", ""),
+    ):
+        add = _add_verb(verbs, verb, call, summary, f"faultbond {verb} model.yaml plant.state K1").add_argument
+        add("state", metavar="STATE", type=Path, help="file that `run --state` wrote")
+        add("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
+
+
+def _add_demo(verbs: Subparsers) -> None:
+    """Add `demo`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        app.demo(report=arguments.report, engine=_engine(arguments), out=out)
+        return DONE
+
+    parser = _add_verb(verbs, "demo", call, "find a fault in the built-in water tank", "faultbond demo", model=False)
+    add = parser.add_argument
+    add(
+        "--report",
+        metavar="FILE.html",
+        type=Path,
+        default=Path("report.html"),
+        help="where to write the report (default: %(default)s)",
     )
-    parser.add_argument("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
+    _add_engine(parser)
+
+
+def _add_verb(
+    verbs: Subparsers, name: str, call: VerbCall, summary: str, example: str, *, model: bool = True
+) -> argparse.ArgumentParser:
+    """Add a verb with what all verbs share."""
+    parser = verbs.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=f"Example: {example}",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the result as JSON lines; - is standard output")
+    if model:
+        parser.add_argument("model", metavar="MODEL", type=Path, help="model file, YAML")
+    parser.set_defaults(call=call)
+    return parser
+
+
+def _add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the engine."""
+    parser.add_argument(
+        "--engine",
+        choices=[choice.value for choice in EngineChoice],
+        help=f"c: compiled, vm: without a compiler, auto: c where there is a compiler (default: ${ENGINE}, else auto)",
+    )
+
+
+def _engine(arguments: argparse.Namespace) -> EngineChoice:
+    """Give the engine of the option, else of the environment."""
+    name: str = arguments.engine or os.environ.get(ENGINE) or EngineChoice.AUTO.value
+    known = [choice.value for choice in EngineChoice]
+    if name not in known:
+        raise FaultbondError(f"{ENGINE}={name}: no such engine; set it to one of {', '.join(known)}.")
+    return EngineChoice(name)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names):
+        raise FaultbondError(f"{text!r}: expected names with commas between, such as R,L")
+    if len(set(names)) < len(names):
+        raise FaultbondError(f"{text!r}: a name stands there twice; give each once")
+    return names
+
+
+def _number(option: str, least: int, most: int) -> Callable[[str], int]:
+    """Give the function that reads a whole number between two others."""
+
+    def read(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and least <= int(text) <= most):
+            raise FaultbondError(f"{option} {text}: expected a whole number from {least} to {most}")
+        return int(text)
+
+    return read
+
+
+def _seed(text: str) -> int:
+    """Read a whole number that is not negative."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise FaultbondError(f"--seed {text}: expected a whole number from 0, such as 1")
+    return value
 
 
 def _start(text: str) -> tuple[str, float]:
@@ -120,62 +391,24 @@ def _start(text: str) -> tuple[str, float]:
     return name.strip(), quantity(value, f"--start {text!r}: ").value
 
 
-def add_run(verbs: Subparsers) -> None:
-    """Add `run`."""
+def _part(text: str) -> float:
+    """Read a percentage as a part of 1."""
+    found = spread(text)
+    if not found.is_relative:
+        raise FaultbondError(f"{text!r} is no percentage. Write it as in --spread '3 %'.")
+    return found.ratio
 
-    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verdict = verbs.run(
-            arguments.model,
-            arguments.recording,
-            wanted=Wanted(
-                method=Method(arguments.method),
-                engine=engine(arguments),
-                report=arguments.report,
-                accept=arguments.accept,
-                state=arguments.state,
-            ),
-            out=out,
+
+def _level(text: str) -> float:
+    """Read a probability from which a diagnosis is accepted."""
+    if text == "auto":
+        return SURE
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not LOWEST_LEVEL <= value <= 1.0:
+        raise FaultbondError(
+            f"--accept {text}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
         )
-        return CODES[verdict]
-
-    example = "faultbond run model.yaml faulty.csv --report report.html"
-    summary = "watch a recording, detect a fault and diagnose it; exit code 1: there is one, 4: no verdict"
-    parser = add_verb(verbs, "run", call, summary, example)
-    add_model(parser)
-    parser.add_argument("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")
-    parser.add_argument(
-        "--method",
-        choices=[method.value for method in Method],
-        default=Method.BANK.value,
-        help="how to detect and diagnose (default: %(default)s)",
-    )
-    parser.add_argument("--report", metavar="FILE.html", type=Path, help="write a report to open in a browser")
-    parser.add_argument(
-        "--state", metavar="STATE", type=Path, help="go on from the run kept in this file, if it exists, and keep this"
-    )
-    parser.add_argument(
-        "--accept",
-        metavar="LEVEL",
-        type=level,
-        help=f"accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: {SURE:g}",
-    )
-    add_engine(parser)
-
-
-def add_demo(verbs: Subparsers) -> None:
-    """Add `demo`."""
-
-    def call(arguments: argparse.Namespace, verbs: Verbs, out: Out) -> int:
-        verbs.demo(report=arguments.report, engine=engine(arguments), out=out)
-        return DONE
-
-    example = "faultbond demo"
-    parser = add_verb(verbs, "demo", call, "find a fault in the built-in water tank", example)
-    parser.add_argument(
-        "--report",
-        metavar="FILE.html",
-        type=Path,
-        default=Path("report.html"),
-        help="where to write the report (default: %(default)s)",
-    )
-    add_engine(parser)
+    return value

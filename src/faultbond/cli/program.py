@@ -13,12 +13,8 @@ from typing import Never
 
 from faultbond import app
 from faultbond.app.signals import Stopped, Stopping
-from faultbond.cli.accept import add_accept, add_reject
-from faultbond.cli.analyse import add_analyse
-from faultbond.cli.arguments import add_check, add_demo, add_run, add_simulate
-from faultbond.cli.fit import add_fit
+from faultbond.cli.arguments import DONE, FAULT_DETECTED, NO_VERDICT, Parser, VerbCall, add_verbs
 from faultbond.cli.outputs import check_outputs
-from faultbond.cli.verbs import DONE, FAULT_DETECTED, NO_VERDICT, Call, Parser, Verbs
 from faultbond.errors import FaultbondError, NoVerdictError, one_line
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
@@ -54,106 +50,83 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
-    verbs = parser.add_subparsers(title="verbs", metavar="VERB", dest="verb")
-    add_check(verbs)
-    add_analyse(verbs)
-    add_fit(verbs)
-    add_simulate(verbs)
-    add_run(verbs)
-    add_accept(verbs)
-    add_reject(verbs)
-    add_demo(verbs)
+    add_verbs(parser.add_subparsers(title="verbs", metavar="VERB", dest="verb"))
     return parser
 
 
-def main(argv: Sequence[str] | None = None, verbs: Verbs = app) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and give the exit code.
 
     Parameters
     ----------
     argv : arguments after the program name; None takes those of the process
-    verbs : what carries the verbs out
     """
     if argv is None and not sys.warnoptions:
         warnings.filterwarnings("ignore", category=RuntimeWarning)  # of arithmetic; what is not finite is told in words
-    _load(sys.argv[1:] if argv is None else argv, verbs)
+    words = sys.argv[1:] if argv is None else argv
+    if words and not {"-h", "--help"} & set(words):  # what the verb needs is loaded while Ctrl-C still ends at once
+        getattr(app, words[0].replace("-", "_"), None)
     with Stopping() as stopping:
         try:
-            return _guarded(argv, verbs)
+            return _guarded(argv)
         except KeyboardInterrupt as stopped:
             return SIGNALLED + (stopped.number if isinstance(stopped, Stopped) else signal.SIGINT)
         except Exception as error:  # the last line of defence
             if stopping.noted is not None:  # what the library made of it that was stopped
                 return SIGNALLED + stopping.noted
-            return _internal(error)
+            if os.environ.get(TRACEBACK):
+                sys.stderr.write(traceback.format_exc())
+            hint = f"Please report it with the traceback: set {TRACEBACK}=1 and run again."
+            told = f"faultbond: internal error: {type(error).__name__}: {error}. {hint}"
+            return _complain(told, INTERNAL_ERROR)
 
 
-def _load(words: Sequence[str], verbs: Verbs) -> None:
-    """Load what the verb needs, while Ctrl-C still ends the program at once."""
-    if words and not {"-h", "--help"} & set(words):
-        getattr(verbs, words[0].replace("-", "_"), None)
-
-
-def _guarded(argv: Sequence[str] | None, verbs: Verbs) -> int:
+def _guarded(argv: Sequence[str] | None) -> int:
     """Run the command line and give the exit code, also where the user or the system has set a limit."""
     code = DONE
     try:
-        _speak_utf8()
-        code = _execute(argv, verbs)
+        for stream in (sys.stdout, sys.stderr):  # UTF-8 whatever the machine's locale says
+            if isinstance(stream, TextIOWrapper) and stream.encoding.lower().replace("-", "") != "utf8":
+                stream.reconfigure(encoding="utf-8")
+        code = _execute(argv)
         sys.stdout.flush()
     except FaultbondError as error:
         return _complain(str(error), NO_VERDICT if isinstance(error, NoVerdictError) else USER_MISTAKE)
-    except BrokenPipeError:
-        return _give_up_output()
-    except SystemExit as leaving:
-        if isinstance(leaving.__context__, BrokenPipeError):  # rich makes this of it
-            return _give_up_output()
-        raise
+    except (BrokenPipeError, SystemExit) as error:
+        # nobody reads standard output any more, as in `faultbond run ... | head`; rich makes a SystemExit of it
+        if not isinstance(error, BrokenPipeError) and not isinstance(error.__context__, BrokenPipeError):
+            raise
+        drop_output()
+        return NOBODY_READS
     except OSError as error:
         full = _close_full_output() or error.errno == ENOSPC
-        message = f"standard output: {error.strerror}." if full and not error.filename else _of_system(error)
+        message = f"{error.filename}: {error.strerror}." if error.filename else f"{error.strerror or error}."
+        if full and not error.filename:
+            message = f"standard output: {error.strerror}."
         return _complain(message, code or USER_MISTAKE)
     return code
 
 
-def _execute(argv: Sequence[str] | None, verbs: Verbs) -> int:
+def _execute(argv: Sequence[str] | None) -> int:
     """Read the arguments, open the streams and call the verb."""
     parser = build_parser()
     arguments = parser.parse_args(argv)
     if arguments.verb is None:
         parser.print_help()
         return DONE
-    call: Call = arguments.call
+    call: VerbCall = arguments.call
     target: str | None = arguments.json
     if target is None and getattr(arguments, "recording", None) == STANDARD_INPUT:
         target = STANDARD_OUTPUT
     check_outputs(arguments)
     with open_out(target, grows=arguments.verb in GROWING) as out:
-        return call(arguments, verbs, out)
-
-
-def _speak_utf8() -> None:
-    """Write UTF-8 whatever the machine's locale says."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper) and stream.encoding.lower().replace("-", "") != "utf8":
-            stream.reconfigure(encoding="utf-8")
+        return call(arguments, out)
 
 
 def _complain(message: str, code: int) -> int:
     """Write one line for the user."""
     sys.stderr.write(one_line(message) + "\n")
     return code
-
-
-def _of_system(error: OSError) -> str:
-    """Say what the operating system refused."""
-    return f"{error.filename}: {error.strerror}." if error.filename else f"{error.strerror or error}."
-
-
-def _give_up_output() -> int:
-    """Stop quietly when nobody reads standard output any more, as in `faultbond run ... | head`."""
-    drop_output()
-    return NOBODY_READS
 
 
 def _close_full_output() -> bool:
@@ -164,11 +137,3 @@ def _close_full_output() -> bool:
         drop_output()
         return True
     return False
-
-
-def _internal(error: Exception) -> int:
-    """Report a defect of faultbond: one line, or the traceback to those who ask for it."""
-    if os.environ.get(TRACEBACK):
-        sys.stderr.write(traceback.format_exc())
-    hint = f"Please report it with the traceback: set {TRACEBACK}=1 and run again."
-    return _complain(f"faultbond: internal error: {type(error).__name__}: {error}. {hint}", INTERNAL_ERROR)

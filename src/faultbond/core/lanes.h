@@ -31,9 +31,8 @@ static inline lanes choose(mask m, lanes a, lanes b) { return (lanes)(((mask)a &
 
 static inline lanes broadcast(double a)
 {
-    lanes r;
-    for (int l = 0; l < FB_LANES; l++) r[l] = a;
-    return r;
+    const lanes nothing = {0.0};
+    return a - nothing; /* keeps the sign of a zero */
 }
 
 static inline int any_of(mask m)
@@ -45,9 +44,9 @@ static inline int any_of(mask m)
 static inline int all_of(mask m) { return !any_of(~m); }
 
 #define FB_EACH(name) \
-    static inline lanes v_##name(lanes a) { lanes r; for (int l = 0; l < FB_LANES; l++) r[l] = name(a[l]); return r; }
+    static inline lanes v_##name(lanes a) { for (int l = 0; l < FB_LANES; l++) a[l] = name(a[l]); return a; }
 #define FB_EACH_PAIR(name) \
-    static inline lanes v_##name(lanes a, lanes b) { lanes r; for (int l = 0; l < FB_LANES; l++) r[l] = name(a[l], b[l]); return r; }
+    static inline lanes v_##name(lanes a, lanes b) { for (int l = 0; l < FB_LANES; l++) a[l] = name(a[l], b[l]); return a; }
 #endif
 
 static inline lanes load(const double *from) { lanes r; memcpy(&r, from, sizeof r); return r; }

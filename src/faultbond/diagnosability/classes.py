@@ -39,7 +39,7 @@ def redundancy(equations: Equations, n_variables: int) -> int:
 
 def classes(equations: Equations, matched: Sequence[int]) -> tuple[int, ...]:
     """Give for each equation the lowest one of its class, or -1 outside the over-determined part."""
-    found = search(equations, matched, holdings(equations, matched), range(len(equations)))
+    found = search_classes(equations, matched, holdings(equations, matched), range(len(equations)))
     lowest: dict[int, int] = {}
     for equation, top in zip(found.order, found.top, strict=True):
         lowest[top] = min(equation, lowest.get(top, equation))
@@ -49,7 +49,9 @@ def classes(equations: Equations, matched: Sequence[int]) -> tuple[int, ...]:
     return tuple(label)
 
 
-def search(equations: Equations, matched: Sequence[int], held: Sequence[int], active: Collection[int]) -> ClassSearch:
+def search_classes(
+    equations: Equations, matched: Sequence[int], held: Sequence[int], active: Collection[int]
+) -> ClassSearch:
     """Search the over-determined part of the `active` equations; `held` is the variable that each determines, or -1."""
     order = [-1, *(equation for equation in active if held[equation] < 0)]
     before = [0] * len(order)
@@ -66,7 +68,10 @@ def search(equations: Equations, matched: Sequence[int], held: Sequence[int], ac
                 before.append(position)
         position += 1
     pointing = [containing[held[equation]] for equation in order[n_left_over:]]
-    return ClassSearch(order, before, _tops(_dominators(before, pointing)))
+    top: list[int] = []
+    for here, above in enumerate(_dominators(before, pointing)):
+        top.append(top[above] if above else here)
+    return ClassSearch(order, before, top)
 
 
 def _dominators(before: list[int], pointing: list[list[int]]) -> list[int]:
@@ -93,10 +98,3 @@ def _dominators(before: list[int], pointing: list[list[int]]) -> list[int]:
                 shared[position] = one
                 changed = True
     return shared
-
-
-def _tops(shared: list[int]) -> list[int]:
-    top: list[int] = []
-    for position, above in enumerate(shared):
-        top.append(top[above] if above else position)
-    return top

@@ -15,7 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from faultbond.arrays import BoolArray, IntArray
+from faultbond.arrays import BoolArray
 from faultbond.diagnosability.classes import classes
 from faultbond.diagnosability.structural import StructuralModel
 from faultbond.equations.matching import match, redundant, undetermined
@@ -52,24 +52,17 @@ def isolability(model: StructuralModel, interpretation: Interpretation = Interpr
     """
     faults = np.array(model.faults, dtype=np.intp)
     if interpretation is Interpretation.MIXED or not model.differentials:
-        return _by_classes(model, faults)
-    # What e_g checks, and what checks it, is in M+, so M+ without e_g is all that need be looked at.
-    checked = checked_equations(model, interpretation, range(len(model.equations)))
-    detectable = np.array([equation in checked for equation in model.faults], dtype=np.bool_)
-    isolable = np.zeros((len(faults), len(faults)), dtype=np.bool_)
-    for g, removed in enumerate(model.faults):
-        left = checked_equations(model, interpretation, checked - {removed}) if removed in checked else checked
-        isolable[:, g] = [equation in left for equation in model.faults]
-    return _frozen(detectable, isolable)
-
-
-def _by_classes(model: StructuralModel, faults: IntArray) -> Isolability:
-    label = np.array(classes(model.equations, match(model.equations, model.n_variables)), dtype=np.intp)[faults]
-    detectable = label >= 0
-    return _frozen(detectable, detectable[:, None] & (label[:, None] != label))
-
-
-def _frozen(detectable: BoolArray, isolable: BoolArray) -> Isolability:
+        label = np.array(classes(model.equations, match(model.equations, model.n_variables)), dtype=np.intp)[faults]
+        detectable: BoolArray = label >= 0
+        isolable = detectable[:, None] & (label[:, None] != label)
+    else:
+        # What e_g checks, and what checks it, is in M+, so M+ without e_g is all that need be looked at.
+        checked = checked_equations(model, interpretation, range(len(model.equations)))
+        detectable = np.array([equation in checked for equation in model.faults], dtype=np.bool_)
+        isolable = np.zeros((len(faults), len(faults)), dtype=np.bool_)
+        for g, removed in enumerate(model.faults):
+            left = checked_equations(model, interpretation, checked - {removed}) if removed in checked else checked
+            isolable[:, g] = [equation in left for equation in model.faults]
     detectable.setflags(write=False)
     isolable.setflags(write=False)
     return Isolability(detectable=detectable, isolable=isolable)

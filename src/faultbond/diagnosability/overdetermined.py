@@ -7,8 +7,7 @@ faults that no test can tell apart. Sets are ascending tuples, in ascending orde
 
 Sources: Krysander, Aslund and Nyberg, An efficient algorithm for finding minimal overconstrained subsystems for
 model-based diagnosis, IEEE Trans. SMC-A 38 (2008). Krysander, Aslund and Frisk, A structural algorithm for finding
-testable sub-models and multiple fault isolability analysis, DX 2010. Pantelides, The consistent initialization of
-differential-algebraic systems, SIAM J. Sci. Stat. Comput. 9 (1988).
+testable sub-models and multiple fault isolability analysis, DX 2010.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -17,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray
-from faultbond.diagnosability.classes import ClassSearch, search
+from faultbond.diagnosability.classes import ClassSearch, search_classes
 from faultbond.equations.matching import Equations, augment, holdings, match, redundant
 from faultbond.errors import StructureError
 
@@ -126,10 +125,13 @@ def _minimal(equations: Equations, n_variables: int, marked: frozenset[int]) -> 
         elif proper.rank == 1:
             yield tuple(proper.equations)
         elif proper.rank > 1:
-            found = search(equations, proper.matched, proper.held, proper.equations)
+            found = search_classes(equations, proper.matched, proper.held, proper.equations)
             if proper.rank == 2:
-                removable = [top for top, equal in _marks(found, marked) if equal <= proper.allowed]
-                yield from _leave_out(found, proper, removable)
+                top_of = dict(zip(found.order, found.top, strict=True))
+                ordered = [(equation, top_of[equation]) for equation in proper.equations]
+                for left_out, equal in _marks(found, marked):
+                    if equal <= proper.allowed:
+                        yield tuple([equation for equation, top in ordered if top != left_out])
             else:
                 levels.append(_smaller(equations, found, proper, marked))
             yield None
@@ -160,14 +162,6 @@ def _marks(found: ClassSearch, marked: frozenset[int]) -> list[tuple[int, frozen
     return [(top, frozenset(equal)) for top, equal in marks.items()]
 
 
-def _leave_out(found: ClassSearch, proper: _Proper, tops: Iterable[int]) -> Iterator[EquationSet]:
-    """Give the set without a class, for each of some classes."""
-    top_of = dict(zip(found.order, found.top, strict=True))
-    ordered = [(equation, top_of[equation]) for equation in proper.equations]
-    for left_out in tops:
-        yield tuple([equation for equation, top in ordered if top != left_out])
-
-
 def _smaller(equations: Equations, found: ClassSearch, proper: _Proper, marked: frozenset[int]) -> Iterator[_Proper]:
     """Give the PSO sets without one class.
 
@@ -186,8 +180,11 @@ def _smaller(equations: Equations, found: ClassSearch, proper: _Proper, marked: 
         allowed -= equal
         yield _without(found, proper, top, allowed, kept)
         kept = _keep(equations, kept, equal)
-    if kept.spare == 1:
-        yield from _alone(equations, proper, marked, kept)
+    if kept.spare == 1:  # the set of the kept equations and of all unmarked ones that they check or that check them
+        own = {equation for equation in proper.equations if equation not in marked or equation in kept.equations}
+        over = redundant([row if equation in own else () for equation, row in enumerate(equations)], kept.matched) & own
+        if kept.equations <= over:
+            yield replace(proper, equations=[equation for equation in proper.equations if equation in over], rank=1)
 
 
 def _keep(equations: Equations, kept: _Kept, more: frozenset[int]) -> _Kept:
@@ -196,15 +193,6 @@ def _keep(equations: Equations, kept: _Kept, more: frozenset[int]) -> _Kept:
     for equation in sorted(more - kept.equations):
         spare += not augment(equation, equations, matched, held, set())
     return _Kept(kept.equations | more, matched, held, spare)
-
-
-def _alone(equations: Equations, proper: _Proper, marked: frozenset[int], kept: _Kept) -> Iterator[_Proper]:
-    """Give the set of the kept equations and of all unmarked ones that they check or that check them, if it is one."""
-    own = {equation for equation in proper.equations if equation not in marked or equation in kept.equations}
-    rows = [row if equation in own else () for equation, row in enumerate(equations)]
-    found = redundant(rows, kept.matched) & own
-    if kept.equations <= found:
-        yield replace(proper, equations=[equation for equation in proper.equations if equation in found], rank=1)
 
 
 def _without(found: ClassSearch, proper: _Proper, left_out: int, allowed: frozenset[int], kept: _Kept) -> _Proper:
@@ -227,8 +215,6 @@ def _without(found: ClassSearch, proper: _Proper, left_out: int, allowed: frozen
 
 
 def signatures(sets: Sequence[Collection[int]], faults: Sequence[int]) -> BoolArray:
-    """Give the fault signature matrix: [set, fault], True where the fault enters an equation of the set."""
-    table = np.zeros((len(sets), len(faults)), dtype=np.bool_)
-    for row, equations in enumerate(sets):
-        table[row] = [equation in equations for equation in faults]
-    return table
+    """Give the fault signature matrix (n_sets, n_faults), True where the fault enters an equation of the set."""
+    table = [[equation in equations for equation in faults] for equations in sets]
+    return np.array(table, dtype=np.bool_).reshape(len(sets), len(faults))

@@ -27,27 +27,21 @@ def sensors_to_detect(
 ) -> tuple[Sensors, ...]:
     """Give the smallest sets of sensors that make every fault detectable that sensors at `places` can make so.
 
-    Parameters
-    ----------
-    model : structure of the model with the sensors that it has
-    places : variables that can be measured; None: all
-    max_sensors : size of the largest set wanted; None: all sets
-
-    Returns
-    -------
-    tuple of tuple of int
-        Smallest first; no set contains another. The empty set alone: there is nothing to gain.
+    Arguments, order of the sets, errors and source as of `sensors_to_isolate`.
 
     Raises
     ------
     StructureError
         Where a variable is undetermined.
-
-    Source
-    ------
-    Krysander and Frisk 2008.
     """
-    allowed = _allowed(model, places)
+    free = undetermined(model.equations, model.n_variables, match(model.equations, model.n_variables))
+    if free:
+        named = ", ".join(model.variable_name(variable) for variable in sorted(free))
+        raise StructureError(
+            f"sensors are placed in models that determine every variable, but these are open: {named}; "
+            "add the equations that fix them"
+        )
+    allowed = frozenset(range(model.n_variables) if places is None else places)
     checked = redundant(model.equations, match(model.equations, model.n_variables))
     wanted = _measured(model.equations, model.n_variables, set(model.faults) - checked, allowed)
     return _smallest(tuple(sorted(sensors)) for sensors in minimal_hitting_sets(wanted, max_sensors))
@@ -87,36 +81,21 @@ def sensors_to_isolate(
     to be added. The fault of a sensor added in the second step needs no thought: without the equation of any other
     fault its variable is still determined, so the sensor is checked.
     """
-    allowed = _allowed(model, places)
+    allowed = frozenset(range(model.n_variables) if places is None else places)
     apart = set(combinations(range(len(model.faults)), 2)) if pairs is None else {(min(p), max(p)) for p in pairs}
     found: list[Sensors] = []
     for first in sensors_to_detect(model, places, max_sensors=max_sensors):
         left = None if max_sensors is None else max_sensors - len(first)
-        wanted = set(_to_separate(_with_sensors(model, first, faulty), len(model.faults), apart, allowed))
+        sensed = replace(  # with an equation for each sensor, and a fault for each sensor that can have one
+            model,
+            equations=model.equations + tuple((variable,) for variable in first),
+            faults=model.faults + tuple(k for k, place in enumerate(first, len(model.equations)) if place in faulty),
+            equation_names=(),
+            fault_names=(),
+        )
+        wanted = set(_to_separate(sensed, len(model.faults), apart, allowed))
         found += [tuple(sorted([*first, *more])) for more in minimal_hitting_sets(wanted, left)]
     return _smallest(found)
-
-
-def _allowed(model: StructuralModel, places: Collection[int] | None) -> frozenset[int]:
-    """Give the variables that can be measured; refuse a model that does not determine each variable."""
-    free = undetermined(model.equations, model.n_variables, match(model.equations, model.n_variables))
-    if free:
-        named = ", ".join(model.variable_name(variable) for variable in sorted(free))
-        raise StructureError(
-            f"sensors are placed in models that determine every variable, but these are open: {named}; "
-            "add the equations that fix them"
-        )
-    return frozenset(range(model.n_variables) if places is None else places)
-
-
-def _with_sensors(model: StructuralModel, sensors: Sensors, faulty: Collection[int]) -> StructuralModel:
-    """Give the model with an equation for each sensor, and a fault for each sensor that can have one."""
-    rows = tuple((variable,) for variable in sensors)
-    first = len(model.equations)
-    faults = tuple(first + k for k, variable in enumerate(sensors) if variable in faulty)
-    return replace(
-        model, equations=model.equations + rows, faults=model.faults + faults, equation_names=(), fault_names=()
-    )
 
 
 def _to_separate(

@@ -4,7 +4,7 @@ The algorithms of `matching`, `overdetermined`, `isolability` and `placement` wo
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from faultbond.equations.constraint_network import ConstraintNetwork
@@ -67,15 +67,19 @@ def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> S
     stores = (*network.states, *network.dependent)
     variables = tuple(dict.fromkeys([*network.signals, *(store.name for store in stores), *shared]))
     index = {name: k for k, name in enumerate(variables)}
-    rows = [_row(content, index) for content in used]
-    first_store = len(rows)
-    rows += [_row((store.rate, store.name), index) for store in stores]
-    own = {name: len(rows) + k for k, name in enumerate(shared)}
-    rows += [(index[name],) for name in shared]
+    first_store = len(used)
+    own = {name: first_store + len(stores) + k for k, name in enumerate(shared)}
+    contained = [*used, *((store.rate, store.name) for store in stores), *((name,) for name in shared)]
+    own |= {name: k for k, content in enumerate(used) for name in content if name not in own}
+    lost = [name for name in parameters if name not in own]
+    if lost:
+        raise StructureError(
+            f"{lost[0]} stands in no law and no reading, so no fault of it can show; remove it or use it"
+        )
     return StructuralModel(
-        equations=tuple(rows),
+        equations=tuple(tuple(sorted({index[name] for name in content if name in index})) for content in contained),
         n_variables=len(variables),
-        faults=tuple(own[name] if name in own else _place(name, used) for name in parameters),
+        faults=tuple(own[name] for name in parameters),
         differentials=tuple((first_store + k, index[item.rate], index[item.name]) for k, item in enumerate(stores)),
         variable_names=variables,
         equation_names=(
@@ -86,15 +90,3 @@ def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> S
         ),
         fault_names=tuple(parameters),
     )
-
-
-def _row(content: Iterable[str], index: dict[str, int]) -> tuple[int, ...]:
-    return tuple(sorted({index[name] for name in content if name in index}))
-
-
-def _place(name: str, used: Sequence[frozenset[str]]) -> int:
-    """Give the only equation in which a parameter stands."""
-    for equation, content in enumerate(used):
-        if name in content:
-            return equation
-    raise StructureError(f"{name} stands in no law and no reading, so no fault of it can show; remove it or use it")

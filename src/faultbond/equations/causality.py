@@ -62,7 +62,11 @@ class _Assigner:
                 continue
             self.strokes[bond] = node
             tail, head = self.graph.bonds[bond].tail, self.graph.bonds[bond].head
-            pending += [*self._follow(tail), *self._follow(head)]
+            for end in (tail, head):
+                if end in self.junctions:
+                    pending += self._follow_junction(end)
+                elif self.elements[end].type in (ElementType.TF, ElementType.GY):
+                    pending += self._follow_two_port(end)
 
     def _contradiction(self, bond: int, node: str) -> str:
         """Say which junction would get two causes if `node` received the effort of a bond that is fixed otherwise."""
@@ -94,13 +98,6 @@ class _Assigner:
             self.strokes = saved
             return str(conflict)
         return None
-
-    def _follow(self, node: str) -> list[tuple[int, str]]:
-        if node in self.junctions:
-            return self._follow_junction(node)
-        if self.elements[node].type in (ElementType.TF, ElementType.GY):
-            return self._follow_two_port(node)
-        return []
 
     def _follow_junction(self, node: str) -> list[tuple[int, str]]:
         """Exactly one bond sets the effort of a 0-junction, the flow of a 1-junction."""
@@ -159,14 +156,23 @@ def assign_causality(graph: BondGraph) -> Causality:
             bond = work.bonds_at[item.name][0]
             if bond not in work.strokes:
                 _prefer(work, bond, _integral_receiver(work, item.name), item.name, item.line)
-    free = _assign_rest(work)
+    free = []
+    for item in graph.components:  # what is left at will: resistors first (as conductances), then inner bonds
+        bond = work.bonds_at[item.name][0]
+        if item.type is ElementType.R and bond not in work.strokes:
+            free.append(item.name)
+            _prefer(work, bond, item.name, item.name, item.line)
+    for index, inner in enumerate(graph.bonds):
+        if index not in work.strokes:
+            free.append(_title(inner))
+            _prefer(work, index, inner.head, _title(inner), inner.line)
     stores = [item.name for item in graph.components if item.type.is_store]
     integral = [name for name in stores if work.strokes[work.bonds_at[name][0]] == _integral_receiver(work, name)]
     return Causality(
         strokes=tuple(sorted(work.strokes.items())),
         integral=tuple(integral),
         derivative=tuple(name for name in stores if name not in integral),
-        free=free,
+        free=tuple(free),
     )
 
 
@@ -181,21 +187,6 @@ def _prefer(work: _Assigner, bond: int, receiver: str, name: str, line: int) -> 
     problem = work.attempt(bond, receiver)
     if problem and work.attempt(bond, work.other(bond, receiver)):
         raise CausalityError(f"{work.graph.file}:{line}: no causality fits {name}: {problem}; look at its bonds")
-
-
-def _assign_rest(work: _Assigner) -> tuple[str, ...]:
-    """Assign what is left at will: resistors first (as conductances), then inner bonds."""
-    free = []
-    for item in work.graph.components:
-        bond = work.bonds_at[item.name][0]
-        if item.type is ElementType.R and bond not in work.strokes:
-            free.append(item.name)
-            _prefer(work, bond, item.name, item.name, item.line)
-    for index, bond_ in enumerate(work.graph.bonds):
-        if index not in work.strokes:
-            free.append(_title(bond_))
-            _prefer(work, index, bond_.head, _title(bond_), bond_.line)
-    return tuple(free)
 
 
 def _title(bond: Bond) -> str:

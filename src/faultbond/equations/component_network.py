@@ -9,7 +9,7 @@ Source: thesis 3.9, 4.1 and figure A.2.
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from faultbond.equations.constraint_network import Constraint, ConstraintNetwork, Store
@@ -105,16 +105,28 @@ def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentN
         anything is called `dt`.
     """
     stores = (*network.states, *network.dependent)
-    sums = _sum_names(stores)
-    linear = {store.name for store in stores if _is_linear(store, network, graph)}
+    owners = Counter(store.component or store.name for store in stores)
+    sums, carried, linear = {}, {}, {}
+    for store in stores:  # the sum has the name of the component, and its own where a block has several
+        owner = store.component or store.name
+        sums[store.name] = f"{owner}.{store.name}.sum" if owners[owner] > 1 else f"{owner}.sum"
+        carried[store.name] = store.name, store.rate  # what goes from frame to frame, and its rate
+        if _is_linear(store, network, graph):
+            linear[store.component] = store
+            carried[store.name] = str(store.partner), f"{owner}.rate"
     aliases, redundant = _aliases(graph, network)
     drafts = [
-        *_laws(graph, network, {store.component: store for store in stores if store.name in linear}),
-        *(_sum(store, sums[store.name], store.name in linear) for store in stores),
-        *_readings(graph, network, redundant),
+        *_laws(graph, network, linear),
+        *(_sum(store, sums[store.name], *carried[store.name]) for store in stores),
     ]
-    named = _in_search_order([draft for draft in drafts if not _is_alias(draft, aliases)], graph)
-    equations = tuple(_equation(draft, aliases, graph) for draft in named)
+    for sensor, reading in zip(graph.sensors, network.readings, strict=True):
+        if sensor.name in redundant:  # reads more than a plain signal
+            name, gap = sensor.name, Binary("-", Name(sensor.name), reading)
+            drafts.append(_Draft(name=name, owner=name, residual=gap, order=names(gap), weight=0, line=sensor.line))
+    # Two-ports first, since they lead on to other parts; then components as written; junctions and sensors last.
+    position = {item.name: (item.type.n_ports != 2, k) for k, item in enumerate(graph.components)}
+    drafts.sort(key=lambda draft: position.get(draft.owner, (True, len(position))))
+    equations = tuple(_equation(draft, aliases, graph) for draft in drafts if not _is_alias(draft, aliases))
     signals = dict.fromkeys(signal for item in equations for signal, _ in item.signals)
     _check_names(graph, {*signals, *(item.name for item in graph.inputs)}, bool(stores))
     return ComponentNetwork(
@@ -123,7 +135,16 @@ def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentN
         signals=tuple(signals),
         inputs=tuple(item.name for item in graph.inputs),
         outputs=tuple(item.name for item in graph.sensors),
-        states=tuple(_state(store, sums[store.name], store.name in linear, aliases) for store in stores),
+        states=tuple(
+            FrameState(
+                signal=aliases.get(signal, signal),
+                rate=aliases.get(rate, rate),
+                sum=sums[store.name],
+                component=store.component,
+            )
+            for store in stores
+            for signal, rate in [carried[store.name]]
+        ),
         parameters=tuple(item.name for item in graph.parameters),
         suspects=tuple(item.name for item in graph.parameters if item.suspect),
         file=graph.file,
@@ -172,17 +193,13 @@ def _laws(graph: BondGraph, network: ConstraintNetwork, linear: Mapping[str | No
         seen[item.owner] += 1
         name = item.owner if total[item.owner] == 1 else f"{item.owner}.{seen[item.owner]}"
         residual = item.residual
-        if item.owner in linear:
-            residual = _rate_form(item, linear[item.owner])
+        if item.owner in linear:  # differentiated once: the content becomes its rate, the co-energy becomes its own
+            store = linear[item.owner]
+            rate = Name(f"{store.component}.rate")
+            residual = substitute(residual, {store.name: Name(store.rate), str(store.partner): rate})
         yield _Draft(
             name=name, owner=item.owner, residual=residual, order=_signal_order(residual, item, graph), line=item.line
         )
-
-
-def _rate_form(law: Constraint, store: Store) -> Expression:
-    """The law differentiated once: the content becomes its rate, the co-energy becomes its own."""
-    values = {store.name: store.rate, str(store.partner): f"{store.component}.rate"}
-    return rename(law.residual, lambda name: values.get(name, name))
 
 
 def _signal_order(residual: Expression, law: Constraint, graph: BondGraph) -> tuple[str, ...]:
@@ -195,23 +212,10 @@ def _signal_order(residual: Expression, law: Constraint, graph: BondGraph) -> tu
     return tuple(sorted(used, key=lambda name: not name.partition(".")[2].startswith("e")))
 
 
-def _sum_names(stores: Sequence[Store]) -> dict[str, str]:
-    """Give the name of the sum of each store: that of its component, and its own where a block has several."""
-    owners = Counter(store.component for store in stores)
-    several = {store.name for store in stores if store.component is not None and owners[store.component] > 1}
-    return {
-        store.name: f"{store.component}.{store.name}.sum"
-        if store.name in several
-        else f"{store.component or store.name}.sum"
-        for store in stores
-    }
-
-
 def _check_names(graph: BondGraph, signals: Collection[str], has_stores: bool) -> None:
     """Refuse a number with the name of a sensor or of a sample: the two could not be told apart in a closed form."""
-    numbers = [(item.name, item.line) for item in graph.parameters] + [
-        (item.name, item.line) for item in graph.constants
-    ]
+    numbers = [(item.name, item.line) for item in graph.parameters]
+    numbers += [(item.name, item.line) for item in graph.constants]
     sensors = [(item.name, item.line) for item in graph.sensors]
     inputs = [(item.name, item.line) for item in graph.inputs]
     for name, line in (*numbers, *inputs, *sensors) if has_stores else ():
@@ -226,29 +230,12 @@ def _check_names(graph: BondGraph, signals: Collection[str], has_stores: bool) -
             raise StructureError(f"{graph.file}:{line}: {name} is also the name of a sensor; {advice}")
 
 
-def _sum(store: Store, name: str, linear: bool) -> _Draft:
+def _sum(store: Store, name: str, state: str, rate: str) -> _Draft:
     """Backward Euler from the frame before: dt*rate - (state - state@1) = 0."""
-    state, rate = _carried(store, linear)
     change = Binary("-", Name(state), Name(state + PREVIOUS))
     residual = Binary("-", Binary("*", Name(SAMPLE_TIME), Name(rate)), change)
     owner = store.component or store.name
     return _Draft(name=name, owner=owner, residual=residual, order=(rate, state, state + PREVIOUS))
-
-
-def _carried(store: Store, linear: bool) -> tuple[str, str]:
-    """Give the signal that a store carries from frame to frame, and its rate."""
-    return (str(store.partner), f"{store.component}.rate") if linear else (store.name, store.rate)
-
-
-def _readings(graph: BondGraph, network: ConstraintNetwork, redundant: frozenset[str]) -> Iterable[_Draft]:
-    """Sensors that read more than a plain signal: reading - law = 0."""
-    for sensor, reading in zip(graph.sensors, network.readings, strict=True):
-        if sensor.name in redundant:
-            residual = Binary("-", Name(sensor.name), reading)
-            order = names(residual)
-            yield _Draft(
-                name=sensor.name, owner=sensor.name, residual=residual, order=order, weight=0, line=sensor.line
-            )
 
 
 def _is_alias(draft: _Draft, aliases: Mapping[str, str]) -> bool:
@@ -257,13 +244,6 @@ def _is_alias(draft: _Draft, aliases: Mapping[str, str]) -> bool:
         case Binary("-", Name(one), Name(two)):
             return aliases.get(one) == two or aliases.get(two) == one
     return False
-
-
-def _in_search_order(drafts: list[_Draft], graph: BondGraph) -> list[_Draft]:
-    """Two-ports first, since they lead on to other parts; then components as written; junctions and sensors last."""
-    position = {item.name: (item.type.n_ports != 2, k) for k, item in enumerate(graph.components)}
-    last = (True, len(position))
-    return sorted(drafts, key=lambda draft: position.get(draft.owner, last))
 
 
 def _equation(draft: _Draft, aliases: Mapping[str, str], graph: BondGraph) -> Equation:
@@ -284,13 +264,6 @@ def _equation(draft: _Draft, aliases: Mapping[str, str], graph: BondGraph) -> Eq
         parameters=tuple(name for name in names(residual) if name in parameters),
         weight=draft.weight,
         line=draft.line,
-    )
-
-
-def _state(store: Store, name: str, linear: bool, aliases: Mapping[str, str]) -> FrameState:
-    signal, rate = _carried(store, linear)
-    return FrameState(
-        signal=aliases.get(signal, signal), rate=aliases.get(rate, rate), sum=name, component=store.component
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from faultbond.equations.causality import Causality
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
-from faultbond.model.graph import BondGraph, Relation, SlowError
+from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.parser import to_text
 from faultbond.types import ElementType, JunctionType
 
@@ -94,7 +94,18 @@ def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
         *(side for item in graph.components for law in item.laws for side in (law.left, law.right)),
         *(sensor.reads for sensor in graph.sensors),
     ]
-    stores, dependent = _component_stores(graph, causality, table)
+    stores: list[Store] = []
+    dependent: list[Store] = []
+    for item in graph.components:
+        if item.type.is_store:
+            quantity, rate, partner = ("q", "f", "e") if item.type is ElementType.C else ("p", "e", "f")
+            store = Store(
+                name=f"{item.name}.{quantity}",
+                rate=table.find(f"{item.name}.{rate}"),
+                component=item.name,
+                partner=table.find(f"{item.name}.{partner}"),
+            )
+            (stores if item.name in causality.integral else dependent).append(store)
     stores += _integrals(graph, expressions, {store.name for store in (*stores, *dependent)}, table)
     known = {store.name for store in (*stores, *dependent)}
 
@@ -127,20 +138,19 @@ def _block_network(graph: BondGraph) -> ConstraintNetwork:
         Store(name=law.store, rate=to_text(law.left), component=owner) for owner, law in laws if law.store is not None
     ]
     states = {store.name for store in stores}
+    constraints = []
+    for owner, law in laws:  # left - right, where a rate is the signal `der(y)`; `0 = x` is x itself
+        left = Name(to_text(law.left)) if law.store is not None else law.left
+        residual = law.right if left == Number(0.0) else Binary("-", left, law.right)
+        constraints.append(Constraint(owner=owner, residual=residual, line=law.line))
     return ConstraintNetwork(
         signals=(*(name for name in graph.block_signals if name not in states), *(store.rate for store in stores)),
-        constraints=tuple(Constraint(owner=owner, residual=_difference(law), line=law.line) for owner, law in laws),
+        constraints=tuple(constraints),
         states=tuple(stores),
         dependent=(),
         readings=tuple(sensor.reads for sensor in graph.sensors),
         slow_errors=graph.slow_errors,
     )
-
-
-def _difference(law: Relation) -> Expression:
-    """Give left - right of the law of a block, where a rate is the signal `der(y)`; `0 = x` is x itself."""
-    left = Name(to_text(law.left)) if law.store is not None else law.left
-    return law.right if left == Number(0.0) else Binary("-", left, law.right)
 
 
 def _merge_signals(graph: BondGraph) -> _Names:
@@ -182,22 +192,6 @@ def _junction_sums(graph: BondGraph, table: _Names) -> Iterable[Constraint]:
         for term_ in terms[1:]:
             total = Binary("-", total, term_.operand) if isinstance(term_, Negative) else Binary("+", total, term_)
         yield Constraint(owner=junction.name, residual=total, line=junction.line)
-
-
-def _component_stores(graph: BondGraph, causality: Causality, table: _Names) -> tuple[list[Store], list[Store]]:
-    stores: list[Store] = []
-    dependent: list[Store] = []
-    for item in graph.components:
-        if item.type.is_store:
-            quantity, rate, partner = ("q", "f", "e") if item.type is ElementType.C else ("p", "e", "f")
-            store = Store(
-                name=f"{item.name}.{quantity}",
-                rate=table.find(f"{item.name}.{rate}"),
-                component=item.name,
-                partner=table.find(f"{item.name}.{partner}"),
-            )
-            (stores if item.name in causality.integral else dependent).append(store)
-    return stores, dependent
 
 
 def _integrals(graph: BondGraph, expressions: list[Expression], known: set[str], table: _Names) -> list[Store]:

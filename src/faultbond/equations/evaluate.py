@@ -6,6 +6,7 @@ is laminar below about a thousandth of its usual size. `sign`, `abs`, `min`, `ma
 at the kink is that of one side, or 0 for `sign`. Logic is arithmetic of 0 and 1: `a & b` is a b, `~a` is 1 - a.
 """
 
+import operator as op
 from collections.abc import Callable, Mapping
 
 import casadi as ca
@@ -28,9 +29,23 @@ _UNARY: dict[str, Callable[[ca.SX], ca.SX]] = {
     "tanh": ca.tanh,
 }
 
+_BINARY: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
+    "+": op.add,
+    "-": op.sub,
+    "*": op.mul,
+    "/": op.truediv,
+    "<": op.lt,
+    "<=": op.le,
+    ">": lambda one, two: two < one,
+    ">=": lambda one, two: two <= one,
+    "&": op.mul,
+    "|": lambda one, two: one + two - one * two,
+    "^": lambda one, two: one + two - 2 * one * two,
+}
+
 
 def evaluate(expression: Expression, values: Mapping[str, ca.SX]) -> ca.SX:
-    """Give the SX graph of an expression; `values` maps every name to its graph."""
+    """Give the SX graph of an expression, (1, 1), SI; `values` maps every name to its graph, (1, 1) too."""
     match expression:
         case Number(value):
             return ca.SX(value)
@@ -38,42 +53,13 @@ def evaluate(expression: Expression, values: Mapping[str, ca.SX]) -> ca.SX:
             return values[text]
         case Negative(operand):
             return -evaluate(operand, values)
+        case Binary("**", base, exponent):
+            return _power(evaluate(base, values), exponent, values)
         case Binary(operator, left, right):
-            return _binary(operator, left, right, values)
+            return _BINARY[operator](evaluate(left, values), evaluate(right, values))
         case Call(function, arguments):
             return _call(function, arguments, values)
     raise AssertionError(expression)
-
-
-def _binary(operator: str, left: Expression, right: Expression, values: Mapping[str, ca.SX]) -> ca.SX:
-    one = evaluate(left, values)
-    if operator == "**":
-        return _power(one, right, values)
-    two = evaluate(right, values)
-    match operator:
-        case "+":
-            return one + two
-        case "-":
-            return one - two
-        case "*":
-            return one * two
-        case "/":
-            return one / two
-        case "<":
-            return one < two
-        case "<=":
-            return one <= two
-        case ">":
-            return two < one
-        case ">=":
-            return two <= one
-        case "&":
-            return one * two
-        case "|":
-            return one + two - one * two
-        case "^":
-            return one + two - 2 * one * two
-    raise AssertionError(operator)
 
 
 def _power(base: ca.SX, exponent: Expression, values: Mapping[str, ca.SX]) -> ca.SX:

@@ -96,10 +96,10 @@ def _collect(expression: Expression, signal: str) -> Polynomial:
             return {(1, 0): ONE}
         case Negative(operand):
             return {key: negate(value) for key, value in _collect(operand, signal).items()}
-        case Binary("+", left, right):
-            return _sum(_collect(left, signal), _collect(right, signal))
-        case Binary("-", left, right):
-            return _sum(_collect(left, signal), _collect(Negative(right), signal))
+        case Binary("+" | "-" as operator, left, right):
+            one = _collect(left, signal)
+            two = _collect(right if operator == "+" else Negative(right), signal)
+            return {key: add(one.get(key, ZERO), two.get(key, ZERO)) for key in sorted({*one, *two})}
         case Binary("*", left, right):
             return _product(_collect(left, signal), _collect(right, signal))
         case Binary("/", left, right) if signal not in names(right):
@@ -110,13 +110,11 @@ def _collect(expression: Expression, signal: str) -> Polynomial:
             for _ in range(int(power) - 1):
                 result = _product(result, base)
             return result
-        case Call("abs", (argument,)):
-            return _size(_collect(argument, signal))
+        case Call("abs", (argument,)) if len(inner := _collect(argument, signal)) == 1:  # |c z| = |c| |z|
+            (((power_, size), coefficient),) = inner.items()
+            pairs, single = divmod(power_ + size, 2)
+            return {(2 * pairs, single): Call("abs", (coefficient,)) if coefficient != ONE else ONE}
     raise _NotPolynomialError
-
-
-def _sum(left: Polynomial, right: Polynomial) -> Polynomial:
-    return {key: add(left.get(key, ZERO), right.get(key, ZERO)) for key in sorted({*left, *right})}
 
 
 def _product(left: Polynomial, right: Polynomial) -> Polynomial:
@@ -129,16 +127,6 @@ def _product(left: Polynomial, right: Polynomial) -> Polynomial:
                 raise _NotPolynomialError
             result[key] = add(result.get(key, ZERO), multiply(one, two))
     return result
-
-
-def _size(inner: Polynomial) -> Polynomial:
-    """|c z| = |c| |z|; the size of a sum is no polynomial."""
-    if len(inner) != 1:
-        raise _NotPolynomialError
-    (((power, size), coefficient),) = inner.items()
-    factor: Expression = Call("abs", (coefficient,)) if coefficient != ONE else ONE
-    total = power + size
-    return {(total - total % 2, total % 2): factor}
 
 
 def linear_solution(residual: Expression, signal: str) -> Expression | None:
@@ -177,21 +165,17 @@ def _orifices(expression: Expression, signal: str) -> Expression:
         case Binary("+" | "-" as operator, left, right):
             return Binary(operator, _orifices(left, signal), _orifices(right, signal))
         case Binary("*" | "/"):
-            return _orifice(expression, signal)
+            above, below = _factors(expression)
+            for factor in above:
+                match factor:
+                    case Call("sign", (argument,)) if signal in names(argument):
+                        root = Call("sqrt", (Call("abs", (argument,)),))
+                        if root in above:
+                            above.remove(factor)
+                            above.remove(root)
+                            product = reduce(multiply, [*above, Call(ORIFICE, (argument,))])
+                            return Binary("/", product, reduce(multiply, below)) if below else product
     return expression
-
-
-def _orifice(product: Expression, signal: str) -> Expression:
-    above, below = _factors(product)
-    for factor in above:
-        match factor:
-            case Call("sign", (argument,)) if signal in names(argument):
-                root = Call("sqrt", (Call("abs", (argument,)),))
-                if root in above:
-                    above.remove(factor)
-                    above.remove(root)
-                    return _quotient([*above, Call(ORIFICE, (argument,))], below)
-    return product
 
 
 def _factors(product: Expression) -> tuple[list[Expression], list[Expression]]:
@@ -204,11 +188,6 @@ def _factors(product: Expression) -> tuple[list[Expression], list[Expression]]:
             (one, under), (two, beneath) = _factors(left), _factors(right)
             return [*one, *beneath], [*under, *two]
     return [product], []
-
-
-def _quotient(above: list[Expression], below: list[Expression]) -> Expression:
-    result = reduce(multiply, above)
-    return Binary("/", result, reduce(multiply, below)) if below else result
 
 
 def _invert(expression: Expression, value: Expression, signal: str) -> Expression | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-Row = dict[int, ca.SX]  # entries that are not structurally zero, by column
+SparseRow = dict[int, ca.SX]  # entries that are not structurally zero, by column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,7 +19,7 @@ class Triangle:
     """
 
     moves: tuple[tuple[int, int, ca.SX | None], ...]
-    rows: tuple[Row, ...]
+    rows: tuple[SparseRow, ...]
 
 
 def eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
@@ -28,7 +28,7 @@ def eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def triangle(matrix: ca.SX) -> Triangle:
-    """Bring a square matrix to triangular form."""
+    """Bring a matrix (n, n) to triangular form."""
     n = matrix.shape[0]
     rows = [_entries(row) for row in _rows(matrix)]
     moves: list[tuple[int, int, ca.SX | None]] = []
@@ -67,11 +67,11 @@ def _rows(matrix: ca.SX) -> list[ca.SX]:
     return list(ca.vertsplit(ca.sparsify(matrix))) if matrix.shape[0] else []
 
 
-def _entries(row: ca.SX) -> Row:
+def _entries(row: ca.SX) -> SparseRow:
     return {j: row.nz[k] for k, j in enumerate(row.sparsity().get_col())}
 
 
-def _less(row: Row, factor: ca.SX, source: Row, done: int) -> Row:
+def _less(row: SparseRow, factor: ca.SX, source: SparseRow, done: int) -> SparseRow:
     """Take a multiple of another row off, to the right of a column that becomes zero."""
     found = {j: entry for j, entry in row.items() if j > done}
     for j, entry in source.items():

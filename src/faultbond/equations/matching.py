@@ -51,7 +51,7 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     (Models of more than 20 000 entries are matched in C without this preference.)
     """
     if sum(map(len, equations)) > _LARGE:
-        return _match_large(equations, n_variables)
+        return match_any(equations, n_variables)
     matched = [*start, *[-1] * (n_variables - len(start))]
     held = holdings(equations, matched)
     lost: set[int] = set()  # variables from which no path leads to a free one, now and later
@@ -67,7 +67,8 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     return tuple(matched)
 
 
-def _match_large(equations: Equations, n_variables: int) -> tuple[int, ...]:
+def match_any(equations: Equations, n_variables: int) -> tuple[int, ...]:
+    """Give for each variable the equation that determines it, or -1: as many as possible, none preferred; in C."""
     starts = np.cumsum([0, *map(len, equations)])
     entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
     table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))
@@ -94,20 +95,14 @@ def augment(equation: int, equations: Equations, matched: list[int], held: list[
                 continue
             came[variable] = source
             if matched[variable] < 0:
-                _switch(variable, came, matched, held)
+                free = variable
+                while free >= 0:  # turn the path round: each equation takes the variable by which the path left it
+                    taker = came[free]
+                    matched[free], held[taker], free = taker, free, held[taker]  # in the end -1, where the path began
                 return True
             queue.append(matched[variable])
     lost.update(came)
     return False
-
-
-def _switch(variable: int, came: dict[int, int], matched: list[int], held: list[int]) -> None:
-    """Turn a path round, from its free end: each equation takes the variable by which the path left it."""
-    while variable >= 0:
-        equation = came[variable]
-        before = held[equation]  # -1 where the path began
-        matched[variable], held[equation] = equation, variable
-        variable = before
 
 
 def undetermined(equations: Equations, n_variables: int, matched: Sequence[int]) -> frozenset[int]:
@@ -242,17 +237,11 @@ def blocks(
                 if calls:
                     low[calls[-1][0]] = min(low[calls[-1][0]], low[equation])
                 if low[equation] == order[equation]:
-                    found.append(_pop_block(equation, stack, waiting))
+                    start = stack.index(equation)
+                    found.append(tuple(sorted(stack[start:])))
+                    waiting.difference_update(stack[start:])
+                    del stack[start:]
     return tuple(found)
-
-
-def _pop_block(root: int, stack: list[int], waiting: set[int]) -> tuple[int, ...]:
-    """Take from the stack what was met since the root of a component."""
-    block = [stack.pop()]
-    while block[-1] != root:
-        block.append(stack.pop())
-    waiting.difference_update(block)
-    return tuple(sorted(block))
 
 
 def holdings(equations: Equations, matched: Sequence[int]) -> list[int]:

@@ -12,11 +12,11 @@ from typing import Any
 
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 
-Value = float | Fraction  # whole numbers among them
-Slopes = dict[str, Value]  # derivative by each name; absent where it is zero
+Real = float | Fraction  # whole numbers among them
+Slopes = dict[str, Real]  # derivative by each name; absent where it is zero
 
 NAN = math.nan
-_COMPARISONS: dict[str, Callable[[Value, Value], bool]] = {
+_COMPARISONS: dict[str, Callable[[Real, Real], bool]] = {
     "<": lambda a, b: a < b,
     "<=": lambda a, b: a <= b,
     ">": lambda a, b: a > b,
@@ -39,12 +39,12 @@ def exact(value: float) -> Fraction:
     return Fraction(repr(float(value)))
 
 
-def is_nan(value: Value) -> bool:
+def is_nan(value: Real) -> bool:
     """Whether a number is none."""
     return isinstance(value, float) and math.isnan(value)
 
 
-def evaluate(expression: Expression, values: Mapping[str, Value]) -> Value:
+def numeric_value(expression: Expression, values: Mapping[str, Real]) -> Real:
     """Give the value of an expression; nan where it has no real value, or one beyond floating point.
 
     Exact if all values that it needs are fractions and it uses `+ - * /`, whole powers, `abs sign min max where` and
@@ -56,7 +56,7 @@ def evaluate(expression: Expression, values: Mapping[str, Value]) -> Value:
         return NAN
 
 
-def slopes(expression: Expression, values: Mapping[str, Value], names: Collection[str]) -> tuple[Value, Slopes]:
+def slopes(expression: Expression, values: Mapping[str, Real], names: Collection[str]) -> tuple[Real, Slopes]:
     """Give the value of an expression and its derivatives by some names; (nan, {}) where there is no real value."""
     try:
         value, by = _slopes(expression, values, names)
@@ -65,14 +65,14 @@ def slopes(expression: Expression, values: Mapping[str, Value], names: Collectio
     return _in_reach(value), {name: _in_reach(slope) for name, slope in by.items()}
 
 
-def _in_reach(value: Value) -> Value:
+def _in_reach(value: Real) -> Real:
     """Give a value that floating point can hold, too; nan for one that is larger."""
     if not isinstance(value, Fraction | int):
         return value
     return NAN if value.numerator.bit_length() - value.denominator.bit_length() > MAX_BITS else value
 
 
-def _slopes(expression: Expression, values: Mapping[str, Value], names: Collection[str]) -> tuple[Value, Slopes]:
+def _slopes(expression: Expression, values: Mapping[str, Real], names: Collection[str]) -> tuple[Real, Slopes]:
     match expression:
         case Number(value):
             return (int(value) if value.is_integer() else exact(value)), {}
@@ -86,7 +86,7 @@ def _slopes(expression: Expression, values: Mapping[str, Value], names: Collecti
         case Binary(operator, left, right):
             return _binary(operator, _slopes(left, values, names), _slopes(right, values, names))
         case Call("where", (Binary(operator, left, right), yes, no)):
-            holds = _COMPARISONS[operator](evaluate(left, values), evaluate(right, values))
+            holds = _COMPARISONS[operator](numeric_value(left, values), numeric_value(right, values))
             return _slopes(yes if holds else no, values, names)
         case Call(("min" | "max") as function, arguments):
             parts = [_slopes(argument, values, names) for argument in arguments]
@@ -98,7 +98,7 @@ def _slopes(expression: Expression, values: Mapping[str, Value], names: Collecti
     raise ValueError(expression)
 
 
-def combine(one: Slopes, scale_one: Value, two: Slopes, scale_two: Value) -> Slopes:
+def combine(one: Slopes, scale_one: Real, two: Slopes, scale_two: Real) -> Slopes:
     """Give scale_one * one + scale_two * two."""
     result = {name: scale_one * slope for name, slope in one.items()}
     for name, slope in two.items():
@@ -106,7 +106,7 @@ def combine(one: Slopes, scale_one: Value, two: Slopes, scale_two: Value) -> Slo
     return result
 
 
-def _binary(operator: str, left: tuple[Value, Slopes], right: tuple[Value, Slopes]) -> tuple[Value, Slopes]:
+def _binary(operator: str, left: tuple[Real, Slopes], right: tuple[Real, Slopes]) -> tuple[Real, Slopes]:
     (a, by_a), (b, by_b) = left, right
     match operator:
         case "+":
@@ -121,12 +121,12 @@ def _binary(operator: str, left: tuple[Value, Slopes], right: tuple[Value, Slope
     raise ValueError(operator)
 
 
-def _over(above: Value, below: Value) -> Value:
+def _over(above: Real, below: Real) -> Real:
     """Give above / below, a fraction where both are whole."""
     return Fraction(above, below) if isinstance(above, int) and isinstance(below, int) else above / below
 
 
-def _power(base: tuple[Value, Slopes], exponent: tuple[Value, Slopes]) -> tuple[Value, Slopes]:
+def _power(base: tuple[Real, Slopes], exponent: tuple[Real, Slopes]) -> tuple[Real, Slopes]:
     (a, by_a), (n, by_n) = base, exponent
     if n == int(n) and not by_n:
         whole = int(n)
@@ -138,7 +138,7 @@ def _power(base: tuple[Value, Slopes], exponent: tuple[Value, Slopes]) -> tuple[
     return value, combine(by, 1, by_n, value * math.log(a)) if by_n else by
 
 
-def square_root(value: Value) -> Value:
+def square_root(value: Real) -> Real:
     """Give the root, a fraction where it is one."""
     if isinstance(value, int | Fraction) and value >= 0:
         above, below = math.isqrt(value.numerator), math.isqrt(value.denominator)
@@ -147,26 +147,18 @@ def square_root(value: Value) -> Value:
     return math.sqrt(value)
 
 
-def _sqrt(value: Value, sloped: bool) -> tuple[Value, Value]:
+def _sqrt(value: Real, sloped: bool) -> tuple[Real, Real]:
     root = square_root(value)
     return root, (1 / (2 * root) if sloped else 0)
 
 
-def _sign(value: Value, sloped: bool) -> tuple[Value, Value]:
-    return Fraction((value > 0) - (value < 0)), 0
-
-
-def _abs(value: Value, sloped: bool) -> tuple[Value, Value]:
-    return (-value if value < 0 else value), Fraction(-1 if value < 0 else 1)
-
-
-def _plain(function: Callable[[float], float], slope: Callable[[float], float]) -> Callable[[Value, bool], Any]:
+def _plain(function: Callable[[float], float], slope: Callable[[float], float]) -> Callable[[Real, bool], Any]:
     return lambda value, sloped: (function(float(value)), slope(float(value)) if sloped else 0)
 
 
-FUNCTIONS: dict[str, Callable[[Value, bool], tuple[Value, Value]]] = {  # value and slope
-    "abs": _abs,
-    "sign": _sign,
+FUNCTIONS: dict[str, Callable[[Real, bool], tuple[Real, Real]]] = {  # value and slope
+    "abs": lambda value, _: (-value, Fraction(-1)) if value < 0 else (value, Fraction(1)),
+    "sign": lambda value, _: (Fraction((value > 0) - (value < 0)), 0),
     "sqrt": _sqrt,
     "exp": _plain(math.exp, math.exp),
     "log": _plain(math.log, lambda value: 1.0 / value),
@@ -178,7 +170,7 @@ FUNCTIONS: dict[str, Callable[[Value, bool], tuple[Value, Value]]] = {  # value 
 }
 
 
-def solve_linear(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) -> list[Value] | None:
+def solve_linear(rows: Sequence[Mapping[int, Real]], right: Sequence[Real]) -> list[Real] | None:
     """Give x with rows x = right, by elimination in the arithmetic of the entries; None where it is singular.
 
     Parameters
@@ -187,7 +179,7 @@ def solve_linear(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) ->
     right : one value for each row
     """
     work = [(dict(row), value) for row, value in zip(rows, right, strict=True)]
-    order: list[tuple[int, dict[int, Value], Value]] = []
+    order: list[tuple[int, dict[int, Real], Real]] = []
     while work:
         work.sort(key=lambda item: len(item[0]))
         row, value = work.pop(0)
@@ -203,7 +195,7 @@ def solve_linear(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) ->
                 for key, entry in row.items():
                     other[key] = other.get(key, 0) - factor * entry
                 work[position] = (other, there - factor * value)
-    found: dict[int, Value] = {}
+    found: dict[int, Real] = {}
     for column, row, value in reversed(order):
         found[column] = value - sum((entry * found[key] for key, entry in row.items()), start=Fraction(0))
     return [found[column] for column in range(len(rows))]

@@ -36,8 +36,9 @@ class CoEnergy:
 class Plant:
     """Symbols and graphs of a plant.
 
-    x, u, theta, b: column symbols. z: symbols of implicitly solved signals, with `gap(x, u, theta, b, z) = 0`; signals
-    that have a closed form are not among them. rates, readings: columns, functions of all symbols.
+    x (n_states, 1), u (n_inputs, 1), theta (n_parameters, 1), b (n_slow_errors, 1): column symbols, SI. z: symbols of
+    implicitly solved signals, with `gap(x, u, theta, b, z) = 0`; signals that have a closed form are not among them.
+    rates (n_states, 1), readings (n_outputs, 1): functions of all symbols.
     """
 
     graph: BondGraph
@@ -78,6 +79,9 @@ def build_plant(graph: BondGraph) -> Plant:
     solver = _Solver(network, values, x, b)
     for step in steps:
         solver.take(step)
+    readings = []
+    for sensor, expression in zip(graph.sensors, network.readings, strict=True):
+        readings.append(_in_error(network, sensor.name, evaluate(expression, values), b))
     return Plant(
         graph=graph,
         causality=causality,
@@ -89,7 +93,7 @@ def build_plant(graph: BondGraph) -> Plant:
         b=b,
         z=ca.vertcat(*solver.unknowns) if solver.unknowns else ca.SX(0, 1),
         rates=ca.vertcat(*(values[state.rate] for state in network.states)) if network.states else ca.SX(0, 1),
-        readings=_readings(graph, network, values, b),
+        readings=ca.vertcat(*readings),
         gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
         implicit=tuple(solver.implicit),
         co_energy=tuple(_co_energy(store, graph, network, steps, values) for store in network.states),
@@ -127,16 +131,12 @@ def _column(name: str, size: int) -> ca.SX:
     return ca.SX.sym(name, size) if size else ca.SX(0, 1)
 
 
-def _readings(graph: BondGraph, network: ConstraintNetwork, values: dict[str, ca.SX], b: ca.SX) -> ca.SX:
-    """Sensors with their own slow errors."""
-    readings = []
-    for sensor, expression in zip(graph.sensors, network.readings, strict=True):
-        value = evaluate(expression, values)
-        for k, error in enumerate(network.slow_errors):
-            if error.target == sensor.name:
-                value = value * (1 + b[k]) if error.relative else value + b[k]
-        readings.append(value)
-    return ca.vertcat(*readings)
+def _in_error(network: ConstraintNetwork, name: str, value: ca.SX, b: ca.SX) -> ca.SX:
+    """Give the value of a signal or sensor with its own slow errors."""
+    for k, error in enumerate(network.slow_errors):
+        if error.target == name:
+            value = value * (1 + b[k]) if error.relative else value + b[k]
+    return value
 
 
 class _Solver:
@@ -167,9 +167,7 @@ class _Solver:
                 self._set(part.signal, evaluate(part.expression, self.values))
 
     def _set(self, signal: str, value: ca.SX) -> None:
-        for k, error in enumerate(self.network.slow_errors):
-            if error.target == signal:
-                value = value * (1 + self.b[k]) if error.relative else value + self.b[k]
+        value = _in_error(self.network, signal, value, self.b)
         self.values[signal] = value
         if signal in self.dependent:
             slopes = self._slopes(value)

@@ -8,16 +8,12 @@ same sets by REDUCE.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from graphlib import TopologicalSorter
 from itertools import combinations
 from math import comb
 
-import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
-
 from faultbond.equations.constraint_network import Constraint, ConstraintNetwork, Store
 from faultbond.equations.inversion import isolate, linear_solution, substitute
+from faultbond.equations.matching import blocks, holdings, match_any
 from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Expression, Name, names
 
@@ -48,6 +44,7 @@ class Loop:
 Step = Assignment | Loop
 
 _MAX_TRIALS = 500  # sets of tears tried one by one; beyond that a greedy choice
+_MAX_INSERTED = 40  # signals of a loop that are inserted to isolate its tear
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +70,10 @@ def sequence(network: ConstraintNetwork, file: str = "model") -> tuple[Step, ...
         Where constraints and signals do not balance; names the undetermined signals and the superfluous constraints.
     """
     signals = frozenset(network.signals)
-    plain = [_equation(constraint, signals) for constraint in network.constraints]
+    plain = [
+        _Equation(constraint=item, unknowns=frozenset(names(item.residual)) & signals, needs=frozenset())
+        for item in network.constraints
+    ]
     if not network.dependent:
         return tuple(_steps(plain, network, file))
     # First as if the rates of dependent stores were given: this shows on which states their quantities depend.
@@ -81,10 +81,6 @@ def sequence(network: ConstraintNetwork, file: str = "model") -> tuple[Step, ...
     sources = _sources(tuple(_steps([*plain, *free], network, file)), network)
     rates = [_rate_equation(store, sources[store.name], signals) for store in network.dependent]
     return tuple(_steps([*plain, *rates], network, file))
-
-
-def _equation(constraint: Constraint, signals: frozenset[str]) -> _Equation:
-    return _Equation(constraint=constraint, unknowns=frozenset(names(constraint.residual)) & signals, needs=frozenset())
 
 
 def _rate_equation(store: Store, states: tuple[Store, ...], signals: frozenset[str]) -> _Equation:
@@ -114,79 +110,48 @@ def _sources(steps: tuple[Step, ...], network: ConstraintNetwork) -> dict[str, t
 
 
 def _steps(equations: list[_Equation], network: ConstraintNetwork, file: str) -> Iterator[Step]:
-    matched = _match(equations, network, file)
-    preferred = {error.target for error in network.slow_errors}
-    for block in _blocks(equations, matched):
-        if len(block) == 1:
-            yield _solve_one(equations[block[0]], matched[block[0]])
-        else:
-            yield _tear([equations[k] for k in block], [matched[k] for k in block], preferred)
-
-
-def _match(equations: list[_Equation], network: ConstraintNetwork, file: str) -> list[str]:
-    """Give for each equation the signal it determines."""
-    order = {name: k for k, name in enumerate(network.signals)}
-    rows = [k for k, equation in enumerate(equations) for _ in equation.unknowns]
-    columns = [order[name] for equation in equations for name in sorted(equation.unknowns, key=order.__getitem__)]
-    incidence = csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(equations), len(order)))
-    chosen = maximum_bipartite_matching(incidence, perm_type="column")
-    if len(equations) != len(order) or np.any(chosen < 0):
-        lost = sorted({equations[k].constraint.owner for k in range(len(equations)) if chosen[k] < 0})
-        taken = set(chosen.tolist())
-        open_ = [name for name, k in order.items() if k not in taken]
+    """Match equations and signals, and solve block by block."""
+    place = {name: k for k, name in enumerate(network.signals)}
+    rows = [sorted(place[name] for name in equation.unknowns) for equation in equations]
+    matched = match_any(rows, len(place))
+    held = holdings(rows, matched)
+    if -1 in held or -1 in matched:
+        lost = sorted({item.constraint.owner for item, signal in zip(equations, held, strict=True) if signal < 0})
+        open_ = [name for name, equation in zip(network.signals, matched, strict=True) if equation < 0]
         raise StructureError(
             f"{file}: the equations do not fix every signal: undetermined {', '.join(open_) or 'none'}; "
             f"superfluous: the law of {', '.join(lost) or 'none'}; look at the laws of these parts and at what they "
             "connect"
         )
-    return [network.signals[k] for k in chosen]
-
-
-def _blocks(equations: list[_Equation], matched: list[str]) -> Iterator[list[int]]:
-    """Give groups of equations that need each other, in order of computation."""
-    owner = {name: k for k, name in enumerate(matched)}
-    edges = [
-        (k, owner[name])
-        for k, equation in enumerate(equations)
-        for name in sorted(equation.unknowns | equation.needs)
-        if name in owner and owner[name] != k
-    ]
-    n = len(equations)
-    graph = csr_array((np.ones(len(edges)), ([a for a, _ in edges], [b for _, b in edges])), shape=(n, n))
-    _, label = connected_components(graph, directed=True, connection="strong")
-    members: dict[int, list[int]] = {}
-    for k in range(n):
-        members.setdefault(int(label[k]), []).append(k)
-    sorter: TopologicalSorter[int] = TopologicalSorter({block: set() for block in members})
-    for a, b in edges:
-        if label[a] != label[b]:
-            sorter.add(int(label[a]), int(label[b]))
-    for block in sorter.static_order():
-        yield members[block]
-
-
-def _solve_one(equation: _Equation, signal: str) -> Step:
-    residual, owner = equation.constraint.residual, equation.constraint.owner
-    solution = isolate(residual, signal)
-    if solution is not None:
-        return Assignment(signal=signal, expression=solution, owner=owner)
-    return Loop(tears=(signal,), inner=(), residuals=(residual,), owners=(owner,), closed=None)
+    preferred = {error.target for error in network.slow_errors}
+    reads = [row + [place[name] for name in item.needs] for row, item in zip(rows, equations, strict=True)]
+    for block in blocks(reads, matched):
+        signals = [network.signals[held[k]] for k in block]
+        if len(block) > 1:
+            yield _tear([equations[k] for k in block], signals, preferred)
+            continue
+        residual, owner = equations[block[0]].constraint.residual, equations[block[0]].constraint.owner
+        solution = isolate(residual, signals[0])
+        if solution is not None:
+            yield Assignment(signal=signals[0], expression=solution, owner=owner)
+        else:
+            yield Loop(tears=(signals[0],), inner=(), residuals=(residual,), owners=(owner,), closed=None)
 
 
 def _tear(equations: list[_Equation], signals: list[str], preferred: set[str]) -> Loop:
     """Choose the tears of a loop: as few as possible, signals with a slow error and closed forms first."""
+
+    def rank(loop: Loop) -> tuple[bool, bool, int]:
+        occurrences = sum(names(residual).count(tear) for residual in loop.residuals for tear in loop.tears)
+        return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, occurrences)
+
     for size in range(1, len(signals) + 1):
         few = comb(len(signals), size) <= _MAX_TRIALS
         options = combinations(signals, size) if few else [_greedy(equations, signals, size)]
         loops = [loop for tears in options if (loop := _loop(equations, signals, tears)) is not None]
         if loops:
-            return min(loops, key=lambda loop: _rank(loop, preferred))
+            return min(loops, key=rank)
     raise AssertionError("all signals torn is always a loop")
-
-
-def _rank(loop: Loop, preferred: set[str]) -> tuple[bool, bool, int]:
-    occurrences = sum(names(residual).count(tear) for residual in loop.residuals for tear in loop.tears)
-    return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, occurrences)
 
 
 def _greedy(equations: list[_Equation], signals: list[str], size: int) -> tuple[str, ...]:
@@ -227,20 +192,16 @@ def _follow(
 
 
 def _loop(equations: list[_Equation], signals: list[str], tears: tuple[str, ...]) -> Loop | None:
+    """Give the loop with these tears, in closed form where one tear can be isolated; None where too few follow."""
     inner, rest = _follow(equations, signals, tears)
     if len(rest) != len(tears):
         return None
     residuals = tuple(equations[k].constraint.residual for k in rest)
-    closed = _closed_form(tears[0], inner, residuals[0]) if len(tears) == 1 else None
+    closed = None
+    if len(tears) == 1 and len(inner) <= _MAX_INSERTED:
+        values: dict[str, Expression] = {}
+        for part in inner:
+            values[part.signal] = substitute(part.expression, values)
+        closed = isolate(substitute(residuals[0], values), tears[0])
     owners = tuple(sorted({equation.constraint.owner for equation in equations}))
     return Loop(tears=tears, inner=tuple(inner), residuals=residuals, owners=owners, closed=closed)
-
-
-def _closed_form(tear: str, inner: list[Assignment], residual: Expression) -> Expression | None:
-    """Insert what follows from the tear and isolate it; None if the sum grows too large or has no closed form."""
-    values: dict[str, Expression] = {}
-    for part in inner:
-        values[part.signal] = substitute(part.expression, values)
-        if len(values) > 40:
-            return None
-    return isolate(substitute(residual, values), tear)

@@ -40,10 +40,12 @@ class StepModel:
     nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
-    What these are made of, at implicit signals z that are solved: rates(v, u, z) -> (rates, slope), readings(v, u, z) ->
-    (y, slope); newton_step(v, u, z) -> (Newton's step of z, square of what is left of the implicit relations).
+    What these are made of, where the implicit signals z are solved: rates(v, u, z) -> (rates, slope by v) and
+    readings(v, u, z) -> (y, slope by v). newton_step(v, u, z) -> (Newton's step of z, square of what is left to solve).
     prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
-    reference: state, and implicit signals, of a nominal run, where the number of substeps was chosen.
+    scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
+    error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
+    of substeps was chosen. direct: for each output the inputs that reach it without passing a state.
     """
 
     plant: Plant
@@ -99,7 +101,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     rates = _with_slope("rates", rates_, gap, arguments, places)
     readings_ = _with_slope("readings", readings, gap, arguments, places)
     newton = _newton(gap, arguments)
-    measure = _measure(readings_, newton, arguments)
+    solved = newton(*arguments)[0]
+    measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
     start = _nominal_start(plant, coordinates, v.numel(), scales)
     reference_x, reference_z, fastest = _reference(plant, rates, newton, start)
     grid = graph.sample_time if graph.sample_time is not None else 1.0
@@ -213,13 +216,6 @@ def _newton_step(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     return ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)], {"cse": True})
 
 
-def _measure(readings: ca.Function, newton: ca.Function, arguments: list[ca.SX]) -> ca.Function:
-    v, u, z = arguments
-    solved = newton(v, u, z)[0]
-    y, slope = readings(v, u, solved)
-    return ca.Function("measure", arguments, [y, slope, solved], {"cse": True})
-
-
 def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_x: int, substeps: int) -> ca.Function:
     """ROS2 over dt, in equal substeps; the slope treats the Jacobian inside the method as constant."""
     v, u, z = arguments
@@ -255,7 +251,7 @@ def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]
 
 
 def reference_inputs(plant: Plant) -> FloatArray:
-    """Inputs of the nominal run: half range for percent, else one unit of the model file."""
+    """Inputs of the nominal run (n_inputs,), SI: half range for percent, else one unit of the model file."""
     return np.array([50.0 if item.unit.text == "percent" else item.unit.to_si(1.0) for item in plant.graph.inputs])
 
 

@@ -39,12 +39,12 @@ class Certainty:
 
     @property
     def sd(self) -> FloatArray:
-        """Standard errors."""
+        """Standard errors, (n,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)) * self.inflation)
 
     @property
     def determined(self) -> BoolArray:
-        """Whether the data alone fix an unknown."""
+        """Whether the data alone fix an unknown, (n,)."""
         return np.asarray(self.alone <= UNSURE)
 
 
@@ -62,7 +62,12 @@ def certainty_of(
     accuracies : (n_theta,), declared accuracies in units of the unknowns
     """
     inverse = _inverse(information + np.diag(prior**-2.0))
-    meat = _long_run(courses, len(prior), n) + np.diag(prior**-2.0)
+    meat, first = np.diag(prior**-2.0), n
+    for item in courses:  # the long-run variance of the summed scores
+        last = first + item.scores.shape[1] - n
+        places = [*range(n), *range(first, last)]
+        meat[np.ix_(places, places)] += long_run_variance(item.scores)
+        first = last
     sandwich = inverse @ meat @ inverse
     plain = np.maximum(np.diag(inverse), 1e-300)
     inflation = np.sqrt(np.maximum(np.diag(sandwich) / plain, 1.0))[:n]
@@ -84,18 +89,6 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale))
 
 
-def _long_run(courses: Sequence[Scored], total: int, n: int) -> FloatArray:
-    """Give the long-run variance of the summed scores, shape (total, total)."""
-    found = np.zeros((total, total))
-    first = n
-    for item in courses:
-        n_free = item.scores.shape[1] - n
-        places = np.concatenate([np.arange(n), first + np.arange(n_free)])
-        found[np.ix_(places, places)] += long_run_variance(item.scores)
-        first += n_free
-    return found
-
-
 def long_run_variance(scores: FloatArray, most: float = MOST_BANDWIDTH) -> FloatArray:
     """Give the variance of the sum of scores (N, m), (m, m), by Bartlett's weights with Andrews' bandwidth.
 
@@ -104,9 +97,14 @@ def long_run_variance(scores: FloatArray, most: float = MOST_BANDWIDTH) -> Float
     scores : float array, shape (N, m)
     most : largest bandwidth, in parts of N
     """
-    m = scores.shape[1]
-    width = min(_bandwidth(scores), int(most * len(scores)))
+    count, m = scores.shape
     centred = scores - scores.mean(axis=0)
+    width = 0  # lags that count: from the correlation of each score at lag 1, as of a process of first order
+    if count >= 4:
+        power = np.sum(centred**2, axis=0)
+        root = np.clip(np.sum(centred[1:] * centred[:-1], axis=0) / np.where(power > 0.0, power, 1.0), -0.97, 0.97)
+        alpha = float(np.max(4.0 * root**2 / (1.0 - root**2) ** 2, initial=0.0))
+        width = int(min(np.ceil(1.1447 * (alpha * count) ** (1.0 / 3.0)), min(MOST_BANDWIDTH, most) * count))
     scale = np.maximum(np.sqrt(np.mean(centred**2, axis=0)), 1e-300)
     unit = centred / scale
     found = unit.T @ unit
@@ -114,19 +112,6 @@ def long_run_variance(scores: FloatArray, most: float = MOST_BANDWIDTH) -> Float
         cross = unit[lag:].T @ unit[:-lag]
         found += (1.0 - lag / (width + 1.0)) * (cross + cross.T)
     return np.asarray(found * np.outer(scale, scale)) if m else np.zeros((0, 0))
-
-
-def _bandwidth(scores: FloatArray) -> int:
-    """Give the lags that count: from the autocorrelation of each score at lag 1, as of a process of first order."""
-    count = len(scores)
-    if count < 4:
-        return 0
-    centred = scores - scores.mean(axis=0)
-    power = np.sum(centred**2, axis=0)
-    first = np.sum(centred[1:] * centred[:-1], axis=0) / np.where(power > 0.0, power, 1.0)
-    root = np.clip(first, -0.97, 0.97)
-    alpha = float(np.max(4.0 * root**2 / (1.0 - root**2) ** 2, initial=0.0))
-    return int(min(np.ceil(1.1447 * (alpha * count) ** (1.0 / 3.0)), MOST_BANDWIDTH * count))
 
 
 def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolArray:

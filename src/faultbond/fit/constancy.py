@@ -13,7 +13,7 @@ import numpy as np
 
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.objective import FittedPlant, Scored
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 
 SURE = 2.2  # largest value of a Brownian bridge; one in 8000 goes farther
 SHORT = 0.01  # of a recording: scores that are alike for longer are not the same all the time
@@ -30,7 +30,9 @@ class Change:
     statistic: float
 
 
-def changes_of(plant: FittedPlant, records: Sequence[Record], courses: Sequence[Scored]) -> tuple[Change, ...]:
+def changes_of(
+    plant: FittedPlant, records: Sequence[HealthyRecording], courses: Sequence[Scored]
+) -> tuple[Change, ...]:
     """Give the parameters that do not stay the same, the surest first."""
     found: list[Change] = []
     for record, seen in zip(records, courses, strict=True):

@@ -45,7 +45,7 @@ class Rate:
     memory: float
 
 
-def rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
+def alarm_rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
     """Give the rate of each sensor, and of each slow error that can alarm: what has alarmed does so at least as often.
 
     Parameters
@@ -125,8 +125,9 @@ def cusum_time(drift: float, variance: float, limit: float) -> float:
 def scatter_time(settings: Thresholds, scores: Sequence[FloatArray], lag: int) -> float:
     """Give the expected samples until the sum of the scatter, against the innovation `lag` samples before, alarms.
 
-    What it gains is skewed, so the exponent r with which crossings become rare is that of Lundberg, mean(exp(r g)) = 1;
-    gains that come together make it smaller, as their long-run variance is larger.
+    `scores` are arrays (N,), in standard deviations. What the sum gains is skewed, so the exponent r with which
+    crossings become rare is that of Lundberg, mean(exp(r g)) = 1; gains that come together make it smaller, as their
+    long-run variance is larger.
     """
     gains = [scatter_gain(settings, item[lag:] - item[:-lag]) for item in scores if len(item) > lag]
     every = np.concatenate(gains) if gains else np.zeros(0)

@@ -16,12 +16,11 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
+from faultbond.fit.ascent import START_PRIOR, Summit, ascend, spread_noise
 from faultbond.fit.certainty import Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
-from faultbond.fit.objective import FittedPlant, Point, Scored, course
-from faultbond.fit.samples import Record
-from faultbond.fit.scoring import START_PRIOR, Summit, climb, spread_noise
-from faultbond.fit.unknowns import Unknowns
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
+from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.whiteness import Whiteness, test_whiteness
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
@@ -55,7 +54,7 @@ class Fit:
     """
 
     plant: FittedPlant
-    records: tuple[Record, ...]
+    records: tuple[HealthyRecording, ...]
     summit: Summit
     certainty: Certainty
     prior: Prior
@@ -84,8 +83,8 @@ class Fit:
 
 def fit_plant(
     plant: FittedPlant,
-    records: Sequence[Record],
-    begin: Point,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
     *,
     prior: Prior = Prior.WIDENED,
     starts: int = 4,
@@ -109,13 +108,18 @@ def fit_plant(
     RecordingError
         Where the plant has no course along the recordings, or they have fewer readings than there are unknowns.
     """
-    _refuse(plant, records)
+    unknown, readings = len(plant.unknowns.places) + plant.n_own * len(records), sum(item.readings for item in records)
+    if readings <= unknown:
+        names = ", ".join(record.name for record in records)
+        raise NoVerdictError(
+            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
+        )
     best, reached = _search(plant, records, begin, starts, seed, tell)
     records, best = _without_wild(plant, records, best)
     tell("weighing the declared accuracies")
     best, widths = _weigh(plant, records, begin, best, prior)
     unknowns = plant.unknowns
-    courses = tuple(course(plant, record, best.point, r) for r, record in enumerate(records))
+    courses = tuple(score_recording(plant, record, best.point, r) for r, record in enumerate(records))
     full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
     found = certainty_of(
         best.evaluation.information,
@@ -134,36 +138,34 @@ def fit_plant(
         widths=widths,
         starts=starts,
         reached=reached,
-        before=_likelihood(plant, records, begin),
+        before=sum(score_recording(plant, record, begin, r).value for r, record in enumerate(records)),
         courses=courses,
         simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
-        whiteness=_whiteness(plant, courses),
+        whiteness=tuple(
+            test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
+        ),
         changes=changes_of(plant, records, courses),
     )
 
 
-def _refuse(plant: FittedPlant, records: Sequence[Record]) -> None:
-    """Refuse recordings with too little in them."""
-    unknown = len(plant.unknowns.places) + plant.n_own * len(records)
-    readings = sum(record.readings for record in records)
-    if readings <= unknown:
-        names = ", ".join(record.name for record in records)
-        raise NoVerdictError(
-            f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
-        )
-
-
 def _search(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, starts: int, seed: int, tell: Callable[[str], None]
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    starts: int,
+    seed: int,
+    tell: Callable[[str], None],
 ) -> tuple[Summit, int]:
     """Climb from several starts under a wide prior; give the best summit and how many reached it."""
     rng = np.random.default_rng(seed)
-    prior = plant.unknowns.widened(WIDE)
-    summits = []
+    unknowns, summits = plant.unknowns, []
+    prior = unknowns.widened(WIDE)
     for k in range(starts):
         tell(f"start {k + 1} of {starts}")
-        point = begin if k == 0 else _elsewhere(plant, begin, rng)
-        summits.append(climb(plant, records, spread_noise(plant, records, point), prior))
+        values = begin.values.copy()
+        values[: unknowns.n_theta] += START_SPREAD * rng.standard_normal(unknowns.n_theta) if k else 0.0
+        point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
+        summits.append(ascend(plant, records, spread_noise(plant, records, point), prior))
     best = max(summits, key=lambda item: item.posterior)
     if not np.isfinite(best.posterior):
         names = ", ".join(record.name for record in records)
@@ -173,30 +175,24 @@ def _search(
     return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
 
 
-def _without_wild(plant: FittedPlant, records: Sequence[Record], best: Summit) -> tuple[tuple[Record, ...], Summit]:
+def _without_wild(
+    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit
+) -> tuple[tuple[HealthyRecording, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
     for _ in range(WILD_ROUNDS):
-        far = [np.abs(course(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
+        far = [np.abs(score_recording(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
         count = sum(int(item.sum()) for item in far)
         if not count or count > FEW_WILD * sum(item.readings for item in kept):
             break
-        kept = tuple(item.without(plant.layout, wild) for item, wild in zip(kept, far, strict=True))
+        kept = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
         begin = spread_noise(plant, kept, best.point)
-        best = climb(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
+        best = ascend(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
     return kept, best
 
 
-def _elsewhere(plant: FittedPlant, begin: Point, rng: np.random.Generator) -> Point:
-    """Give another start: parameters some factor off."""
-    unknowns, n = plant.unknowns, plant.unknowns.n_theta
-    values = begin.values.copy()
-    values[:n] += START_SPREAD * rng.standard_normal(n)
-    return replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper))
-
-
 def _weigh(
-    plant: FittedPlant, records: Sequence[Record], begin: Point, best: Summit, prior: Prior
+    plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, best: Summit, prior: Prior
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -205,9 +201,15 @@ def _weigh(
     accuracies = unknowns.prior[:n]
     groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
     alone = groups.sum(axis=1) == 1
-    widths = _contradiction(unknowns, best, groups, n) if prior is Prior.WIDENED else np.ones(n)
+    widths = np.ones(n)
+    if prior is Prior.WIDENED:
+        # From a narrow prior the widening may not get away, where this outweighs data that are clear. So it begins at
+        # how many times as wide as declared accuracies must be for what the data say almost alone.
+        known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
+        away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
+        widths = np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
-        best = climb(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
+        best = ascend(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)
@@ -222,33 +224,10 @@ def _weigh(
     return best, widths
 
 
-def _contradiction(unknowns: Unknowns, best: Summit, groups: BoolArray, n: int) -> FloatArray:
-    """Give how many times as wide as declared accuracies must be for what the data say almost alone.
-
-    The widening begins there: from a narrow prior it may not get away, where this outweighs data that are clear.
-    """
-    accuracies = unknowns.prior[:n]
-    known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
-    away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
-    return np.asarray(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE))
-
-
-def _likelihood(plant: FittedPlant, records: Sequence[Record], point: Point) -> float:
-    """Give the logarithm of the likelihood at a point."""
-    return float(sum(course(plant, record, point, r).value for r, record in enumerate(records)))
-
-
-def _simulated(plant: FittedPlant, record: Record, point: Point, number: int) -> FloatArray:
+def _simulated(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
     """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
     layout = plant.layout
-    alone = record.without(layout, np.ones_like(record.use))
+    alone = record.without(np.ones_like(record.use))
     alone = replace(alone, use=np.ones_like(record.use))
-    found = course(plant, alone, point, number)
+    found = score_recording(plant, alone, point, number)
     return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)
-
-
-def _whiteness(plant: FittedPlant, courses: Sequence[Scored]) -> tuple[Whiteness, ...]:
-    """Test each sensor."""
-    return tuple(
-        test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
-    )

@@ -1,7 +1,7 @@
-"""The monitor's healthy filter along a recording, all samples in one call, with sizes of noise and accuracies varied.
+"""The monitor's healthy filter along a recording, with sizes of noise and accuracies varied.
 
-The sums are those of the monitor (`runtime.cusum`); accuracies, noise and slow errors enter as data, so that none of
-the variants needs another engine.
+The monitor itself, its alarms off, says what its filter takes and what its sums count; accuracies, noise and slow
+errors enter as data, so that none of the variants needs another engine, and each is one call of it.
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,13 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.fit.likelihood import Layout
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.cusum import added, height_of, no_sums
-from faultbond.runtime.monitor import START_PATIENCE, START_SAMPLES
+from faultbond.runtime.monitor import quiet, step
+from faultbond.runtime.packing import trusted
 from faultbond.runtime.start import healthy_lane, solve_start
+from faultbond.runtime.state import init
+from faultbond.runtime.unseen import unknown_inputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,96 +44,104 @@ class Watch:
     slow: FloatArray
 
 
-def watch(
-    spec: EngineSpec, engine: Engine, record: Record, layout: Layout, variants: Sequence[Variant] = (Variant(),)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Taken:
+    """What the monitor's filter took of n samples, those from its start on.
+
+    rows: (n, n_sample), packed; started: how many of them it gathered for its start. use, settling: (n, n_outputs),
+    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt.
+    """
+
+    rows: FloatArray
+    started: int
+    use: BoolArray
+    settling: BoolArray
+    astray: BoolArray
+
+
+def watch_recording(
+    spec: EngineSpec, engine: Engine, record: HealthyRecording, variants: Sequence[Variant] = (Variant(),)
 ) -> tuple[Watch, ...]:
     """Give what the detector sees of a recording, alarms or not, for each way to declare.
 
     Parameters
     ----------
     spec, engine : the model as the monitor runs it
-    record, layout : the recording
+    record : the recording
     variants : what is declared otherwise
     """
-    seen = [_filtered(spec, engine, record, layout, variant) for variant in variants]
-    warm = np.arange(len(record.time)) >= spec.thresholds.warm_up_samples
-    use = record.use & warm[:, None]
-    scores, slow = np.array([score for score, _ in seen]), [item for _, item in seen]
-    cusum, height = _summed(spec, scores, use, np.isfinite(record.y) & ~record.use)
+    taken, count = _taken(spec, engine, record), len(record.time)
+    shape, first = (len(variants), count, len(spec.outputs)), count - len(taken.rows)
+    scores, slow = np.full(shape, np.nan), np.full((*shape[:2], len(spec.slow_errors)), np.nan)
+    for k, variant in enumerate(variants):
+        scores[k, first:], slow[k, first:] = _filtered(spec, engine, taken, variant)
+    warm = first + spec.thresholds.warm_up_samples
+    scores[:, :warm], slow[:, :warm] = np.nan, np.nan
+    cusum, height = np.zeros((2, *shape)), np.zeros(shape)
+    sums = no_sums(shape[0], shape[2])
+    for t in range(warm, count):
+        row = t - first
+        if taken.astray[row]:  # after a gap the scatter is compared with nothing before it
+            sums = replace(sums, before=np.full_like(sums.before, np.nan))
+        forget = taken.settling[row] | taken.astray[row]
+        sums = added(spec.thresholds, sums, scores[:, t], taken.use[row], forget)
+        cusum[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
+    scores[:, first:][:, ~taken.use] = np.nan
     return tuple(
-        Watch(
-            scores=np.where(use, scores[k], np.nan),
-            cusum=cusum[:, k],
-            height=height[k],
-            slow=np.where(warm[:, None], slow[k], np.nan),
-        )
-        for k in range(len(variants))
+        Watch(scores=scores[k], cusum=cusum[:, k], height=height[k], slow=slow[k]) for k in range(len(variants))
     )
 
 
-def _filtered(
-    spec: EngineSpec, engine: Engine, record: Record, layout: Layout, variant: Variant
-) -> tuple[FloatArray, FloatArray]:
-    """Give innovations in their sd (N, n_outputs), and slow errors in their declared sizes (N, n_slow)."""
-    samples, n_y = _packed(spec, record, layout, variant), len(spec.outputs)
+def _taken(spec: EngineSpec, engine: Engine, record: HealthyRecording) -> _Taken:
+    """Run the monitor with its alarms off."""
+    watched = quiet(spec)
+    state, started = init(watched), 0
+    rows, known, astray = list[FloatArray](), list[bool](), list[bool]()
+    for point in record.points:
+        before = state.clock.running
+        state, _ = step(watched, engine, state, point)
+        if state.clock.running and not before and not started:
+            rows = list(state.past.samples[state.past.place(state.clock.begun) :].copy())
+            started = len(rows)
+        elif started:
+            rows.append(state.past.samples[-1].copy())
+        new = len(rows) - len(known)
+        known += [not unknown_inputs(state.inputs).any()] * new
+        astray += [bool(state.healthy.astray.any())] * new
+    packed = np.array(rows).reshape(-1, spec.n_sample)
+    use = trusted(spec, packed.T).T
+    return _Taken(
+        rows=packed,
+        started=started,
+        use=use & np.array(known, dtype=bool)[:, None],
+        settling=(packed[:, spec.sample_fields["use"]] > 0) & ~use,
+        astray=np.array(astray, dtype=bool),
+    )
+
+
+def _filtered(spec: EngineSpec, engine: Engine, taken: _Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:
+    """Give innovations in their sd (n, n_outputs), and slow errors in their declared sizes (n, n_slow)."""
+    rows, place, n_y = taken.rows.copy(), spec.sample_fields, len(spec.outputs)
+    slow = np.zeros((len(rows), len(spec.slow_errors)))
+    if not len(rows):
+        return np.zeros((0, n_y)), slow
+    rows[:, place["scale"]] *= variant.noise**2
+    for k, error in enumerate(spec.slow_errors):
+        decay = np.exp(-rows[:, place["dt"]][:, 0] / error.memory)
+        more = (variant.slow**2 - 1.0) * error.sd**2 * (1.0 - decay**2)
+        column = place["kick"].start + k
+        rows[:, column] = variant.slow**2 * rows[:, column] + more
     varied = replace(
         spec,
         parameters=tuple(replace(item, accuracy=variant.accuracy * item.accuracy) for item in spec.parameters),
         slow_errors=tuple(replace(item, sd=variant.slow * item.sd) for item in spec.slow_errors),
     )
-    mean, covariance = solve_start(varied, engine, samples[: _start_length(spec, record)])
-    slow, innovations = _advanced(varied, engine, healthy_lane(varied, mean, covariance), samples)
-    return innovations[:, :n_y] / np.sqrt(innovations[:, n_y:]), slow
-
-
-def _packed(spec: EngineSpec, record: Record, layout: Layout, variant: Variant) -> FloatArray:
-    """Give the samples as the monitor packs them; settling readings are there, but count little."""
-    own, place = layout.sample_fields, spec.sample_fields
-    packed = np.zeros((len(record.time), spec.n_sample))
-    for name in ("dt", "u_before", "u", "y", "kick"):
-        packed[:, place[name]] = record.samples[:, own[name]]
-    present = np.isfinite(record.y)
-    packed[:, place["use"]] = present
-    settling = present & ~record.use
-    packed[:, place["scale"]] = variant.noise**2 * np.where(settling, spec.thresholds.blank_factor, 1.0)
-    warm = np.arange(len(packed)) >= spec.thresholds.warm_up_samples
-    packed[:, place["bound"]] = np.where(warm, spec.thresholds.learning_bound, 0.0)[:, None]
-    for k, error in enumerate(spec.slow_errors):
-        decay = np.exp(-record.samples[:, own["dt"]][:, 0] / error.memory)
-        more = (variant.slow**2 - 1.0) * error.sd**2 * (1.0 - decay**2)
-        column = place["kick"].start + k
-        packed[:, column] = variant.slow**2 * packed[:, column] + more
-    return packed
-
-
-def _start_length(spec: EngineSpec, record: Record) -> int:
-    """Give how many samples the monitor gathers to solve the start."""
-    if all(item.start_sd is not None for item in spec.states):
-        return 1
-    seen = np.isfinite(record.y)
-    needed = max(int(np.argmax(seen[:, j])) for j in range(seen.shape[1])) + 1
-    return int(min(max(START_SAMPLES, min(needed, START_PATIENCE)), len(record.time)))
-
-
-def _advanced(spec: EngineSpec, engine: Engine, lane: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Give slow errors in their declared sizes and innovations with variances, sample by sample."""
-    n_y = len(spec.outputs)
+    lane = healthy_lane(varied, *solve_start(varied, engine, rows[: taken.started]))
     if not any(item.alarms for item in spec.slow_errors):  # no need to stop at each sample
-        _, found = engine.advance(lane, samples)
-        return np.zeros((len(samples), len(spec.slow_errors))), found[:, : 2 * n_y, 0]
-    slow, innovations = np.zeros((len(samples), len(spec.slow_errors))), np.zeros((len(samples), 2 * n_y))
-    for t in range(len(samples)):
-        lane, found = engine.advance(lane, samples[t : t + 1])
-        slow[t], innovations[t] = lane[spec.slow_slice, 0] / spec.slow_sizes, found[0, : 2 * n_y, 0]
-    return slow, innovations
-
-
-def _summed(spec: EngineSpec, scores: FloatArray, use: BoolArray, settling: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Give the slow sums after each sample, (2, n, N, n_outputs), and the largest of all, (n, N, n_outputs)."""
-    n, _, n_y = scores.shape
-    sums = no_sums(n, n_y)
-    slow, height = np.zeros((2, *scores.shape)), np.zeros(scores.shape)
-    for t in range(scores.shape[1]):
-        sums = added(spec.thresholds, sums, scores[:, t], use[t], settling[t])
-        slow[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
-    return slow, height
+        found = engine.advance(lane, rows)[1][:, :, 0]
+    else:
+        found = np.zeros((len(rows), 2 * n_y))
+        for t in range(len(rows)):
+            lane, innovations = engine.advance(lane, rows[t : t + 1])
+            slow[t], found[t] = lane[varied.slow_slice, 0] / varied.slow_sizes, innovations[0, : 2 * n_y, 0]
+    return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.innovations import Watch
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 
 PARTS = 3  # of the range of an input or a reading
 SURE = 4.0  # standard errors of a mean that is not chance
@@ -48,43 +49,33 @@ class Moment:
     side: int
 
 
-def regions(spec: EngineSpec, records: Sequence[Record], watches: Sequence[Watch]) -> tuple[Region, ...]:
+def wrong_regions(
+    spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]
+) -> tuple[Region, ...]:
     """Give the regions in which sensors are off, the worst first."""
-    found: list[Region] = []
     u, y = (np.concatenate([getattr(item, name) for item in records]) for name in ("u", "y"))
     steps = np.concatenate([_after_steps(item.u) for item in records])
     scores = np.concatenate([item.scores for item in watches])
-    signals = [(item.name, u[:, k]) for k, item in enumerate(spec.inputs)]
-    signals += [(item.name, y[:, k]) for k, item in enumerate(spec.outputs)]
-    for j, output in enumerate(spec.outputs):
-        for name, values in signals:
-            for low, high, inside in _thirds(values):
-                found += _off(output.name, name, low, high, scores[:, j], inside, after=False)
-        for k, item in enumerate(spec.inputs):
-            found += _off(output.name, item.name, np.nan, np.nan, scores[:, j], steps[:, k], after=True)
-    whole = {
-        output.name: _off(output.name, "", np.nan, np.nan, scores[:, j], np.ones(len(scores), dtype=bool), after=False)
+    names = [*(item.name for item in spec.inputs), *(item.name for item in spec.outputs)]
+    places: list[tuple[str, float, float, BoolArray, bool]] = []  # of what, from where to where, which, after a step
+    for name, values in zip(names, np.hstack([u, y]).T, strict=True):
+        here = values[np.isfinite(values)]
+        if not len(here) or np.ptp(here) <= 0.0:
+            continue
+        edges = np.linspace(float(here.min()), float(here.max()), PARTS + 1)
+        for k, (low, high) in enumerate(pairwise(edges.tolist())):
+            upper = values <= high if k == PARTS - 1 else values < high
+            places.append((name, low, high, (values >= low) & upper, False))
+    places += [(item.name, np.nan, np.nan, steps[:, k], True) for k, item in enumerate(spec.inputs)]
+    everywhere = ("", np.nan, np.nan, np.ones(len(scores), dtype=bool), False)
+    found = [
+        _off(output.name, scores[:, j], *place)
+        for some in ([everywhere], places)
         for j, output in enumerate(spec.outputs)
-    }
-    everywhere = [item for items in whole.values() for item in items]
-    return tuple(sorted([*everywhere, *found], key=_badness, reverse=True))
-
-
-def _badness(item: Region) -> float:
-    return max(abs(item.mean) / OFF, item.spread / WILD)
-
-
-def _thirds(values: FloatArray) -> list[tuple[float, float, BoolArray]]:
-    """Cut the range of a signal into parts; none for one that does not move."""
-    here = values[np.isfinite(values)]
-    if not len(here) or np.ptp(here) <= 0.0:
-        return []
-    edges = np.linspace(float(here.min()), float(here.max()), PARTS + 1)
-    parts = []
-    for k in range(PARTS):
-        upper = values <= edges[k + 1] if k == PARTS - 1 else values < edges[k + 1]
-        parts.append((float(edges[k]), float(edges[k + 1]), (values >= edges[k]) & upper))
-    return parts
+        for place in some
+    ]
+    wrong = [item for item in found if item is not None]
+    return tuple(sorted(wrong, key=lambda item: max(abs(item.mean) / OFF, item.spread / WILD), reverse=True))
 
 
 def _after_steps(u: FloatArray) -> BoolArray:
@@ -97,51 +88,39 @@ def _after_steps(u: FloatArray) -> BoolArray:
 
 
 def _off(
-    sensor: str, of: str, low: float, high: float, scores: FloatArray, inside: BoolArray, *, after: bool
-) -> list[Region]:
+    sensor: str, scores: FloatArray, of: str, low: float, high: float, inside: BoolArray, after: bool
+) -> Region | None:
     """Give the region if its scores are off, by their mean or by their spread."""
     values = scores[inside & np.isfinite(scores)]
     if len(values) < FEW:
-        return []
-    mean, spread = float(values.mean()), float(values.std())
-    error = float(np.sqrt(max(long_run_variance((values - mean)[:, None])[0, 0], 1e-12))) / len(values)
+        return None
+    mean, spread, count = float(values.mean()), float(values.std()), len(values)
+    error = float(np.sqrt(max(long_run_variance((values - mean)[:, None])[0, 0], 1e-12))) / count
     biased = abs(mean) > OFF and abs(mean) > SURE * error
     if not biased and spread < WILD:
-        return []
-    return [
-        Region(
-            sensor=sensor, of=of, low=low, high=high, after_step=after, mean=mean, spread=spread, samples=len(values)
-        )
-    ]
+        return None
+    return Region(sensor=sensor, of=of, low=low, high=high, after_step=after, mean=mean, spread=spread, samples=count)
 
 
-def moments(spec: EngineSpec, records: Sequence[Record], watches: Sequence[Watch]) -> tuple[Moment, ...]:
+def moments(spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]) -> tuple[Moment, ...]:
     """Give the highest climbs of the CUSUM of each sensor, the highest first."""
     found: list[Moment] = []
     limit = spec.thresholds.cusum_limit
     for record, seen in zip(records, watches, strict=True):
         for j, output in enumerate(spec.outputs):
-            for side in (0, 1):
-                for first, last, height in _climbs(seen.cusum[side, :, j]):
-                    if height > LOW * limit:
+            for side, sums in zip((1, -1), seen.cusum[:, :, j], strict=True):
+                above = np.concatenate([[False], sums > 0.0, [False]])
+                for first, end in np.flatnonzero(np.diff(above)).reshape(-1, 2):
+                    top = int(first + np.argmax(sums[first:end]))
+                    if sums[top] > LOW * limit:
                         found.append(
                             Moment(
                                 recording=record.name,
                                 sensor=output.name,
                                 begin=float(record.time[first]),
-                                end=float(record.time[last]),
-                                height=height / limit,
-                                side=1 - 2 * side,
+                                end=float(record.time[top]),
+                                height=float(sums[top]) / limit,
+                                side=side,
                             )
                         )
     return tuple(sorted(found, key=lambda item: item.height, reverse=True)[:MOST_MOMENTS])
-
-
-def _climbs(sums: FloatArray) -> list[tuple[int, int, float]]:
-    """Give begin, highest place and height of each run above zero."""
-    above = np.concatenate([[False], sums > 0.0, [False]])
-    begins, ends = np.flatnonzero(above[1:] & ~above[:-1]), np.flatnonzero(~above[1:] & above[:-1])
-    return [
-        (int(first), int(first + np.argmax(sums[first:end])), float(np.max(sums[first:end])))
-        for first, end in zip(begins, ends, strict=True)
-    ]

@@ -8,6 +8,7 @@ Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (predict
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -55,14 +56,19 @@ class Layout:
     @property
     def sample_fields(self) -> dict[str, slice]:
         """Layout of a sample: dt, u_before, u, y, use (1 or 0), kick (variance added to slow errors)."""
-        sizes = {"dt": 1, "u_before": self.n_u, "u": self.n_u, "y": self.n_y, "use": self.n_y, "kick": self.n_b}
-        ends = np.cumsum([0, *sizes.values()])
-        return {name: slice(int(ends[k]), int(ends[k + 1])) for k, name in enumerate(sizes)}
+        return sample_fields(self.n_u, self.n_y, self.n_b)
 
     @property
     def n_sample(self) -> int:
         """Length of a sample."""
-        return 1 + 2 * self.n_u + 2 * self.n_y + self.n_b
+        return int(self.sample_fields["kick"].stop)
+
+
+def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int) -> dict[str, slice]:
+    """Give the layout of a sample: see `Layout.sample_fields`."""
+    sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs, "kick": n_slow_errors}
+    ends = np.cumsum([0, *sizes.values()]).tolist()
+    return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
 
 def layout_of(model: StepModel) -> Layout:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from faultbond.arrays import BoolArray, FloatArray
+from faultbond.arrays import FloatArray
 from faultbond.contract.spec import Engine
 from faultbond.fit.likelihood import Layout
-from faultbond.fit.samples import Record
+from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
@@ -41,7 +41,7 @@ class FittedPlant:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Point:
+class FitPoint:
     """Values of the unknowns, (n,), and what each recording has for itself.
 
     starts (n_records, n_own): starts of the free states, SI, then factors of its own parameters; sizes alike: the units
@@ -83,11 +83,11 @@ class Scored:
 
     @property
     def standardised(self) -> FloatArray:
-        """Innovations in their standard deviations; white with sd 1 if the model is right."""
+        """Innovations in their standard deviations, (N, n_outputs); white with sd 1 if the model is right."""
         return np.asarray(self.innovations / np.sqrt(self.variances))
 
 
-def evaluate(plant: FittedPlant, records: Sequence[Record], point: Point) -> Evaluation:
+def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> Evaluation:
     """Give likelihood, score and information of all recordings."""
     n, n_own = len(point.values), plant.n_own
     total = n + n_own * len(records)
@@ -104,75 +104,46 @@ def evaluate(plant: FittedPlant, records: Sequence[Record], point: Point) -> Eva
     return Evaluation(value=value if sane else -np.inf, score=score, information=information)
 
 
-def course(plant: FittedPlant, record: Record, point: Point, number: int) -> Scored:
+def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> Scored:
     """Give what one recording, the `number`th of the point, says sample by sample."""
     return _run(plant, record, point, number, keep=True)
 
 
-def _run(plant: FittedPlant, record: Record, point: Point, number: int, *, keep: bool) -> Scored:
+def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
     """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
-    lanes = _lanes(plant, point, number)
+    lanes, n_y = _lanes(plant, point, number), plant.layout.n_y
     count = lanes.shape[1]
     information, value = np.zeros((count, count)), 0.0
-    scores, errors, variances = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    scores, errors, variances = [np.zeros((0, count))], [np.zeros((0, n_y))], [np.zeros((0, n_y))]
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), BLOCK):
             part = slice(first, first + BLOCK)
-            lanes, found = plant.engine.advance(lanes, record.samples[part])
-            block = _Block(found, record.use[part], plant.layout.n_y)
-            value += block.value()
-            if not np.isfinite(value):
+            lanes, found = plant.engine.advance(lanes, record.samples[part])  # one direction a lane
+            use = record.use[part][:, :, None]
+            e, s = np.where(use, found[:, :n_y, :1], 0.0), np.where(use, found[:, n_y : 2 * n_y, :1], 1.0)
+            e_by, s_by = (np.where(use, item, 0.0) for item in np.split(found[:, 2 * n_y :], 2, axis=1))
+            value -= 0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum())
+            if not (np.isfinite(value) and np.all(s > 0.0)):
                 value = -np.inf
                 break
-            information += block.information()
-            score = block.scores()
+            by_e, by_s = (e_by / np.sqrt(s)).reshape(-1, count), (s_by / s).reshape(-1, count)
+            information += by_e.T @ by_e + 0.5 * by_s.T @ by_s
+            ratio = e / s
+            score = (-ratio * e_by + 0.5 * (ratio**2 - 1.0 / s) * s_by).sum(axis=1)
             scores.append(score if keep else score.sum(axis=0, keepdims=True))
             if keep:
-                errors.append(block.errors)
-                variances.append(block.variances)
+                errors.append(np.where(use, e, np.nan)[:, :, 0])
+                variances.append(np.where(use, s, np.nan)[:, :, 0])
     return Scored(
-        innovations=np.concatenate(errors) if errors else np.zeros((0, plant.layout.n_y)),
-        variances=np.concatenate(variances) if variances else np.zeros((0, plant.layout.n_y)),
-        scores=np.concatenate(scores) if scores else np.zeros((1, count)),
+        innovations=np.concatenate(errors),
+        variances=np.concatenate(variances),
+        scores=np.concatenate(scores) if len(scores) > 1 else np.zeros((1, count)),
         information=information,
         value=value,
     )
 
 
-class _Block:
-    """Sums over some samples: (samples, 4 n_outputs, lanes), one direction a lane."""
-
-    def __init__(self, found: FloatArray, use: BoolArray, n_y: int) -> None:
-        self.use = use[:, :, None]
-        self.e = np.where(self.use, found[:, :n_y, :1], 0.0)
-        self.s = np.where(self.use, found[:, n_y : 2 * n_y, :1], 1.0)
-        self.de = np.where(self.use, found[:, 2 * n_y : 3 * n_y], 0.0)
-        self.ds = np.where(self.use, found[:, 3 * n_y :], 0.0)
-
-    @property
-    def errors(self) -> FloatArray:
-        return np.where(self.use, self.e, np.nan)[:, :, 0]
-
-    @property
-    def variances(self) -> FloatArray:
-        return np.where(self.use, self.s, np.nan)[:, :, 0]
-
-    def value(self) -> float:
-        terms = np.where(self.use, self.e**2 / self.s + np.log(self.s) + LOG_2_PI, 0.0)
-        return -0.5 * float(terms.sum()) if np.all(self.s > 0.0) else -np.inf
-
-    def scores(self) -> FloatArray:
-        ratio = self.e / self.s
-        return np.asarray((-ratio * self.de + 0.5 * (ratio**2 - 1.0 / self.s) * self.ds).sum(axis=1))
-
-    def information(self) -> FloatArray:
-        count = self.de.shape[2]
-        by_e = (self.de / np.sqrt(self.s)).reshape(-1, count)
-        by_s = (self.ds / self.s).reshape(-1, count)
-        return np.asarray(by_e.T @ by_e + 0.5 * by_s.T @ by_s)
-
-
-def _lanes(plant: FittedPlant, point: Point, number: int) -> FloatArray:
+def _lanes(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:
     """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
     layout, unknowns = plant.layout, plant.unknowns
     q, slopes = unknowns.fill(plant.base, point.values)

@@ -74,6 +74,9 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
         factor, unit = float(q[unknowns.places[k]]), abs(float(slopes[k]) * item.scale)
         sd = float(certainty.sd[k]) * unit
         value = factor * item.scale
+        least = min(LEAST_ACCURACY * abs(value), item.accuracy)  # at least the standard error, and
+        grown = abs(value / item.nominal) if item.nominal != 0.0 else 1.0
+        most = max(MOST_CHANGE * item.change * grown, item.accuracy)  # no more than a fault would change
         estimates.append(
             Estimate(
                 parameter=item,
@@ -81,7 +84,7 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
                 sd=sd,
                 alone=float(certainty.alone[k]) * unit,
                 inflation=float(certainty.inflation[k]),
-                accuracy=_accuracy(item, value, sd),
+                accuracy=min(max(sd, least), most),
                 determined=bool(certainty.determined[k]),
                 at_end=bool(
                     values[k] - unknowns.lower[k] < AT_END or unknowns.upper[k] - values[k] < AT_END,
@@ -89,16 +92,6 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
             )
         )
     return tuple(estimates)
-
-
-def _accuracy(item: Parameter, value: float, sd: float) -> float:
-    """Give the accuracy to declare: at least the standard error, and no more than a fault would change."""
-    least = min(LEAST_ACCURACY * abs(value), item.accuracy)
-    return min(max(sd, least), max(MOST_CHANGE * item.change * _grown(item, value), item.accuracy))
-
-
-def _grown(item: Parameter, value: float) -> float:
-    return abs(value / item.nominal) if item.nominal != 0.0 else 1.0
 
 
 def noises_of(found: Fit, graph: BondGraph) -> tuple[NoiseFound, ...]:

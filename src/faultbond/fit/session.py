@@ -2,17 +2,23 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError
-from faultbond.fit.likelihood import Layout, build_begin, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import FittedPlant, Point
-from faultbond.fit.samples import Record, prepare
-from faultbond.fit.starts import begin_at
+from faultbond.fit.ascent import START_PRIOR
+from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.objective import FitPoint, FittedPlant
+from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.graph import BondGraph, Parameter
 from faultbond.model.source import closest
+from faultbond.runtime.monitor import START_SAMPLES
+from faultbond.runtime.start import solve_start
 from faultbond.runtime.state import Sample
+
+_LEAST_PART = 1e-4  # of a start's size, in which it is found at least
 
 
 def free_parameters(
@@ -46,19 +52,6 @@ def free_parameters(
     return tuple((k, item) for k, item in enumerate(graph.parameters) if item.name in wanted - set(fixed))
 
 
-def layout_of_graph(graph: BondGraph) -> Layout:
-    """Give the sizes of a plant as recordings need them, without its equations."""
-    return Layout(
-        n_x=0,
-        n_b=len(graph.slow_errors),
-        n_w=sum(item.noise > 0.0 for item in graph.inputs),
-        n_p=len(graph.parameters),
-        n_y=len(graph.sensors),
-        n_u=len(graph.inputs),
-        n_z=0,
-    )
-
-
 def build_fit(
     model: StepModel,
     likelihood: Engine,
@@ -67,7 +60,7 @@ def build_fit(
     recordings: Sequence[tuple[str, Sequence[Sample]]],
     parameters: tuple[tuple[int, Parameter], ...],
     own: tuple[str, ...] = (),
-) -> tuple[FittedPlant, tuple[Record, ...], Point]:
+) -> tuple[FittedPlant, tuple[HealthyRecording, ...], FitPoint]:
     """Give the plant, its recordings, and where the search begins.
 
     Parameters
@@ -92,5 +85,31 @@ def build_fit(
         free=tuple(k for k in range(layout.n_x) if k not in known),
         own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),
     )
-    records = tuple(prepare(name, points, spec, layout) for name, points in recordings)
+    records = tuple(healthy_recording(name, points, spec) for name, points in recordings)
     return plant, records, begin_at(plant, records, spec, engine)
+
+
+def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], spec: EngineSpec, engine: Engine) -> FitPoint:
+    """Give the nominal plant with the starts that the first samples of each recording show.
+
+    Parameters
+    ----------
+    plant, records : what is fitted to what
+    spec, engine : of the same model, as the monitor runs it
+    """
+    values = plant.unknowns.nominal.copy()
+    free, n_free = list(plant.free), len(plant.free)
+    starts, sizes = np.zeros((len(records), plant.n_own)), np.ones((len(records), plant.n_own))
+    starts[:, n_free:] = plant.base[[place for place, _ in plant.own]]
+    sizes[:, n_free:] = [sd / START_PRIOR for _, sd in plant.own]
+    for r, record in enumerate(records):
+        if not free:
+            break
+        used = np.flatnonzero(record.use.any(axis=1))
+        last = int(used[min(START_SAMPLES, len(used)) - 1]) + 1 if len(used) else START_SAMPLES
+        mean, covariance = solve_start(spec, engine, record.packed[:last])
+        sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))[free]
+        starts[r, :n_free] = mean[free]
+        size = np.maximum(sd, _LEAST_PART * np.abs(mean[free]))
+        sizes[r, :n_free] = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+    return FitPoint(values=values, starts=starts, sizes=sizes)

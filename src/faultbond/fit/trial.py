@@ -1,16 +1,15 @@
 """A model on trial on healthy recordings: would it alarm, how often, where is it wrong, and what must it declare."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.fit.false_alarms import Rate, between_alarms, rates
-from faultbond.fit.innovations import Variant, Watch, watch
-from faultbond.fit.lack_of_fit import Moment, Region, moments, regions
-from faultbond.fit.likelihood import Layout
-from faultbond.fit.samples import Record
+from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
+from faultbond.fit.innovations import Variant, Watch, watch_recording
+from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
+from faultbond.fit.samples import HealthyRecording
 
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 MONTH = 30.0 * 86400.0  # s
@@ -36,7 +35,7 @@ class Health:
 
     promise: float
     step: float
-    records: tuple[Record, ...]
+    records: tuple[HealthyRecording, ...]
     watches: tuple[Watch, ...]
     rates: tuple[Rate, ...]
     regions: tuple[Region, ...]
@@ -63,36 +62,36 @@ class Health:
         """The smallest factor of each kind that keeps the promise; None where none of those tried does."""
         found: dict[str, float | None] = {}
         for kind in dict.fromkeys(item.kind for item in self.trials):
-            good = [item.factor for item in self.trials if item.kind == kind and self._is_good(item)]
-            found[kind] = min(good) if good else None
+            found[kind] = min(
+                (
+                    item.factor
+                    for item in self.trials
+                    if item.kind == kind and item.peak <= 1.0 and item.between >= self.promise
+                ),
+                default=None,
+            )
         return found
 
-    def _is_good(self, item: DeclarationTrial) -> bool:
-        return item.peak <= 1.0 and item.between >= self.promise
 
-
-def on_trial(
-    spec: EngineSpec, engine: Engine, layout: Layout, records: Sequence[Record], promise: float = MONTH
-) -> Health:
+def on_trial(spec: EngineSpec, engine: Engine, records: Sequence[HealthyRecording], promise: float = MONTH) -> Health:
     """Put a model on trial.
 
     Parameters
     ----------
     spec, engine : the model as the monitor runs it
-    layout : of the recordings' samples
     records : healthy recordings
     promise : seconds between false alarms that are wanted at least
     """
     steps = np.concatenate([item.samples[1:, 0] for item in records])
     step = float(np.median(steps)) if len(steps) else 1.0
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
-    tried = [(kind, factor) for kind in KINDS if not none[kind] for factor in FACTORS]
-    variants = list(dict.fromkeys([Variant(), *(replace(Variant(), **{kind: factor}) for kind, factor in tried)]))
-    seen = list(zip(*(watch(spec, engine, item, layout, variants) for item in records), strict=True))
-    found = {variant: rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
+    tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in FACTORS}
+    variants = list(dict.fromkeys([Variant(), *tried.values()]))
+    seen = list(zip(*(watch_recording(spec, engine, item, variants) for item in records), strict=True))
+    found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
-    for kind, factor in tried:
-        statistics = found[replace(Variant(), **{kind: factor})]
+    for (kind, factor), variant in tried.items():
+        statistics = found[variant]
         peak = max((item.peak for item in statistics), default=0.0)
         trials.append(DeclarationTrial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
     return Health(
@@ -101,7 +100,7 @@ def on_trial(
         records=tuple(records),
         watches=seen[0],
         rates=found[Variant()],
-        regions=regions(spec, records, seen[0]),
+        regions=wrong_regions(spec, records, seen[0]),
         moments=moments(spec, records, seen[0]),
         trials=tuple(trials),
     )

@@ -37,7 +37,7 @@ class Unknowns:
         return len(self.parameters)
 
     def fill(self, base: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Give q with the unknowns at their values, and the slope of each entry of q by its unknown."""
+        """Give q (n_q,) with the unknowns at their values (n,), and the slope (n,) of each entry by its unknown."""
         q, n = base.copy(), self.n_theta
         entries = values.copy()
         entries[:n] = np.where(self.logarithmic[:n], np.exp(values[:n]), values[:n])
@@ -47,7 +47,7 @@ class Unknowns:
         return q, slopes
 
     def widened(self, times: float | FloatArray) -> FloatArray:
-        """Give the prior with accuracies that many times wider."""
+        """Give the prior (n,) with accuracies that many times wider, one for all or (n_theta,)."""
         return np.concatenate([times * self.prior[: self.n_theta], self.prior[self.n_theta :]])
 
 
@@ -59,19 +59,22 @@ def unknowns_of(
     Parameters
     ----------
     layout : of q
-    base : q as the model file states it
+    base : float array, shape (n_q,), as the model file states it
     parameters : those to be found, with their places in q
     noises : places in q of the sizes of noise to be found; slow errors are not larger than declared, since one that
         may grow explains away whatever the model does wrong
     """
-    logs = [_has_sign(item) for _, item in parameters]
+    logs = [  # those that stay on the side of zero on which their nominal is
+        (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
+        for _, item in parameters
+    ]
     nominal, prior, lower, upper = [], [], [], []
     for (place, item), log in zip(parameters, logs, strict=True):
         ends = sorted((item.lower / item.scale, item.upper / item.scale))
         nominal.append(0.0 if log else base[place])
         prior.append(item.accuracy / abs(item.scale))
-        lower.append(_log(max(ends[0], 1.0 / FURTHEST)) if log else ends[0])
-        upper.append(_log(min(ends[1], FURTHEST)) if log else ends[1])
+        lower.append(np.log(max(ends[0], 1.0 / FURTHEST)) if log else ends[0])
+        upper.append(np.log(min(ends[1], FURTHEST)) if log else ends[1])
     several = len(noises)
     own = base[list(noises)]
     return Unknowns(
@@ -83,12 +86,3 @@ def unknowns_of(
         lower=np.array([*lower, *(own - np.log(1e8))]),
         upper=np.array([*upper, *(own + np.where(np.array(noises) < layout.n_p + layout.n_y, np.log(1e8), 0.0))]),
     )
-
-
-def _has_sign(item: Parameter) -> bool:
-    """Whether the parameter stays on the side of zero on which its nominal is."""
-    return (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
-
-
-def _log(factor: float) -> float:
-    return float(np.log(factor))

@@ -27,7 +27,7 @@ _HEADER = re.compile(rb"\{'descr': '<(f8|U\d{1,9})', 'fortran_order': False, 'sh
 
 
 def write_archive(stream: IO[bytes], about: Mapping[str, Any], arrays: Mapping[str, FloatArray]) -> None:
-    """Write a JSON text and arrays of floats by name, with their checksum."""
+    """Write a JSON text and arrays of floats by name, of any shape, with their checksum."""
     text = json.dumps(about, default=_word)
     floats = {name: np.array(values, dtype="<f8", order="C") for name, values in arrays.items()}
     texts = {ABOUT: np.array(text), CHECKSUM: np.array(_checksum(text, floats))}
@@ -53,7 +53,10 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
         if sum(member.file_size for member in members) > path.stat().st_size:
             raise ValueError("more than the file holds")
         arrays = {member.filename.removesuffix(_SUFFIX): _member(archive, member) for member in members}
-    text, checksum = (_text(arrays.pop(name)) for name in (ABOUT, CHECKSUM))
+    texts = [arrays.pop(name) for name in (ABOUT, CHECKSUM)]
+    if any(values.dtype.kind != "U" or values.shape != () for values in texts):
+        raise ValueError("no text")
+    text, checksum = map(str, texts)
     if any(values.dtype != np.dtype("<f8") for values in arrays.values()):
         raise ValueError("an array is not of floats")
     if checksum != _checksum(text, arrays):
@@ -76,13 +79,6 @@ def _member(archive: ZipFile, member: ZipInfo) -> Any:
         raise ValueError(f"{member.filename} is not of the size that it tells")
     stream.seek(0)
     return np.lib.format.read_array(stream, allow_pickle=False)
-
-
-def _text(values: Any) -> str:
-    """Give the text of an array that is one."""
-    if values.dtype.kind != "U" or values.shape != ():
-        raise ValueError("no text")
-    return str(values)
 
 
 def _checksum(text: str, arrays: Mapping[str, FloatArray]) -> str:

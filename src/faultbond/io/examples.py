@@ -13,6 +13,11 @@ def example(name: str) -> Path:
     Parameters
     ----------
     name : folder name, such as `tank`
+
+    Raises
+    ------
+    FaultbondError
+        Where there is no such example.
     """
     for folder in (PACKAGE.parents[1] / "examples" / name, PACKAGE / "_examples" / name):
         if (folder / "model.yaml").is_file():

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from faultbond.errors import FaultbondError
-from faultbond.io.times import parse_time
+from faultbond.io.times import finite_number, parse_time
 from faultbond.types import FaultKind
 
 FORM = re.compile(
@@ -56,8 +56,8 @@ def parse_fault(text: str) -> FaultRequest:
         grows = "; a drift is a bias that grows, .bias=VALUE@FROM..TO" if kind == FaultKind.DRIFT.value else ""
         known = ", ".join(OF_INSTRUMENTS)
         raise FaultbondError(f"--fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {known}{grows}.")
-    amount = None if match["amount"] is None else _finite(match["amount"])
-    if amount is None and match["amount"] is not None:
+    amount = None if match["amount"] is None else finite_number(match["amount"])
+    if amount is not None and math.isnan(amount):
         advice = "Give the value in the model's unit, or x2 for a factor."
         raise FaultbondError(f"--fault {text!r}: {match['amount']!r} is not a number. {advice}")
     start, end = _moment(match["start"], text), _moment(match["end"] or match["start"], text)
@@ -82,25 +82,17 @@ def _length(text: str | None, fault: str) -> float | None:
     """Read a length of time in seconds."""
     if text is None:
         return None
-    seconds = _finite(text)
-    if seconds is None or seconds <= 0.0:
+    seconds = finite_number(text)
+    if not seconds > 0.0:
         raise FaultbondError(f"--fault {fault!r}: {text!r} is not a length of time. Give seconds, as in @1500,300/600.")
     return seconds
 
 
 def _moment(text: str, fault: str) -> float:
     """Read a time in seconds or ISO 8601."""
-    seconds = _finite(text)
-    if seconds is not None:
+    seconds = finite_number(text)
+    if not math.isnan(seconds):
         return seconds
     with suppress(ValueError, OverflowError):
         return parse_time(text)
     raise FaultbondError(f"--fault {fault!r}: {text!r} is not a time. Give seconds, or 2024-05-01T12:00:00Z.")
-
-
-def _finite(text: str) -> float | None:
-    """Read a finite number; None if the text is none."""
-    with suppress(ValueError):
-        number = float(text)
-        return number if math.isfinite(number) and "_" not in text else None
-    return None

@@ -31,26 +31,16 @@ def locked(path: Path) -> Iterator[None]:
 
     Where the system cannot lock its folder, as on Windows and on some network file systems, nobody is kept away.
     """
-    folder = _lock(path.resolve().parent)
+    parent, folder = path.resolve().parent, None
+    if sys.platform != "win32":
+        with suppress(OSError):
+            folder = os.open(parent, os.O_RDONLY)
+            flock(folder, LOCK_EX)
     try:
         yield
     finally:
         if folder is not None:
             os.close(folder)
-
-
-def _lock(folder: Path) -> int | None:
-    if sys.platform == "win32":
-        return None
-    number = None
-    try:
-        number = os.open(folder, os.O_RDONLY)
-        flock(number, LOCK_EX)
-    except OSError:
-        if number is not None:
-            os.close(number)
-        return None
-    return number
 
 
 @contextmanager

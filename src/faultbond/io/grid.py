@@ -9,13 +9,13 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from hashlib import sha256
 from itertools import chain
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
-from faultbond.io.again import digest, with_first
 from faultbond.io.frozen import Frozen
 
 LOOK_BACK = 60  # a row of a file may be this many samples late and still be used
@@ -26,6 +26,7 @@ MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
 GAP = 1.5  # usual intervals between two rows beyond which one between them is absent
 LATEST = 253402300799.0  # s, in Unix seconds the end of the year 9999; what is beyond was not given in seconds
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
+KEPT_FIRSTS = 20  # recordings, or parts of them, that are known when they are given again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,6 +46,12 @@ class Row:
         """Whether this is the other row once more."""
         same = self.time == other.time and np.array_equal(self.u, other.u, equal_nan=True)
         return same and np.array_equal(self.y, other.y, equal_nan=True)
+
+    def digest(self) -> str:
+        """Give what tells this row from others: a clock that was set back repeats times, never a row to a digit."""
+        values = np.concatenate([[self.time], self.u, self.y])
+        values[np.isnan(values)] = np.nan  # there are many
+        return sha256(values.tobytes()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,11 +157,8 @@ class Grid:
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
         self._began = False  # whether a row with a time has come
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
-        if clock is not None:
-            self._go_on(clock)
-
-    def _go_on(self, clock: GridClock) -> None:
-        """Stand where another grid stood."""
+        if clock is None:
+            return
         self._tally.update(asdict(clock.counts))
         self._placed.extend(clock.placed)
         self._times.extend(row.time for row in clock.placed)
@@ -191,7 +195,11 @@ class Grid:
             self._tally["untimed"] += 1
             return ()
         if not self._began:
-            self._begin(row)
+            first = row.digest()
+            if first in self._firsts:  # the recording is given again: pass over what earlier grids had of it
+                self._passed = self._newest
+            self._firsts = (*(item for item in self._firsts if item != first), first)[-KEPT_FIRSTS:]
+            self._began = True
         if row.time <= self._passed:
             self._tally["duplicate"] += 1
             return ()
@@ -199,17 +207,18 @@ class Grid:
         if not self._too_old(row):
             self._give_up_behind()
             return self._take(row)
-        if self._behind and not self._goes_on(row):
+        reach = LOOK_BACK * (self._step or math.inf)
+        if self._behind and not 0.0 < row.time - self._behind[-1].time <= reach:  # it does not follow the last one
             self._give_up_behind()
         self._behind.append(row)
-        return self._set_back() if len(self._behind) == CLOCK_ROWS else ()
-
-    def _begin(self, row: Row) -> None:
-        """Pass over what earlier grids had if a recording is given again that one of them began with."""
-        self._began, first = True, digest(row.time, row.u, row.y)
-        if first in self._firsts:
-            self._passed = self._newest
-        self._firsts = with_first(self._firsts, first)
+        if len(self._behind) < CLOCK_ROWS:
+            return ()
+        rows, self._behind = self._behind, []  # the clock was set back: the grid begins anew with these rows
+        points = [self._release(0, final=True), self._serve_best()]
+        self._begin_anew()
+        self._newest = -math.inf
+        points += [self._take(row) for row in rows]
+        return chain.from_iterable(points)
 
     def finish(self) -> Iterable[GridPoint]:
         """Give the points that were held back; to be called once, after the last row."""
@@ -234,18 +243,12 @@ class Grid:
             return False
         if row.time < self._newest and any(o.time == row.time and not o.repeats(row) for *_, o in self._waiting):
             return True
-        if not self._times:
-            return row.time < self._newest - (self._step or self._first_interval()) * MAX_GAP
-        return row.time < self._times[-1] and not any(row.repeats(other) for other in self._placed)
-
-    def _first_interval(self) -> float:
-        """Give the mean interval of the first rows, which all wait; without end as long as they are few."""
-        n = len(self._waiting)
-        return (self._newest - self._waiting[0][0]) / (n - 1) if n >= CLOCK_ROWS else math.inf
-
-    def _goes_on(self, row: Row) -> bool:
-        """Whether a row follows the last one that was too old."""
-        return 0.0 < row.time - self._behind[-1].time <= LOOK_BACK * (self._step or math.inf)
+        if self._times:
+            return row.time < self._times[-1] and not any(row.repeats(other) for other in self._placed)
+        n, step = len(self._waiting), self._step
+        if step is None:  # the mean interval of the first rows, which all wait
+            step = (self._newest - self._waiting[0][0]) / (n - 1) if n >= CLOCK_ROWS else math.inf
+        return row.time < self._newest - step * MAX_GAP
 
     def _give_up_behind(self) -> None:
         """Drop the rows that were too old; they were late after all, or repeats."""
@@ -253,15 +256,6 @@ class Grid:
         for row in self._behind:
             self._tally["duplicate" if row.time in known else "late"] += 1
         self._behind.clear()
-
-    def _set_back(self) -> Iterable[GridPoint]:
-        """Begin anew with the rows that were too old: the clock was set back."""
-        rows, self._behind = self._behind, []
-        points = [self._release(0, final=True), self._serve_best()]
-        self._begin_anew()
-        self._newest = -math.inf
-        points += [self._take(row) for row in rows]
-        return chain.from_iterable(points)
 
     def _begin_anew(self) -> None:
         """Forget where the grid began; the next row begins it."""
@@ -311,9 +305,14 @@ class Grid:
         if index <= self._last_index:
             self._tally["unused"] += 1
             return before
-        if not self._live:
-            return chain(before, self._prefer(index, abs(position - index), row))
-        return chain(before, self._serve(index, row))
+        if self._live:
+            return chain(before, self._serve(index, row))
+        best, distance = self._best, abs(position - index)  # the nearest row of the newest point may be yet to come
+        if best is not None and best[0] == index:
+            self._tally["unused"] += 1
+        if best is None or best[0] < index or distance < best[1]:
+            self._best = (index, distance, row)
+        return chain(before, self._serve(best[0], best[2]) if best is not None and best[0] < index else ())
 
     @staticmethod
     def _position(time: float, origin: tuple[int, float], step: float) -> float:
@@ -324,35 +323,22 @@ class Grid:
         """Whether too much is absent before a row for the gap to be filled."""
         step = self._step or (0.0 if self._steady else self._interval())
         gap = (row.time - self._times[-1]) / step - 1.0 if step else 0.0  # points without a row
-        if not gap > (MAX_FILLED if self._steady else MAX_GAP):
+        limit = MAX_FILLED if self._steady else MAX_GAP
+        if not gap > limit:
             return False
         n_jumps = self._tally["clock_jumps"]
         if self._steady or n_jumps == self._tally["samples"] - 1 >= CLOCK_ROWS:  # none of the rows follows another
-            raise RecordingError(self._apart(row))
+            where = f"line {row.line}: " if row.line else ""
+            raise RecordingError(
+                f"{where}the time jumps from {self._times[-1]:.15g} s to {row.time:.15g} s, more than {limit:,} "
+                f"samples of {self._step or self._interval():g} s. Check the unit of the time column and sample_time."
+            )
         return True
 
     def _interval(self) -> float:
         """Give the mean interval of the last rows; 0 as long as they are few."""
         n = len(self._times)
         return (self._times[-1] - self._times[0]) / (n - 1) if n >= CLOCK_ROWS else 0.0
-
-    def _apart(self, row: Row) -> str:
-        """Say that rows are too far apart for the grid."""
-        where = f"line {row.line}: " if row.line else ""
-        limit = MAX_FILLED if self._steady else MAX_GAP
-        return (
-            f"{where}the time jumps from {self._times[-1]:.15g} s to {row.time:.15g} s, more than {limit:,} samples of "
-            f"{self._step or self._interval():g} s. Check the unit of the time column and sample_time."
-        )
-
-    def _prefer(self, index: int, distance: float, row: Row) -> Iterable[GridPoint]:
-        """Keep the nearest row of the newest grid point; give the point before it once it cannot change any more."""
-        best = self._best
-        if best is not None and best[0] == index:
-            self._tally["unused"] += 1
-        if best is None or best[0] < index or distance < best[1]:
-            self._best = (index, distance, row)
-        return self._serve(best[0], best[2]) if best is not None and best[0] < index else ()
 
     def _serve_best(self) -> Iterable[GridPoint]:
         """Give the newest point, if it was held back for a nearer row."""

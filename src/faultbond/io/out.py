@@ -6,7 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -90,12 +90,12 @@ def open_out(target: str | None, *, grows: bool = False) -> Iterator[Out]:
     elif target == STANDARD_OUTPUT and _number(sys.stdout) is None:  # nothing but a buffer of the program that calls
         yield Out(text=None, json=sys.stdout)
     elif target == STANDARD_OUTPUT:
-        with _closed(RecordFile(Path(f"/dev/fd/{_number(sys.stdout)}"), warn, "standard output")) as file:
+        with closing(RecordFile(Path(f"/dev/fd/{_number(sys.stdout)}"), warn, "standard output")) as file:
             yield Out(text=None, json=file)
             if not grows:
                 file.complete()
     elif grows:
-        with _closed(RecordFile(Path(target), warn)) as file:
+        with closing(RecordFile(Path(target), warn)) as file:
             yield Out(text=sys.stdout, json=file)
             file.settle()
     else:
@@ -103,14 +103,6 @@ def open_out(target: str | None, *, grows: bool = False) -> Iterator[Out]:
         yield Out(text=sys.stdout, json=whole, replaces=Path(target))
         with replaced_text(Path(target)) as stream:
             stream.write(whole.getvalue())
-
-
-@contextmanager
-def _closed(file: RecordFile) -> Iterator[RecordFile]:
-    try:
-        yield file
-    finally:
-        file.close()
 
 
 def drop_output() -> None:

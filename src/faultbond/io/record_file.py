@@ -7,7 +7,7 @@ are of are given again, they are not written again. Only a line that is cut shor
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from errno import ENOSPC
@@ -144,23 +144,19 @@ class RecordFile:
                 self._stream = self._path.open("rb+", buffering=0)
                 self._find_end(self._stream)
             else:
-                if self._goes_on and self._is_same_path():
+                if self._goes_on and self._before is not None and self._before.path == str(self._path.resolve()):
                     self._warn(f"{self._title}: the records of the runs before are gone; it begins anew.")
                 self._stream = self._path.open("wb", buffering=0)
         except OSError as error:
             raise named(error, self._path) from error
 
-    def _is_same_path(self) -> bool:
-        return self._before is not None and self._before.path == str(self._path.resolve())
-
     def _find_end(self, stream: IO[bytes]) -> None:
         """Go to where the next record belongs, and see which are there already."""
-        if self._before is not None:
-            self._take(stream, self._before.length)
-        is_ours = self._before is not None and self._at() == (self._before.length, self._before.sha256)
-        if is_ours:
-            tail = stream.read()
-            lines = tail.splitlines(keepends=True)
+        before = self._before
+        for block in _blocks(stream, before.length if before is not None else 0):
+            self._account(block)
+        if before is not None and (self._length, self._hash.hexdigest()) == (before.length, before.sha256):
+            lines = stream.read().splitlines(keepends=True)
             torn = lines.pop() if lines and not lines[-1].endswith(b"\n") else b""
             self._known = {line for line in lines if _kind(line) not in _OF_EVERY_RUN}
             self._account(b"".join(lines))
@@ -187,18 +183,9 @@ class RecordFile:
         self._account(last + b"\n")
         return b""
 
-    def _take(self, stream: IO[bytes], length: int) -> None:
-        """Account for the first bytes of a file, so many or all that there are."""
-        while length > 0 and (block := stream.read(min(length, _BLOCK))):
-            self._account(block)
-            length -= len(block)
-
     def _account(self, data: bytes) -> None:
         self._hash.update(data)
         self._length += len(data)
-
-    def _at(self) -> tuple[int, str]:
-        return self._length, self._hash.hexdigest()
 
     def _push(self, data: bytes) -> None:
         """Write bytes after those that could not be written before; where the disk is full, they wait."""
@@ -226,16 +213,22 @@ class RecordFile:
         self._failing = False
 
 
-def holds(path: Path, mark: Mark) -> bool:
+def holds_records(path: Path, mark: Mark) -> bool:
     """Whether a file begins with the records up to a mark."""
     if not path.is_file() or path.stat().st_size < mark.length:
         return False
-    total, left = sha256(), mark.length
+    total = sha256()
     with path.open("rb") as stream:
-        while left and (block := stream.read(min(left, _BLOCK))):
+        for block in _blocks(stream, mark.length):
             total.update(block)
-            left -= len(block)
-    return not left and total.hexdigest() == mark.sha256
+        return stream.tell() == mark.length and total.hexdigest() == mark.sha256
+
+
+def _blocks(stream: IO[bytes], length: int) -> Iterator[bytes]:
+    """Give the first bytes of a file, so many or all that there are, in parts."""
+    while length > 0 and (block := stream.read(min(length, _BLOCK))):
+        yield block
+        length -= len(block)
 
 
 def _kind(line: bytes) -> object:

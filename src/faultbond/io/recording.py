@@ -10,10 +10,10 @@ import io
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
@@ -25,8 +25,8 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Row
-from faultbond.io.times import parse_time
-from faultbond.model.graph import BondGraph, TimeColumn, Unit
+from faultbond.io.times import finite_number, parse_time, unix_seconds
+from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
 MAX_LINE = 200_000  # characters
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
@@ -72,34 +72,17 @@ class Columns:
         return (Column(header=column, unit=self.time.unit, role="time"), *self.inputs, *self.outputs)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
-    """Where the values stand in a row; time None: the row's number tells its time."""
-
-    time: int | None
-    inputs: tuple[int, ...]
-    outputs: tuple[int, ...]
-
-
 def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     """Give the columns that a model needs; without `sensors` only those that drive a simulation."""
+
+    def column(item: Input | Sensor, what: str) -> Column:
+        role = f"{what} {item.name}"
+        return Column(header=item.column, unit=item.unit, role=role, lower=item.lower, upper=item.upper)
+
     return Columns(
         time=graph.time,
-        inputs=tuple(
-            Column(header=item.column, unit=item.unit, role=f"input {item.name}", lower=item.lower, upper=item.upper)
-            for item in graph.inputs
-        ),
-        outputs=tuple(
-            Column(
-                header=item.column,
-                unit=item.unit,
-                role=f"sensor {item.name}",
-                lower=item.lower,
-                upper=item.upper,
-            )
-            for item in graph.sensors
-            if sensors
-        ),
+        inputs=tuple(column(item, "input") for item in graph.inputs),
+        outputs=tuple(column(item, "sensor") for item in graph.sensors if sensors),
         sample_time=graph.sample_time,
     )
 
@@ -117,12 +100,11 @@ def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
     RecordingError
         When the file cannot be read, is no table, lacks a column, or has numbers with decimal commas.
     """
-    if str(source) != STANDARD_INPUT and _is_parquet(Path(source)):
-        records, title = _parquet_records(Path(source), columns), str(source)
-    else:
-        title = "standard input" if str(source) == STANDARD_INPUT else str(source)
-        records = _csv_records(source, title)
-    return _rows(records, columns, title)
+    if str(source) == STANDARD_INPUT:
+        return _rows(_csv_records(source, "standard input"), columns, "standard input")
+    parquet = _is_parquet(Path(source))
+    records = _parquet_records(Path(source), columns) if parquet else _csv_records(source, str(source))
+    return _rows(records, columns, str(source))
 
 
 def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
@@ -132,6 +114,11 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
     ----------
     path : file to write, replaced if it exists
     columns : values by header, each of shape (n_rows,), in the units in which they are to be read
+
+    Raises
+    ------
+    RecordingError
+        Where the path is that of a Parquet file, or a spreadsheet would run a header.
     """
     if Path(path).suffix.lower() in (".parquet", ".pq"):
         raise RecordingError(f"{path}: only CSV is written. Choose a name that ends in .csv.")
@@ -153,54 +140,62 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
     header = [str(name).strip() for name in next(records, (0, ()))[1]]
     if not any(header):
         raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
-    place = _locate(columns, header, title)
+    needed = columns.needed(header)
+    for column in needed:
+        if header.count(column.header) != 1:
+            raise RecordingError(_no_column(column, header, title))
+    clock = header.index(needed[0].header) if needed and needed[0].role == "time" else None
+    inputs, outputs = ([header.index(item.header) for item in of] for of in (columns.inputs, columns.outputs))
     lowest, highest = _ends(columns.outputs, inwards=True)
     least, most = _ends(columns.inputs, inwards=False)
-    clock = _clock(columns, by_number=place.time is None)
-    number = 0
-    for number, (line, values) in enumerate(records, start=1):
-        if len(values) > len(header):
-            _refuse_more(values, len(header), f"{title}:{line}")
-        moment = clock(number - 1, None if place.time is None else _field(values, place.time))
-        u, y = (_numbers(values, *of) for of in ((place.inputs, columns.inputs), (place.outputs, columns.outputs)))
+    count = 0
+    for count, (line, values) in enumerate(records, start=1):
+        where = f"{title}:{line}"
+        if any(str(value).strip() for value in values[len(header) :]):  # no field is then sure to be its column's
+            raise RecordingError(
+                f"{where}: this row has {len(values)} fields, the header {len(header)}. Decimal commas? "
+                "Write numbers with a point; a text that holds a separator needs quotation marks."
+            )
+        if clock is None:
+            moment = columns.first_time + (count - 1) * (columns.sample_time or 1.0)
+        else:
+            moment = _moment(_field(values, clock), columns.time.unit)
+        u, y = _numbers(values, inputs, columns.inputs), _numbers(values, outputs, columns.outputs)
         if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
-            _refuse_commas(values, place, header, f"{title}:{line}")
+            for k in (*(() if clock is None else (clock,)), *inputs, *outputs):
+                text = _field(values, k)
+                if isinstance(text, str) and WITH_COMMA.fullmatch(text):  # it would pass for a missing value
+                    found = f"{header[k]!r} is {text.strip()!r}"
+                    raise RecordingError(f"{where}: {found}. Decimal commas? Write numbers with a point.")
         saturated, beyond = (y <= lowest) | (y >= highest), (u < least) | (u > most)
         y[saturated], u[beyond] = math.nan, math.nan
-        yield Row(
-            time=moment,
-            u=u,
-            y=y,
-            saturated=int(saturated.sum() + beyond.sum()),
-            line=line,
-        )
-    if number == 0:
+        yield Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
+    if count == 0:
         raise RecordingError(f"{title}: there is no row below the header.")
 
 
-def _refuse_more(values: Sequence[object], n_columns: int, where: str) -> None:
-    """Refuse a row with more fields than columns, as no field is then sure to be its column's; empty ones are none."""
-    if any(str(value).strip() for value in values[n_columns:]):
-        raise RecordingError(
-            f"{where}: this row has {len(values)} fields, the header {n_columns}. Decimal commas? "
-            "Write numbers with a point; a text that holds a separator needs quotation marks."
-        )
-
-
-def _refuse_commas(values: Sequence[object], place: _Place, header: Sequence[str], where: str) -> None:
-    """Refuse a row in which a needed number has a decimal comma: it would pass for a missing value."""
-    for k in (() if place.time is None else (place.time,)) + place.inputs + place.outputs:
-        text = _field(values, k)
-        if isinstance(text, str) and WITH_COMMA.fullmatch(text):
-            raise RecordingError(
-                f"{where}: {header[k]!r} is {text.strip()!r}. Decimal commas? Write numbers with a point."
-            )
-
-
-def _numbers(values: Sequence[object], places: tuple[int, ...], columns: tuple[Column, ...]) -> FloatArray:
+def _numbers(values: Sequence[object], places: Sequence[int], columns: tuple[Column, ...]) -> FloatArray:
     """Give the SI values at some places of a record."""
     pairs = zip(places, columns, strict=True)
-    return np.array([column.unit.to_si(_number(_field(values, place))) for place, column in pairs], dtype=np.float64)
+    return np.array(
+        [column.unit.to_si(finite_number(_field(values, place))) for place, column in pairs], dtype=np.float64
+    )
+
+
+def _field(values: Sequence[object], place: int) -> object:
+    """Give one field of a record; a short record has empty fields at its end."""
+    return values[place] if place < len(values) else None
+
+
+def _moment(value: object, unit: Unit) -> float:
+    """Give the time of a row in seconds; nan where it cannot be read."""
+    if isinstance(value, datetime):
+        return unix_seconds(value)
+    found = finite_number(value)
+    if math.isnan(found) and isinstance(value, str):
+        with suppress(ValueError, OverflowError):
+            return parse_time(value)
+    return unit.to_si(found)
 
 
 def _ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
@@ -212,57 +207,11 @@ def _ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, Fl
     return lower + width, upper - width
 
 
-def _field(values: Sequence[object], place: int) -> object:
-    """Give one field of a record; a short record has empty fields at its end."""
-    return values[place] if place < len(values) else None
-
-
-def _number(value: object) -> float:
-    """Read a number; nan where there is none."""
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
-    return number if math.isfinite(number) and not (isinstance(value, str) and "_" in value) else math.nan
-
-
-def _clock(columns: Columns, *, by_number: bool) -> Callable[[int, object], float]:
-    """Give the function that tells the time of a row, in seconds, from its number and its time field."""
-    if by_number:
-        step = columns.sample_time or 1.0
-        return lambda number, _: columns.first_time + number * step
-    unit = columns.time.unit
-
-    def read(_: int, value: object) -> float:
-        if isinstance(value, datetime):
-            return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
-        number = _number(value)
-        if math.isnan(number) and isinstance(value, str):
-            with suppress(ValueError, OverflowError):
-                return parse_time(value)
-        return unit.to_si(number)
-
-    return read
-
-
-def _locate(columns: Columns, header: list[str], title: str) -> _Place:
-    """Find the needed columns in the header."""
-    needed = columns.needed(header)
-    for column in needed:
-        if header.count(column.header) != 1:
-            raise RecordingError(_no_column(column, header, title))
-    return _Place(
-        time=header.index(needed[0].header) if needed and needed[0].role == "time" else None,
-        inputs=tuple(header.index(column.header) for column in columns.inputs),
-        outputs=tuple(header.index(column.header) for column in columns.outputs),
-    )
-
-
 def _no_column(column: Column, header: list[str], title: str) -> str:
     """Say that a column is not there, or is there twice, and what is there."""
     if column.header in header:
         return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
-    if all(not math.isnan(_number(name)) for name in header):
+    if all(not math.isnan(finite_number(name)) for name in header):
         return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
     found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
@@ -313,8 +262,12 @@ def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence
     """Give (line, fields) of a CSV text, header first; empty lines are passed over."""
     with _reading(title), _text(source) as stream:
         lines = _lines(stream, title)
-        head = list(_up_to_first(lines))
-        first = head[-1] if head else ""
+        head: list[str] = []
+        for line in lines:
+            head.append(line)
+            if line.strip("\r\n"):
+                break
+        first = head[-1] if head else ""  # the first line that is not empty
         delimiter = max(",;\t", key=first.count)
         if first.count("\ufffd") > len(first) // 10:
             raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
@@ -329,14 +282,6 @@ def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence
                     yield before, fields
         except csv.Error as error:
             raise RecordingError(f"{title}:{reader.line_num}: this is not a row of a CSV file ({error}).") from error
-
-
-def _up_to_first(lines: Iterator[str]) -> Iterator[str]:
-    """Give the lines up to the first one that is not empty."""
-    for line in lines:
-        yield line
-        if line.strip("\r\n"):
-            return
 
 
 def _is_parquet(path: Path) -> bool:

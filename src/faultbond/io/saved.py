@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -28,6 +27,10 @@ from faultbond.types import Method
 
 FORMAT = 2  # of the file; one of another format is refused
 _NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"
+_STRANGE = (
+    "this is not a state that this version of faultbond saved, or it is damaged. "
+    "Name another file, or delete it to begin anew."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +136,38 @@ def read_saved(path: Path) -> Saved:
         Where the file cannot be read, is not of this kind, or is damaged.
     """
     try:
-        return _saved(*read_archive(path))
+        told, arrays = read_archive(path)
+        if told["format"] != FORMAT:
+            raise ValueError(told["format"])
+        about = typed(_About, told, _LIMITS)
+        first, start, usual, last_index, last_time = about.clock
+        times, u, y = (arrays[_ROWS + name] for name in ("time", "u", "y"))
+        if not (0 < len(times) <= LOOK_BACK and np.all(np.abs(times) <= LATEST) and np.all(np.diff(times) >= 0.0)):
+            raise ValueError("times of rows")
+        rows = zip(times, u, y, strict=True)
+        return Saved(
+            model=about.model,
+            model_sha256=about.model_sha256,
+            version=about.version,
+            method=about.method,
+            numbers={name.removeprefix(_NUMBERS): arrays[name] for name in arrays if name.startswith(_NUMBERS)},
+            clock=GridClock(
+                counts=about.counts,
+                placed=tuple(Row(time=float(time), u=u_k, y=y_k) for time, u_k, y_k in rows),
+                origin=(first, start),
+                usual=usual,
+                last_index=last_index,
+                last_time=last_time,
+                frozen=arrays.get(_FROZEN),
+                firsts=about.firsts,
+            ),
+            found=about.found,
+            records=about.records,
+        )
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}.") from error
     except _MISTAKES as error:
-        raise RecordingError(_strange(path)) from error
+        raise RecordingError(f"{path}: {_STRANGE}") from error
 
 
 def refuse_strange(path: Path, saved: Saved, graph: BondGraph) -> None:
@@ -148,53 +178,16 @@ def refuse_strange(path: Path, saved: Saved, graph: BondGraph) -> None:
     RecordingError
         Where it knows other sensors, inputs, parameters or components, or its clock stands where no grid comes to.
     """
-    clock, names = saved.clock, _names(graph)
+    clock, found = saved.clock, saved.found
     n_u, n_y = len(graph.inputs), len(graph.sensors)
     rows_fit = all(row.u.shape == (n_u,) and row.y.shape == (n_y,) for row in clock.placed)
     frozen_fits = clock.frozen is None or (clock.frozen.shape == (3, n_y) and COUNT.admits(clock.frozen[2]))
-    if not (rows_fit and frozen_fits and _told(saved.found) <= names and _ticks(clock, graph.sample_time)):
-        raise RecordingError(_strange(path))
-
-
-def _strange(path: Path) -> str:
-    return (
-        f"{path}: this is not a state that this version of faultbond saved, or it is damaged. "
-        "Name another file, or delete it to begin anew."
-    )
-
-
-def _saved(told: dict[str, Any], arrays: dict[str, FloatArray]) -> Saved:
-    """Put a run together; anything that is missing or of another form raises."""
-    if told["format"] != FORMAT:
-        raise ValueError(told["format"])
-    about = typed(_About, told, _LIMITS)
-    first, start, usual, last_index, last_time = about.clock
-    return Saved(
-        model=about.model,
-        model_sha256=about.model_sha256,
-        version=about.version,
-        method=about.method,
-        numbers={name.removeprefix(_NUMBERS): arrays[name] for name in arrays if name.startswith(_NUMBERS)},
-        clock=GridClock(
-            counts=about.counts,
-            placed=_rows(*(arrays[_ROWS + name] for name in ("time", "u", "y"))),
-            origin=(first, start),
-            usual=usual,
-            last_index=last_index,
-            last_time=last_time,
-            frozen=arrays.get(_FROZEN),
-            firsts=about.firsts,
-        ),
-        found=about.found,
-        records=about.records,
-    )
-
-
-def _rows(times: FloatArray, inputs: FloatArray, outputs: FloatArray) -> tuple[Row, ...]:
-    """Give the last rows that were placed, in the order of time."""
-    if not (0 < len(times) <= LOOK_BACK and np.all(np.abs(times) <= LATEST) and np.all(np.diff(times) >= 0.0)):
-        raise ValueError("times of rows")
-    return tuple(Row(time=float(time), u=u, y=y) for time, u, y in zip(times, inputs, outputs, strict=True))
+    names = {item.name for of in (graph.parameters, graph.components, graph.inputs, graph.sensors) for item in of}
+    decided = [item.candidate for item in (*found.accepted, *found.rejected)]
+    told = {name.partition(".")[0] for item in decided for name in (*item.parameters, *item.components)}
+    told |= set(found.open.signals if found.open is not None else ())
+    if not (rows_fit and frozen_fits and told <= names and _ticks(clock, graph.sample_time)):
+        raise RecordingError(f"{path}: {_STRANGE}")
 
 
 def _ticks(clock: GridClock, step: float | None) -> bool:
@@ -208,16 +201,3 @@ def _ticks(clock: GridClock, step: float | None) -> bool:
     return (
         math.isclose(expected, clock.last_time, rel_tol=1e-9, abs_tol=step) and abs(last - expected) <= MAX_GAP * step
     )
-
-
-def _told(found: FoundSoFar) -> set[str]:
-    """Give the names of all that was found and decided."""
-    decided = [item.candidate for item in (*found.accepted, *found.rejected)]
-    named = {name.partition(".")[0] for item in decided for name in (*item.parameters, *item.components)}
-    return named | set(found.open.signals if found.open is not None else ())
-
-
-def _names(graph: BondGraph) -> set[str]:
-    """Give the names of all that can be found in a plant."""
-    parts = {item.name for item in graph.parameters} | {item.name for item in graph.components}
-    return parts | {item.name for item in graph.inputs} | {item.name for item in graph.sensors}

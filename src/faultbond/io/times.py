@@ -1,9 +1,23 @@
-"""Moments as text."""
+"""Numbers and moments as they stand in a recording or on the command line."""
 
+import math
 from datetime import UTC, datetime
+
+
+def finite_number(value: object) -> float:
+    """Give a number, also of a text; nan where there is none, or none that is finite."""
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+    return found if math.isfinite(found) and not (isinstance(value, str) and "_" in value) else math.nan
+
+
+def unix_seconds(moment: datetime) -> float:
+    """Give Unix seconds of a moment, UTC where no zone is given."""
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def parse_time(text: str) -> float:
     """Give Unix seconds of an ISO 8601 time, UTC where no zone is given; ValueError if it is none."""
-    moment = datetime.fromisoformat(text.strip())
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return unix_seconds(datetime.fromisoformat(text.strip()))

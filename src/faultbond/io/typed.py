@@ -44,7 +44,11 @@ def _read(kind: Any, value: object, owner: type, limits: TypeLimits) -> Any:
         inner = next(item for item in get_args(kind) if item is not NoneType)
         return None if value is None else _read(inner, value, owner, limits)
     if get_origin(kind) is tuple:
-        return _read_tuple(get_args(kind), value, owner, limits)
+        if not isinstance(value, list):
+            raise ValueError(f"a list is expected in {owner.__name__}")
+        kinds = get_args(kind)
+        each = (kinds[0],) * len(value) if kinds[-1] is Ellipsis else kinds
+        return tuple(_read(inner, item, owner, limits) for inner, item in zip(each, value, strict=True))
     if is_dataclass(kind):
         return _read_object(kind, value, limits)
     if issubclass(kind, Enum):
@@ -58,14 +62,8 @@ def _read(kind: Any, value: object, owner: type, limits: TypeLimits) -> Any:
     raise ValueError(f"{value!r} is no {kind.__name__} of {owner.__name__}")
 
 
-def _read_tuple(kinds: tuple[Any, ...], value: object, owner: type, limits: TypeLimits) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise ValueError(f"a list is expected in {owner.__name__}")
-    each = (kinds[0],) * len(value) if kinds[-1] is Ellipsis else kinds
-    return tuple(_read(kind, item, owner, limits) for kind, item in zip(each, value, strict=True))
-
-
 def _read_object(kind: Any, value: object, limits: TypeLimits) -> Any:
+    """Give a dataclass whose fields are all known, and all there that have no default."""
     known = {item.name: item for item in fields(kind)}
     if not isinstance(value, dict) or not value.keys() <= known.keys():
         raise ValueError(f"this is no {kind.__name__}")

@@ -20,7 +20,7 @@ from faultbond.networks.hypothesis import Hypothesis, advance, is_consistent, so
 from faultbond.networks.least_squares import DETECTED, Data, data_of, limit, readable, whitened
 from faultbond.networks.logic.diagnoses import logic_network
 from faultbond.networks.logic.hypotheses import logic_observations, watch_logic
-from faultbond.networks.noisy import FittedHypothesis, left, trials
+from faultbond.networks.noise_hypotheses import FittedHypothesis, left, trials
 from faultbond.networks.polynomial_roots import value_of
 from faultbond.networks.static_network import (
     Observation,

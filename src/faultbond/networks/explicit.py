@@ -7,7 +7,7 @@ from math import isfinite
 import sympy as sp
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
-from faultbond.equations.numeric import Value, evaluate, exact
+from faultbond.equations.numeric import Real, exact, numeric_value
 from faultbond.model.expression import Binary, Expression, Name, Negative, names
 from faultbond.networks.polynomial_roots import MAX_POWER, MAX_TERMS, NotPolynomialError
 from faultbond.networks.relations import holds, magnitude
@@ -23,7 +23,7 @@ def is_explicit(network: StaticNetwork, seen: Observation) -> bool:
     return network.is_explicit and all(name in known for item in read for name in item.names)
 
 
-def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Value]) -> bool:
+def agrees(network: StaticNetwork, seen: Observation, values: Mapping[str, Real]) -> bool:
     """Whether parameters of these values give the readings of an explicit observation."""
     if seen.healthy is None:
         return False
@@ -70,8 +70,8 @@ def _ring(suspects: tuple[str, ...]) -> tuple[PolyRing, ...]:
 
 
 def _image(
-    expression: Expression, values: Mapping[str, Value], images: Mapping[str, PolynomialQuotient], one: PolyElement
-) -> PolynomialQuotient | Value:
+    expression: Expression, values: Mapping[str, Real], images: Mapping[str, PolynomialQuotient], one: PolyElement
+) -> PolynomialQuotient | Real:
     """Give an expression as a quotient of polynomials in the suspended parameters, or its value without them."""
     match expression:
         case Name(text):
@@ -82,7 +82,7 @@ def _image(
         case Binary(operator, left, right):
             first, second = _image(left, values, images, one), _image(right, values, images, one)
             if not (isinstance(first, tuple) or isinstance(second, tuple)):
-                return evaluate(expression, values)
+                return numeric_value(expression, values)
             if operator != "**":
                 return _arithmetic(operator, _quotient(first, one), _quotient(second, one))
             if (
@@ -95,11 +95,11 @@ def _image(
                 return _limited(above ** abs(int(second)), below ** abs(int(second)))
             raise NotPolynomialError
     if images.keys().isdisjoint(names(expression)):
-        return evaluate(expression, values)
+        return numeric_value(expression, values)
     raise NotPolynomialError
 
 
-def _quotient(image: PolynomialQuotient | Value, one: PolyElement) -> PolynomialQuotient:
+def _quotient(image: PolynomialQuotient | Real, one: PolyElement) -> PolynomialQuotient:
     if isinstance(image, tuple):
         return image
     if not isfinite(image):

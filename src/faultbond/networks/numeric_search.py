@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from faultbond.arrays import FloatArray
-from faultbond.equations.numeric import Value, slopes
+from faultbond.equations.numeric import Real, slopes
 from faultbond.networks.least_squares import directions
 from faultbond.networks.propagation import Propagated
 from faultbond.networks.relations import holds, magnitude
@@ -38,7 +38,7 @@ class Found:
 
 
 def search_solutions(
-    rows: Sequence[Propagated], nominal: Mapping[str, float], signals: Sequence[Mapping[str, Value]]
+    rows: Sequence[Propagated], nominal: Mapping[str, float], signals: Sequence[Mapping[str, Real]]
 ) -> list[Found]:
     """Give solutions that all rows share, nearest to the first start first.
 

@@ -19,7 +19,7 @@ import sympy as sp
 from mpmath.libmp import NoConvergence
 from sympy.polys.matrices import DomainMatrix
 
-from faultbond.equations.numeric import Value, evaluate, exact
+from faultbond.equations.numeric import Real, exact, numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names, walk
 from faultbond.networks.propagation import Propagated
 
@@ -48,7 +48,7 @@ class NotPolynomialError(Exception):
     """The equations are no polynomials in the unknowns, or too large."""
 
 
-def number(value: Value) -> sp.Rational:
+def number(value: Real) -> sp.Rational:
     """Give a value as a fraction of sympy."""
     fraction = value if isinstance(value, Fraction) else exact(value)
     return sp.Rational(fraction.numerator, fraction.denominator)
@@ -95,16 +95,14 @@ def polynomial_cases(found: Propagated, wanted: Collection[str], tag: str) -> li
 class _Reader:
     """Turns expressions into sympy for one choice of branches; `equations` collects what defines roots and kinks."""
 
-    def __init__(
-        self, known: Mapping[str, Value], wanted: frozenset[str], tag: str, chosen: Mapping[Call, int]
-    ) -> None:
+    def __init__(self, known: Mapping[str, Real], wanted: frozenset[str], tag: str, chosen: Mapping[Call, int]) -> None:
         self.known, self.wanted, self.tag, self.chosen = known, wanted, tag, chosen
         self.equations: list[sp.Expr] = []
         self.roots: dict[tuple[sp.Expr, int], sp.Symbol] = {}
 
     def read(self, expression: Expression) -> sp.Expr:
         if self.known.keys() >= set(names(expression)):
-            value = evaluate(expression, self.known)
+            value = numeric_value(expression, self.known)
             if not isfinite(value):
                 raise NotPolynomialError
             return number(value)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import isnan
 
 from faultbond.equations.inversion import linear_solution
-from faultbond.equations.numeric import Value, evaluate
+from faultbond.equations.numeric import Real, numeric_value
 from faultbond.model.expression import Binary, Name, names
 from faultbond.networks.relations import BlockLaw, equation, holds, magnitude, shortened, size
 from faultbond.networks.static_network import READING, Observation, StaticNetwork
@@ -20,13 +20,13 @@ FOLLOWS = "value of "  # start of a name that no user can write
 class Propagated:
     """What follows from what is known: all known values, equations with unknowns left, and a contradiction if any."""
 
-    known: Mapping[str, Value]
+    known: Mapping[str, Real]
     open: tuple[BlockLaw, ...]
     conflict: BlockLaw | None
 
 
 def suspend(
-    network: StaticNetwork, seen: Observation, suspended: Iterable[str], values: Mapping[str, Value]
+    network: StaticNetwork, seen: Observation, suspended: Iterable[str], values: Mapping[str, Real]
 ) -> Propagated:
     """Give what follows from one observation with suspects suspended.
 
@@ -52,7 +52,7 @@ def suspend(
     return replace(found, known=left, open=(*found.open, *(equation(Name(n), Name(FOLLOWS + n)) for n in own)))
 
 
-def propagate(equations: Iterable[BlockLaw], known: Mapping[str, Value]) -> Propagated:
+def propagate(equations: Iterable[BlockLaw], known: Mapping[str, Real]) -> Propagated:
     """Follow equations with one unknown until none is left, checking those without unknowns."""
     found = dict(known)
     sizes = {name: magnitude(value) for name, value in found.items()}
@@ -73,21 +73,21 @@ def propagate(equations: Iterable[BlockLaw], known: Mapping[str, Value]) -> Prop
         waiting = left
 
 
-def _follow(item: BlockLaw, name: str, found: dict[str, Value], sizes: dict[str, float]) -> bool:
+def _follow(item: BlockLaw, name: str, found: dict[str, Real], sizes: dict[str, float]) -> bool:
     """Add the value of the only unknown of an equation, if the equation gives it directly."""
     sides = ((item.left, item.right), (item.right, item.left))
     direct = next((other for one, other in sides if one == Name(name) and name not in names(other)), None)
     definition = direct or linear_solution(Binary("-", item.left, item.right), name)
     if definition is None:
         return False
-    value = shortened(evaluate(definition, found))
+    value = shortened(numeric_value(definition, found))
     if isnan(value) and direct is None:
         return False  # the unknown has no influence here, such as a factor of 0
     found[name], sizes[name] = value, size(definition, found, sizes)
     return True
 
 
-def without_readings(network: StaticNetwork, seen: Observation) -> dict[str, Value]:
+def without_readings(network: StaticNetwork, seen: Observation) -> dict[str, Real]:
     """Give the signals of the healthy network as far as they follow from the inputs alone."""
     inputs = {name: value for name, value in seen.values.items() if not name.startswith(READING)}
     return dict(suspend(network, replace(seen, values=inputs, sensors=()), (), {}).known)

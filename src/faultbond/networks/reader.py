@@ -8,7 +8,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.evaluate import evaluate
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.networks.relations import BlockLaw
@@ -50,9 +50,7 @@ class Reader:
         return y, by_x[:, :, list(self.chosen)], by_u
 
 
-def reader(
-    graph: BondGraph, laws: Iterable[BlockLaw], values: Mapping[str, Value], free: Mapping[str, float]
-) -> Reader:
+def reader(graph: BondGraph, laws: Iterable[BlockLaw], values: Mapping[str, Real], free: Mapping[str, float]) -> Reader:
     """Give the readings of a network as a function.
 
     Parameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, isfinite
 
-from faultbond.equations.numeric import Value, evaluate
+from faultbond.equations.numeric import Real, numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, names
 
 TOLERANCE = 1e-9  # two values of a signal agree within this part of the larger one
@@ -38,9 +38,9 @@ def equation(left: Expression, right: Expression, *, block: str = "", sensor: st
     return BlockLaw(left=left, right=right, names=every, uses=every, block=block, sensor=sensor)
 
 
-def holds(equation: BlockLaw, known: Mapping[str, Value], sizes: Mapping[str, float]) -> bool:
+def holds(equation: BlockLaw, known: Mapping[str, Real], sizes: Mapping[str, float]) -> bool:
     """Whether both sides agree, to rounding; not where one has no real value."""
-    left, right = evaluate(equation.left, known), evaluate(equation.right, known)
+    left, right = numeric_value(equation.left, known), numeric_value(equation.right, known)
     if not (isfinite(left) and isfinite(right)):
         return False
     if left == right:
@@ -50,7 +50,7 @@ def holds(equation: BlockLaw, known: Mapping[str, Value], sizes: Mapping[str, fl
     return magnitude(left - right) <= TOLERANCE * larger + ROUNDING * terms
 
 
-def shortened(value: Value) -> Value:
+def shortened(value: Real) -> Real:
     """Give a fraction of very many digits in floating point, others as they are."""
     if isinstance(value, Fraction) and value.numerator.bit_length() + value.denominator.bit_length() > MAX_BITS:
         try:
@@ -60,7 +60,7 @@ def shortened(value: Value) -> Value:
     return value
 
 
-def magnitude(value: Value) -> float:
+def magnitude(value: Real) -> float:
     """Give the size of a value, infinite beyond the range of floating point."""
     try:
         return abs(float(value))
@@ -68,7 +68,7 @@ def magnitude(value: Value) -> float:
         return inf
 
 
-def size(expression: Expression, known: Mapping[str, Value], sizes: Mapping[str, float]) -> float:
+def size(expression: Expression, known: Mapping[str, Real], sizes: Mapping[str, float]) -> float:
     """Give the size of the terms that a value is the sum of: what rounding is relative to."""
     match expression:
         case Name(text):
@@ -80,8 +80,8 @@ def size(expression: Expression, known: Mapping[str, Value], sizes: Mapping[str,
         case Binary("*", left, right):
             return size(left, known, sizes) * size(right, known, sizes)
         case Binary("/", left, right):
-            divisor = magnitude(evaluate(right, known))
+            divisor = magnitude(numeric_value(right, known))
             return size(left, known, sizes) / divisor if divisor else 0.0
         case Call("abs" | "min" | "max", arguments):
             return max(size(argument, known, sizes) for argument in arguments)
-    return magnitude(evaluate(expression, known))
+    return magnitude(numeric_value(expression, known))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from faultbond.equations.numeric import Value, evaluate, exact
+from faultbond.equations.numeric import Real, exact, numeric_value
 from faultbond.errors import StructureError
 from faultbond.io.grid import GridPoint
 from faultbond.model.expression import Name
@@ -23,7 +23,7 @@ READING = "reading of "  # start of a name that no user can write
 class Known:
     """Values by name, and the sizes of the terms that they are sums of."""
 
-    values: Mapping[str, Value]
+    values: Mapping[str, Real]
     sizes: Mapping[str, float]
 
 
@@ -36,7 +36,7 @@ class Observation:
 
     index: int
     time: float
-    values: Mapping[str, Value]
+    values: Mapping[str, Real]
     sensors: tuple[str, ...]
     healthy: Known | None = None
 
@@ -53,7 +53,7 @@ class StaticNetwork:
     graph: BondGraph
     laws: tuple[BlockLaw, ...]
     readings: tuple[BlockLaw, ...]
-    values: Mapping[str, Value]
+    values: Mapping[str, Real]
     suspects: tuple[str, ...]
     of_blocks: bool
     is_explicit: bool
@@ -119,7 +119,7 @@ def _in_order(laws: list[BlockLaw], signals: Iterable[str]) -> tuple[list[BlockL
 def observation(network: StaticNetwork, point: GridPoint) -> Observation:
     """Give what a row of a recording tells; values that are missing are left out."""
     graph = network.graph
-    values: dict[str, Value] = {}
+    values: dict[str, Real] = {}
     for item, value in zip(graph.inputs, point.u, strict=True):
         if isfinite(value):
             values[item.name] = exact(value)
@@ -140,7 +140,7 @@ def healthy_of(network: StaticNetwork, seen: Observation) -> Known:
     return seen.healthy or with_healthy(network, seen).healthy or Known(values={}, sizes={})
 
 
-def followed(network: StaticNetwork, known: Known, changed: Mapping[str, Value] | None) -> Known:
+def followed(network: StaticNetwork, known: Known, changed: Mapping[str, Real] | None) -> Known:
     """Give what is known with what laws make of it, in their order.
 
     Parameters
@@ -157,7 +157,7 @@ def followed(network: StaticNetwork, known: Known, changed: Mapping[str, Value] 
             continue
         if all(name in values for name in law.uses):
             values[law.signal], sizes[law.signal] = (
-                shortened(evaluate(law.right, values)),
+                shortened(numeric_value(law.right, values)),
                 size(law.right, values, sizes),
             )
             fresh.add(law.signal)

@@ -1,4 +1,9 @@
-"""Reports of a run for people: terminal, HTML page, drawing of the bond graph."""
+"""Reports for people: what was found in words, on the terminal, and on a page with charts and the bond graph.
+
+In: a model and what a verb found. Out: text on a console, an HTML page, and the records of all verbs but `run`.
+Read `numbers`, `suspects`, `checks`, `verdict`, `terminal`, `html`, `run_figures`, `chart`; then one module a verb:
+`inventory` (check), `health` (check --data), `analysis` and `closed_forms`, `fit_result` and `fit_page`, `observed`.
+"""
 
 from typing import TYPE_CHECKING
 

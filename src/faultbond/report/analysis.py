@@ -1,59 +1,79 @@
-"""What the analysis of a plant found, as text for people."""
+"""What the analysis of a plant found, section by section: keys of its record, and text for people.
+
+Records are plain mappings ready for JSON, in SI units; percent stays percent.
+"""
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
 
 from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView
-from faultbond.analysis.groups import Group
+from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
+from faultbond.analysis.other_roots import OtherSolutions
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
-from faultbond.analysis.solutions import OtherSolutions
+from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
+from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
-from faultbond.report.analysed import Tests
-from faultbond.report.console import lines, table, title
-from faultbond.report.numbers import Notation, duration_text, figure, unit_text
-from faultbond.report.verdict import join
+from faultbond.report.console import lines, table, title, under
+from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
 
 LISTED = 12  # groups, near groups and the like that are listed
 LISTED_SENSORS = 4
-NOWHERE = "not found"
 NO_EFFECT = 1e-3  # noise standard deviations below which an effect is none
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StructuralTests:
+    """How many minimal sets of equations can be checked (MSO), and the faults that each of the MTES responds to."""
+
+    n_sets: int
+    faults: tuple[tuple[str, ...], ...]
+
+
+def groups_record(graph: BondGraph, view: CapabilityView) -> Record:
+    """Give what cannot be told apart, and why."""
+    near = [{"sets": _named(graph, item), "angle": item.angle, "reason": item.reason} for item in view.near_groups]
+    return {
+        "rank": view.judgement.rank.value,
+        "groups": [_named(graph, group) for group in view.groups],
+        "group_reasons": [group.reason for group in view.groups],
+        "near_groups": near,
+    }
+
+
+def _named(graph: BondGraph, group: Group | NearGroup) -> list[list[str]]:
+    """Give the names in the sets of a group."""
+    return [[graph.parameters[k].name for k in chosen] for chosen in group.sets]
+
+
 def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading: str, note: str) -> None:
-    """Print how many sets are testable, and which cannot be told apart."""
+    """Print how many sets are testable, and which cannot be told apart, without what follows from smaller sets."""
     title(console, heading, note)
-    rows = _verdict_rows(view)
-    table(console, ("suspects in a set", "sets", "testable", "explain anything", "values not fixed"), rows)
-    lines(console, _shown(view, len(graph.parameters)) + _alike(graph, view))
-
-
-def _shown(view: CapabilityView, n_parameters: int) -> list[tuple[str, str]]:
-    rank = view.judgement.rank
+    verdicts, rank, n_parameters = view.judgement.verdicts, view.judgement.rank, len(graph.parameters)
+    total = Counter(len(item.parameters) for item in verdicts)
+    testable = Counter(len(item.parameters) for item in verdicts if item.testable)
+    loose = Counter(len(item.parameters) for item in verdicts if not item.identifiable)
+    counts = [(k, total[k], testable[k], total[k] - testable[k] - loose[k], loose[k]) for k in sorted(total)]
+    header = ("suspects in a set", "sets", "testable", "explain anything", "values not fixed")
+    table(console, header, [tuple(map(str, row)) for row in counts])
     all_of = f"the {n_parameters} parameters" if n_parameters > 1 else "the one parameter"
-    shown = f"{counted(rank.value, 'combination')} of {all_of}"
-    return [("shows", shown if rank.clear else f"{shown}; rounding decides, so this is a guess")]
-
-
-def _alike(graph: BondGraph, view: CapabilityView) -> list[tuple[str, str]]:
-    """Say what cannot be told apart, without what follows from smaller sets, and what nearly so."""
+    guess = "" if rank.clear else "; rounding decides, so this is a guess"
+    shown = f"{with_noun(rank.value, 'combination')} of {all_of}{guess}"
     known = {frozenset(group.sets) for group in view.groups}
     first = [group for group in view.groups if not _follows(group, known)]
-    told = [(_sets(graph, group.sets), group.reason) for group in first]
-    near = [(_sets(graph, group.sets), group.reason) for group in view.near_groups]
-    same = f"{counted(len(view.groups) - len(first), 'larger group')} of which this follows; --json writes them"
-    found = _group_lines("cannot be told apart", told)
-    found += [("", same)] if len(first) < len(view.groups) else []
-    found += _group_lines("hard to tell apart", near)
-    if found:
-        return found
-    testable = sum(item.testable for item in view.judgement.verdicts)
-    return [("groups", "all testable sets can be told apart" if testable else "no set is testable")]
+    found = under("cannot be told apart", _listed([_group_text(graph, group) for group in first]))
+    if len(first) < len(view.groups):
+        larger = with_noun(len(view.groups) - len(first), "larger group")
+        found.append(("", f"{larger} of which this follows; --json writes them"))
+    found += under("hard to tell apart", _listed([_group_text(graph, group) for group in view.near_groups]))
+    alike = "all testable sets can be told apart" if testable.total() else "no set is testable"
+    lines(console, [("shows", shown), *(found or [("groups", alike)])])
 
 
 def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> bool:
@@ -63,24 +83,13 @@ def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> boo
     return bool(shared) and rest in known
 
 
-def counted(number: int, noun: str) -> str:
-    """Give a number with its noun: `1 set`, `2 sets`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+def _group_text(graph: BondGraph, group: Group | NearGroup) -> str:
+    """Say what a group holds, and why: `{K4} and {K6}: ...`."""
+    return f"{_some([_braced(names) for names in _named(graph, group)])}: {group.reason}"
 
 
-def _verdict_rows(view: CapabilityView) -> list[tuple[str, ...]]:
-    verdicts = view.judgement.verdicts
-    total = Counter(len(item.parameters) for item in verdicts)
-    testable = Counter(len(item.parameters) for item in verdicts if item.testable)
-    loose = Counter(len(item.parameters) for item in verdicts if not item.identifiable)
-    rest = {size: total[size] - testable[size] - loose[size] for size in total}
-    counts = [(size, total[size], testable[size], rest[size], loose[size]) for size in sorted(total)]
-    return [tuple(str(number) for number in row) for row in counts]
-
-
-def _group_lines(label: str, found: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    items = _listed([f"{sets}: {reason}" for sets, reason in found])
-    return [(label if k == 0 else "", text) for k, text in enumerate(items)]
+def _braced(names: Sequence[str]) -> str:
+    return "{" + ", ".join(names) + "}"
 
 
 def _listed(items: Sequence[str]) -> list[str]:
@@ -89,33 +98,52 @@ def _listed(items: Sequence[str]) -> list[str]:
     return [*items[:LISTED], *more]
 
 
-def _sets(graph: BondGraph, sets: Iterable[Sequence[int]]) -> str:
-    """Name sets: `{K4} and {K6}`."""
-    return _some(["{" + ", ".join(graph.parameters[k].name for k in chosen) + "}" for chosen in sets])
-
-
 def _some(named: Sequence[str]) -> str:
     """Name what is listed, and count the rest."""
     return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
 
 
+def structure_record(
+    suspects: Sequence[str],
+    found: Mapping[str, Isolability],
+    tests: StructuralTests | None,
+    sensors: Sequence[Sequence[str]],
+) -> Record:
+    """Give what the structure says, in mixed causality, and the same for stores that work one way only."""
+    parts: dict[str, Record] = {
+        kind: {
+            "detectable": {name: bool(item.detectable[k]) for k, name in enumerate(suspects)},
+            "isolable": {
+                name: {other: bool(item.isolable[k, n]) for n, other in enumerate(suspects) if n != k}
+                for k, name in enumerate(suspects)
+            },
+        }
+        for kind, item in found.items()
+    }
+    return {
+        **parts.pop("mixed"),
+        "by_causality": parts,
+        "tests": None if tests is None else {"mso": tests.n_sets, "mtes": [list(names) for names in tests.faults]},
+        "structural_sensors": [list(names) for names in sensors],
+    }
+
+
 def print_structure(
     console: Console,
     suspects: Sequence[str],
-    found: dict[str, Isolability],
-    tests: Tests | None,
+    found: Mapping[str, Isolability],
+    tests: StructuralTests | None,
     sensors: Sequence[Sequence[str]],
 ) -> None:
     """Print what the equations alone say, whatever the values of the parameters."""
     title(console, "By structure alone", "which equation checks which, whatever the values")
     mixed = found["mixed"]
     hidden = [name for name, seen in zip(suspects, mixed.detectable, strict=True) if not seen]
-    together = ["{" + ", ".join(names) + "}" for names in structural_groups(suspects, mixed) if len(names) > 1]
     seen = f"all but {', '.join(hidden)}" if len(hidden) < len(suspects) else "none"
-    faults = "detectable fault" if hidden else "fault"
     items = [("detectable", seen if hidden else "all faults")]
     if len(suspects) - len(hidden) > 1:
-        alone = f"none: each {faults} can be told from every other"
+        together = [_braced(names) for names in _structural_groups(suspects, mixed) if len(names) > 1]
+        alone = f"none: each {'detectable fault' if hidden else 'fault'} can be told from every other"
         items.append(("not isolable", join(together) if together else alone))
     pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
     if pairs["mixed"]:
@@ -123,18 +151,17 @@ def print_structure(
         kept = [f"{pairs[name]} of {pairs['mixed']} isolable pairs by {text}" for name, text in words]
         items.append(("one way", "; ".join(kept)))
     if tests is not None:
-        smallest = _some(["{" + ", ".join(names) + "}" for names in tests.faults])
-        sets = counted(tests.n_sets, "minimal set")
+        sets, smallest = with_noun(tests.n_sets, "minimal set"), _some([_braced(names) for names in tests.faults])
         text = f"{sets} of equations can be checked; the smallest sets of faults that a check sees: {smallest}"
         items.append(("tests", text))
     if sensors:
         named = [" with ".join(names) for names in sensors[:LISTED_SENSORS]]
-        named += [counted(len(sensors) - LISTED_SENSORS, "other")] if len(sensors) > LISTED_SENSORS else []
+        named += [with_noun(len(sensors) - LISTED_SENSORS, "other")] if len(sensors) > LISTED_SENSORS else []
         items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))
     lines(console, items)
 
 
-def structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tuple[str, ...], ...]:
+def _structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tuple[str, ...], ...]:
     """Give the classes of detectable faults of which none can be told from another, by structure."""
     groups: list[list[int]] = []
     for k in range(len(suspects)):
@@ -149,47 +176,99 @@ def structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tupl
     return tuple(tuple(suspects[k] for k in group) for group in groups)
 
 
+def hypotheses_record(
+    graph: BondGraph,
+    view: CapabilityView,
+    recorded: CapabilityView | None,
+    solutions: Sequence[OtherSolutions],
+    twins: Comparison,
+) -> Record:
+    """Give the verdict on every set, with the number of values that look the same, and the sets that imitate others."""
+    known = {item.parameters: item for item in solutions}
+    on_data = {item.parameters: item for item in recorded.judgement.verdicts} if recorded else {}
+    hypotheses = []
+    for item in view.judgement.verdicts:
+        names = [graph.parameters[k].name for k in item.parameters]
+        solution = known.get(tuple(names))
+        roots = None if solution is None else solution.roots
+        record: Record = {"parameters": names, **_verdict(item), "uncertain": item.uncertain, "roots": roots}
+        if solution is not None and solution.others:
+            record["other_values"] = [dict(zip(names, values, strict=True)) for values in solution.others]
+        if item.parameters in on_data:
+            record["on_data"] = _verdict(on_data[item.parameters])
+        hypotheses.append(record)
+    return {
+        "hypotheses": hypotheses,
+        "sets_left_out": view.judgement.left_out,
+        "twins": [
+            {"first": list(item.first), "second": list(item.second), "always": item.always, "words": item.words}
+            for item in twins.found
+        ],
+        "twins_left_out": twins.left_out,
+    }
+
+
+def _verdict(item: SetVerdict) -> Record:
+    return {"identifiable": item.identifiable, "falsifiable": item.falsifiable, "testable": item.testable}
+
+
 def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[OtherSolutions], twins: Comparison) -> None:
     """Print other values that would look the same, and sets of suspects that can imitate each other."""
     title(console, "Other values that look the same", "of long records without noise")
     looked = [item for item in solutions if not item.skipped]
     several = [item for item in looked if not item.unique]
     rows = [
-        ("{" + ", ".join(item.parameters) + "}", _values(graph, item.parameters, item.true), other)
+        (_braced(item.parameters), _values(graph, item.parameters, item.true), other)
         for item in several
         for other in ([_values(graph, item.parameters, values) for values in item.others] or ["infinitely many"])
     ]
     if rows:
         table(console, ("suspects", "these values", "look exactly like"), rows[:LISTED])
-    alone = len(looked) - len(several)
-    what = f"{alone} of {counted(len(looked), 'set')}: a record leaves one set of values"
-    nothing = [] if solutions else [("", "there is no set whose values data fix")]
-    unique = [("unique", what)] if looked else nothing
-    skipped = Counter(item.skipped for item in solutions if item.skipped)
-    rest = [("not looked at", f"{counted(count, 'set')}: {reason}") for reason, count in skipped.items()]
+    items = []
+    if looked:
+        sets = with_noun(len(looked), "set")
+        items.append(("unique", f"{len(looked) - len(several)} of {sets}: a record leaves one set of values"))
+    elif not solutions:
+        items.append(("", "there is no set whose values data fix"))
     if len(rows) > LISTED:
-        rest = [("more", f"{counted(len(rows) - LISTED, 'line')} as above; --json writes all"), *rest]
-    words = _twins(twins)
-    lines(console, [*unique, *rest, *(("twins" if k == 0 else "", text) for k, text in enumerate(words))])
-
-
-def _twins(twins: Comparison) -> list[str]:
-    """Say what imitates what; of pairs that meet in odd proportions only how many there are."""
+        items.append(("more", f"{with_noun(len(rows) - LISTED, 'line')} as above; --json writes all"))
+    skipped = Counter(item.skipped for item in solutions if item.skipped)
+    items += [("not looked at", f"{with_noun(count, 'set')}: {reason}") for reason, count in skipped.items()]
     plain = [item.words for item in twins.found if item.always or item.first_powers is not None]
-    odd = len(twins.found) - len(plain)
-    look, were = "looks" if odd == 1 else "look", "was" if twins.left_out == 1 else "were"
-    meet = f"{counted(odd, 'other pair')} of sets {look} alike for faults in certain proportions; --json writes them"
-    left = f"{counted(twins.left_out, 'pair')} of sets {were} not compared"
-    return [*_listed(plain), *([meet] if odd else []), *([left] if twins.left_out else [])]
+    words, odd = _listed(plain), len(twins.found) - len(plain)  # of pairs that meet in odd proportions only the number
+    if odd:
+        meet = f"of sets {'looks' if odd == 1 else 'look'} alike for faults in certain proportions; --json writes them"
+        words.append(f"{with_noun(odd, 'other pair')} {meet}")
+    if twins.left_out:
+        were = "was" if twins.left_out == 1 else "were"
+        words.append(f"{with_noun(twins.left_out, 'pair')} of sets {were} not compared")
+    lines(console, [*items, *under("twins", words)])
 
 
 def _values(graph: BondGraph, names: Sequence[str], values: Sequence[float]) -> str:
-    parts = []
-    for name, value in zip(names, values, strict=True):
-        unit = graph.parameter(name).unit
-        text = figure(unit.from_si(value), digits=4).number(Notation.FILE)
-        parts.append(f"{name} = {text} {unit_text(unit.text, Notation.FILE)}".rstrip())
-    return ", ".join(parts)
+    units = [graph.parameter(name).unit for name in names]
+    found = zip(names, units, values, strict=True)
+    return ", ".join(f"{name} = {with_unit(unit.from_si(value), unit.text, digits=4)}" for name, unit, value in found)
+
+
+def smallest_record(found: Sequence[SmallestFault]) -> Record:
+    """Give the smallest fault of each parameter, SI."""
+    return {
+        "smallest_fault": {
+            item.parameter: {
+                "value": item.value,
+                "within": item.within,
+                "up": item.up,
+                "down": item.down,
+                "certainty": item.certainty,
+                "reason": item.reason or None,
+                "effects": {
+                    effect.output: {"size": effect.size, "in_noise": effect.in_noise} for effect in item.effects
+                },
+            }
+            for item in found
+        }
+    }
 
 
 def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestFault]) -> None:
@@ -198,23 +277,37 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
         return
     within = f"within {duration_text(found[0].within)}, in {100 * found[0].certainty:.0f} of 100 cases"
     title(console, "Smallest faults that are detected", within)
-    header = ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd")
-    table(console, header, [_smallest(graph, item) for item in found])
+    rows = []
+    for item in found:
+        parameter = graph.parameter(item.parameter)
+        change, part, effects = "not found", "", item.reason
+        if item.value is not None:
+            change = figure(parameter.unit.difference_from_si(item.value), digits=3).number()
+            part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
+            sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
+            effects = ", ".join(sizes)
+        rows.append((item.parameter, change, unit_text(parameter.unit.text), part, effects))
+    table(console, ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd"), rows)
 
 
-def _smallest(graph: BondGraph, item: SmallestFault) -> tuple[str, ...]:
-    parameter = graph.parameter(item.parameter)
-    unit = parameter.unit
-    effects = ", ".join(f"{effect.output} {_size(effect.in_noise)}" for effect in item.effects)
-    if item.value is None:
-        return (item.parameter, NOWHERE, unit_text(unit.text, Notation.FILE), "", item.reason)
-    change = figure(unit.difference_from_si(item.value), digits=3).number(Notation.FILE)
-    part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
-    return (item.parameter, change, unit_text(unit.text, Notation.FILE), part, effects)
+def sensors_record(graph: BondGraph, advice: SensorAdvice) -> Record:
+    """Give which further sensors would tell more, best first, beside the plant as it is."""
+    return {
+        "sensor_advice": [_choice_record(graph, item) for item in advice.further],
+        "sensors_now": _choice_record(graph, advice.now),
+        "sensors_not_tried": advice.left_out,
+    }
 
 
-def _size(in_noise: float) -> str:
-    return f"{in_noise:.2g}" if in_noise >= NO_EFFECT else "0"
+def _choice_record(graph: BondGraph, item: SensorChoice) -> Record:
+    return {
+        "sensors": list(item.sensors),
+        "rank": item.rank,
+        "testable": item.testable,
+        "classes": item.classes,
+        "near": item.near,
+        "groups": [_named(graph, group) for group in item.groups],
+    }
 
 
 def print_sensor_advice(console: Console, advice: SensorAdvice) -> None:
@@ -223,15 +316,27 @@ def print_sensor_advice(console: Console, advice: SensorAdvice) -> None:
     if not advice.further:
         lines(console, [("", "no further sensor would tell more")])
         return
-    rows = [_sensors(advice.now, "as it is"), *(_sensors(item, " and ".join(item.sensors)) for item in advice.further)]
+    rows = [
+        _choice_row(advice.now, "as it is"),
+        *(_choice_row(item, " and ".join(item.sensors)) for item in advice.further),
+    ]
     header = ("sensor", "testable sets", "of which differ", "hard to tell apart", "combinations shown")
     table(console, header, rows)
     if advice.left_out:
         lines(console, [("", f"{advice.left_out} combinations were not tried")])
 
 
-def _sensors(item: SensorChoice, name: str) -> tuple[str, ...]:
+def _choice_row(item: SensorChoice, name: str) -> tuple[str, ...]:
     return (name, str(item.testable), str(item.classes), str(item.near), str(item.rank))
+
+
+def inputs_record(found: Sequence[Stimulus]) -> Record:
+    """Give which input to move, for each group of sets that look alike; SI, percent stays percent."""
+    advice = [
+        {"sets": [list(names) for names in item.sets], "words": item.words, "choices": list(map(asdict, item.choices))}
+        for item in found
+    ]
+    return {"input_advice": advice}
 
 
 def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -> None:
@@ -241,7 +346,7 @@ def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -
         lines(console, [("", "nothing looks alike")])
         return
     for item in found:
-        named = join(["{" + ", ".join(names) + "}" for names in item.sets])
+        named = join([_braced(names) for names in item.sets])
         choices = [("", choice.words) for choice in item.choices[1:3]]
         lines(console, [(named, item.words), *choices])
 

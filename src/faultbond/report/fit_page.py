@@ -1,101 +1,61 @@
 """One self-contained HTML page about a fit: measured and simulated, what is left, its autocorrelation, the values."""
 
-from collections.abc import Callable, Sequence
-from importlib import resources
+from collections.abc import Sequence
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import History
 from faultbond.fit.whiteness import Whiteness
-from faultbond.report.chart import Chart, ChartLine, ChartSection, payload
-from faultbond.report.fitted import (
-    HEADER,
-    Fitted,
-    noise_rows,
-    parameter_row,
-    remarks,
-    size_lines,
-    verdict,
-)
-from faultbond.report.numbers import Notation, duration_text, unit_text
+from faultbond.report.chart import Chart, ChartLine, ChartSection, in_unit, payload
+from faultbond.report.fit_result import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
+from faultbond.report.html import render_page
+from faultbond.report.numbers import MINUS, Notation, duration_text, unit_text
 
-_STATIC = resources.files("faultbond.report") / "static"
 _WIDTH, _HEIGHT, _LEFT = 720.0, 120.0, 34.0  # px, of a drawing of correlations
 
 
 def render_fit(fitted: Fitted) -> str:
     """Give the page about a fit as HTML text."""
-    environment = Environment(
-        loader=PackageLoader("faultbond.report", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
+    found, records = fitted.found, fitted.found.records
+    time, begins = _times(fitted)
+    sections = _sections(fitted, time)
+    data = payload(time, (), [chart for section in sections for chart in section.charts])
+    marks = [{"x": begin - float(time[0]), "label": str(r)} for r, begin in enumerate(begins, start=1)]
+    known, white = sum(item.determined for item in fitted.estimates), sum(item.white for item in found.whiteness)
+    span = sum(float(item.time[-1] - item.time[0]) for item in records)
+    return render_page(
+        "fitted.html.j2",
+        sections,
+        data | {"marks": marks if len(marks) > 1 else []},
+        {
+            "name": fitted.graph.name,
+            "state": "healthy" if found.summit.settled else "open",
+            "verdict": fit_verdict(fitted),
+            "facts": [
+                ("Recordings", ", ".join(item.name for item in records)),
+                ("Made by", f"faultbond {fitted.version}"),
+            ],
+            "cards": [
+                ("Parameters", f"{known} of {len(fitted.estimates)}", "fixed by the data"),
+                ("Sensors", f"{white} of {len(found.whiteness)}", "with nothing but white noise left"),
+                ("Samples", f"{sum(len(item.time) for item in records)}", duration_text(span)),
+                ("Search", f"{found.reached} of {found.starts}", "starts end at the same values"),
+                ("Contradicted", str(len(found.contradicted)), "accuracies declared too small"),
+            ],
+            "header": HEADER,
+            "rows": [parameter_row(item) for item in fitted.estimates],
+            "remarks": [text for _, text in remarks(fitted)],
+            "noises": list(noise_rows(fitted)),
+            "sizes": list(size_lines(fitted)),
+            "correlations": [(item.sensor, _correlation_drawing(item)) for item in found.whiteness],
+        },
     )
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False, "ensure_ascii": False}
-    parts = _sections(fitted)
-    return environment.get_template("fitted.html.j2").render(
-        name=fitted.graph.name,
-        state="healthy" if fitted.found.summit.settled else "open",
-        verdict=verdict(fitted),
-        facts=_facts(fitted),
-        cards=_cards(fitted),
-        header=HEADER,
-        rows=[parameter_row(item) for item in fitted.estimates],
-        remarks=[text for _, text in remarks(fitted)],
-        noises=list(noise_rows(fitted)),
-        sizes=list(size_lines(fitted)),
-        sections=parts,
-        correlations=[(item.sensor, correlation_drawing(item)) for item in fitted.found.whiteness],
-        data=_payload(fitted, [chart for part in parts for chart in part.charts]),
-        style=_static("uPlot.min.css") + _static("report.css"),
-        library=_static("uPlot.iife.min.js"),
-        licence=_static("uPlot.LICENSE"),
-        script=_static("report.js"),
-    )
-
-
-def _static(name: str) -> str:
-    return (_STATIC / name).read_text(encoding="utf-8")
-
-
-def _facts(fitted: Fitted) -> list[tuple[str, str]]:
-    return [
-        ("Recordings", ", ".join(fitted.recordings)),
-        ("Made by", f"faultbond {fitted.version}"),
-    ]
-
-
-def _cards(fitted: Fitted) -> list[tuple[str, str, str]]:
-    found = fitted.found
-    span = sum(float(item.time[-1] - item.time[0]) for item in found.records)
-    known = sum(item.determined for item in fitted.estimates)
-    white = sum(item.white for item in found.whiteness)
-    return [
-        ("Parameters", f"{known} of {len(fitted.estimates)}", "fixed by the data"),
-        ("Sensors", f"{white} of {len(found.whiteness)}", "with nothing but white noise left"),
-        ("Samples", f"{sum(len(item.time) for item in found.records)}", duration_text(span)),
-        ("Search", f"{found.reached} of {found.starts}", "starts end at the same values"),
-        ("Contradicted", str(len(found.contradicted)), "accuracies declared too small"),
-    ]
-
-
-def _joined(fitted: Fitted, part: Callable[[int], FloatArray]) -> FloatArray:
-    """Give values of all recordings one after the other, with a gap between."""
-    pieces: list[FloatArray] = []
-    for r in range(len(fitted.found.records)):
-        values = part(r)
-        pieces += [values, np.full((1, *values.shape[1:]), np.nan)]
-    return np.concatenate(pieces[:-1])
 
 
 def _times(fitted: Fitted) -> tuple[FloatArray, tuple[float, ...]]:
     """Give a clock that runs through all recordings, and where each begins; a single recording keeps its own."""
-    records = fitted.found.records
     pieces, begins, offset = list[FloatArray](), list[float](), 0.0
-    for r, record in enumerate(records):
+    for r, record in enumerate(fitted.found.records):
         begin = float(record.time[0])
         shift = 0.0 if r == 0 else offset - begin
         pieces.append(record.time + shift)
@@ -106,67 +66,43 @@ def _times(fitted: Fitted) -> tuple[FloatArray, tuple[float, ...]]:
     return np.concatenate(pieces[:-1]), tuple(begins)
 
 
-def _sections(fitted: Fitted) -> tuple[ChartSection, ...]:
-    time, _ = _times(fitted)
-    sensors = range(len(fitted.graph.sensors))
+def _sections(fitted: Fitted, time: FloatArray) -> tuple[ChartSection, ...]:
+    found = fitted.found
+    measured = _joined([record.y for record in found.records])
+    simulated = _joined(found.simulated)
+    left = _joined([course.standardised for course in found.courses])
+    compared, rests = [], []
+    for k, sensor in enumerate(fitted.graph.sensors):
+        first, second = (in_unit(values[:, k], sensor.unit) for values in (measured, simulated))
+        traces = (
+            ChartLine(label="measured", values=first, color="measured", width=1.0),
+            ChartLine(label="simulated", values=second, color="expected", width=1.8),
+        )
+        label = unit_text(sensor.unit.text, Notation.PRINT)
+        compared.append(Chart(title=sensor.name, unit=label, time=time, traces=traces))
+        rest = (ChartLine(label="what is left", values=left[:, k], color="line0", width=1.0),)
+        rests.append(Chart(title=sensor.name, unit="standard deviations", time=time, traces=rest, level=(0.0, "")))
     return (
         ChartSection(
             title="Measured and simulated",
             text="Simulated: the fitted plant under the recorded inputs alone, from the start that was found.",
-            charts=tuple(_compared(fitted, k, time) for k in sensors),
+            charts=tuple(compared),
         ),
         ChartSection(
             title="What is left from sample to sample",
             text="Each reading less what the readings before it foretold.",
-            charts=tuple(_left(fitted, k, time) for k in sensors),
+            charts=tuple(rests),
         ),
     )
 
 
-def _compared(fitted: Fitted, k: int, time: FloatArray) -> Chart:
-    """Draw a sensor as measured and as simulated."""
-    found, sensor = fitted.found, fitted.graph.sensors[k]
-    unit = sensor.unit
-    measured = _joined(fitted, lambda r: found.records[r].y[:, k])
-    alone = _joined(fitted, lambda r: found.simulated[r][:, k])
-    traces = (
-        ChartLine(label="measured", values=(measured - unit.offset) / unit.factor, color="measured", width=1.0),
-        ChartLine(label="simulated", values=(alone - unit.offset) / unit.factor, color="expected", width=1.8),
-    )
-    return Chart(title=sensor.name, unit=unit_text(unit.text, Notation.PRINT), time=time, traces=traces)
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    """Give values of all recordings, (n, n_outputs) each, one after the other, with a row of nan between."""
+    gap = np.full((1, parts[0].shape[1]), np.nan)
+    return np.concatenate([piece for part in parts for piece in (part, gap)][:-1])
 
 
-def _left(fitted: Fitted, k: int, time: FloatArray) -> Chart:
-    """Draw what is left of a sensor."""
-    rest = _joined(fitted, lambda r: fitted.found.courses[r].standardised[:, k])
-    trace = ChartLine(label="what is left", values=rest, color="line0", width=1.0)
-    title = fitted.graph.sensors[k].name
-    return Chart(title=title, unit="standard deviations", time=time, traces=(trace,), level=(0.0, ""))
-
-
-def _payload(fitted: Fitted, charts: Sequence[Chart]) -> dict[str, object]:
-    time, begins = _times(fitted)
-    nothing = np.zeros((len(time), 0))
-    history = History(
-        time=time,
-        measured=nothing,
-        expected=nothing,
-        expected_sd=nothing,
-        inputs=nothing,
-        cusum=nothing,
-        slow=nothing,
-        cusum_limit=1.0,
-        slow_limit=1.0,
-        slow_names=(),
-        detections=(),
-        diagnoses=(),
-    )
-    found = payload(history, charts)
-    marks = [{"x": begin - float(time[0]), "label": str(r)} for r, begin in enumerate(begins, start=1)]
-    return found | {"marks": marks if len(marks) > 1 else []}
-
-
-def correlation_drawing(item: Whiteness) -> str:
+def _correlation_drawing(item: Whiteness) -> str:
     """Draw the autocorrelation of a sensor's residuals as bars over the lag."""
     values = item.correlation
     middle, reach = _HEIGHT / 2.0, _HEIGHT / 2.0 - 12.0
@@ -182,7 +118,7 @@ def correlation_drawing(item: Whiteness) -> str:
     )
     texts = "".join(
         f'<text x="0" y="{y + 4.0:.1f}">{text}</text>'
-        for y, text in ((middle - reach, f"{top:.2g}"), (middle, "0"), (middle + reach, f"\N{MINUS SIGN}{top:.2g}"))
+        for y, text in ((middle - reach, f"{top:.2g}"), (middle, "0"), (middle + reach, f"{MINUS}{top:.2g}"))
     )
     lags = "".join(
         f'<text x="{_LEFT + (lag - 0.5) * step:.1f}" y="{_HEIGHT:.1f}" text-anchor="middle">{lag}</text>'

@@ -2,22 +2,22 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
 
 from rich.console import Console
 from rich.text import Text
 
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
-from faultbond.fit.false_alarms import FARTHEST, Rate
-from faultbond.fit.lack_of_fit import Moment, Region
-from faultbond.fit.trial import FACTORS, DeclarationTrial, Health
+from faultbond.fit.false_alarms import FARTHEST
+from faultbond.fit.lack_of_fit import Region
+from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Unit
-from faultbond.report.console import lines, table, title
-from faultbond.report.numbers import Notation, clock_text, duration_text, figure, unit_text
-from faultbond.report.terminal import PLAIN_WIDTH
+from faultbond.report.console import headline, lines, table, title, under
+from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
 
 MOST_REGIONS = 6
-LONG = 1e3 * 365.25 * 86400.0  # s; a longer time between alarms is told as this
+YEAR = 365.25 * 86400.0  # s
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
 
 
@@ -53,18 +53,8 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
             }
             for item in found.rates
         ],
-        "regions": [_region_record(item) for item in found.regions],
-        "moments": [
-            {
-                "recording": item.recording,
-                "sensor": item.sensor,
-                "begin": item.begin,
-                "end": item.end,
-                "height": item.height,
-                "side": item.side,
-            }
-            for item in found.moments
-        ],
+        "regions": [asdict(item) | {"of": item.of or None} for item in found.regions],
+        "moments": [asdict(item) for item in found.moments],
         "trials": [
             {"kind": item.kind, "factor": item.factor, "peak": item.peak, "between_alarms": item.between}
             for item in found.trials
@@ -73,74 +63,47 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
     }
 
 
-def _region_record(item: Region) -> Record:
-    return {
-        "sensor": item.sensor,
-        "of": item.of or None,
-        "low": item.low,
-        "high": item.high,
-        "after_step": item.after_step,
-        "mean": item.mean,
-        "spread": item.spread,
-        "samples": item.samples,
-    }
-
-
 def print_health(console: Console, graph: BondGraph, found: Health) -> None:
-    """Print what came of a trial.
-
-    Parameters
-    ----------
-    console : where to print; one that is no terminal is set to `PLAIN_WIDTH` columns
-    graph : the plant
-    found : the trial
-    """
-    if not console.is_terminal:
-        console.width = PLAIN_WIDTH
-    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
-    recordings = [
-        f"{item.name}: {len(item.time)} samples, {duration_text(float(item.time[-1] - item.time[0]))}"
-        for item in found.records
-    ]
-    lines(console, [("recordings", "\n".join(recordings))])
+    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+    headline(console, graph.name, graph.file)
+    lines(console, under("recordings", [recording_text(item.name, item.time) for item in found.records]))
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")
-    header = ("statistic", "score", "peak", "alike for", "false alarm every")
-    table(console, header, [_rate_row(item) for item in found.rates])
+    rows = []
+    for item in found.rates:
+        name = item.name if item.is_sensor else f"slow error of {item.name}"
+        score = f"{item.mean:+.2f} ± {item.spread:.2f}".replace("-", MINUS)
+        rows.append((name, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), _time(item.between)))
+    table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
-    lines(console, list(_where_lines(graph, found)) or [("", "nowhere that the detector would mind")])
+    lines(console, _where_lines(graph, found) or [("", "nowhere that the detector would mind")])
     title(console, "What must be declared", f"for a false alarm every {_time(found.promise)} at most")
-    kinds = list(found.needed)
-    table(
-        console, ("times", *(WORDS[kind] for kind in kinds)), [_trial_row(found, factor, kinds) for factor in FACTORS]
-    )
-    lines(console, [("needed" if k == 0 else "", text) for k, text in enumerate(_needed_texts(found))])
+    tried = {(item.kind, item.factor): "alarm" if item.peak > 1.0 else _time(item.between) for item in found.trials}
+    header = ("times", *(WORDS[kind] for kind in found.needed))
+    table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in found.needed)) for x in FACTORS])
+    lines(console, under("needed", _needed_texts(found)))
     console.print()
-    console.print(Text(verdict(found), style="bold green" if found.keeps else "bold yellow"))
-
-
-def _rate_row(item: Rate) -> tuple[str, ...]:
-    name = item.name if item.is_sensor else f"slow error of {item.name}"
-    score = f"{item.mean:+.2f} ± {item.spread:.2f}".replace("-", "\N{MINUS SIGN}")
-    return name, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), _time(item.between)
+    console.print(Text(health_verdict(found), style="bold green" if found.keeps else "bold yellow"))
 
 
 def _time(seconds: float) -> str:
-    if not math.isfinite(seconds) or seconds >= min(LONG, FARTHEST):
+    if not math.isfinite(seconds) or seconds >= min(1e3 * YEAR, FARTHEST):
         return "1000 years or more"
-    if seconds >= 2 * 365.25 * 86400.0:
-        return f"{seconds / (365.25 * 86400.0):.0f} years"
-    return duration_text(seconds)
+    return f"{seconds / YEAR:.0f} years" if seconds >= 2 * YEAR else duration_text(seconds)
 
 
-def _where_lines(graph: BondGraph, found: Health) -> Iterator[tuple[str, str]]:
+def _where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
+    """Say in which regions and at which moments the sensors are off."""
     units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
-    for k, region in enumerate(found.regions[:MOST_REGIONS]):
-        yield ("regions" if k == 0 else ""), _region_text(region, units)
+    told = under("regions", [_region_text(item, units) for item in found.regions[:MOST_REGIONS]])
     if len(found.regions) > MOST_REGIONS:
-        yield "", f"and {len(found.regions) - MOST_REGIONS} more"
-    several = len(found.records) > 1
-    for k, moment in enumerate(found.moments):
-        yield ("moments" if k == 0 else ""), _moment_text(moment, several=several)
+        told.append(("", f"and {len(found.regions) - MOST_REGIONS} more"))
+    moments = []
+    for item in found.moments:
+        where = f" of {item.recording}" if len(found.records) > 1 else ""
+        reads = f"{item.sensor} reads {'more' if item.side > 0 else 'less'} than expected"
+        height = f"{100 * item.height:.0f} % of the way to an alarm"
+        moments.append(f"{clock_text(item.begin)} to {clock_text(item.end)}{where}: {reads}, {height}")
+    return told + under("moments", moments)
 
 
 def _region_text(item: Region, units: dict[str, Unit]) -> str:
@@ -155,26 +118,8 @@ def _region_text(item: Region, units: dict[str, Unit]) -> str:
     if item.after_step:
         return f"{text} soon after a step of {item.of}"
     unit = units[item.of]
-    low, high = (figure(unit.from_si(end), digits=3).number(Notation.FILE) for end in (item.low, item.high))
-    return f"{text} where {item.of} is {low} to {high} {unit_text(unit.text, Notation.FILE)}".rstrip()
-
-
-def _moment_text(item: Moment, *, several: bool) -> str:
-    where = f" of {item.recording}" if several else ""
-    side = "more" if item.side > 0 else "less"
-    return (
-        f"{clock_text(item.begin)} to {clock_text(item.end)}{where}: {item.sensor} reads {side} than expected, "
-        f"{100 * item.height:.0f} % of the way to an alarm"
-    )
-
-
-def _trial_row(found: Health, factor: float, kinds: list[str]) -> tuple[str, ...]:
-    cells = {item.kind: _trial_cell(item) for item in found.trials if item.factor == factor}
-    return (f"{factor:g}", *(cells[kind] for kind in kinds))
-
-
-def _trial_cell(item: DeclarationTrial) -> str:
-    return "alarm" if item.peak > 1.0 else _time(item.between)
+    low, high = (figure(unit.from_si(end), digits=3).number() for end in (item.low, item.high))
+    return f"{text} where {item.of} is {low} to {high} {unit_text(unit.text)}".rstrip()
 
 
 def _needed_texts(found: Health) -> Iterator[str]:
@@ -189,22 +134,16 @@ def _needed_texts(found: Health) -> Iterator[str]:
             yield f"{WORDS[kind]}: {factor:g} times those declared"
 
 
-def verdict(found: Health) -> str:
+def health_verdict(found: Health) -> str:
     """Say in a sentence what came of it."""
     if found.keeps:
         return (
             f"The model keeps the promise: a false alarm every {_time(found.between)}, as far as these recordings tell."
         )
     now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {_time(found.between)}"
-    ways = [
-        f"{WORDS[kind]} {factor:g} times as large" for kind, factor in found.needed.items() if factor and factor > 1.0
-    ]
-    ways += [
-        f"{WORDS[kind]} {factor:g} times those declared"
-        for kind, factor in found.needed.items()
-        if factor and factor < 1.0
-    ]
-    advice = (
-        f"Declare {' or '.join(ways)}." if ways else "Mend the model where it is wrong, or declare slow errors there."
-    )
+    factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
+    ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]
+    ways += [f"{WORDS[kind]} {factor:g} times those declared" for kind, factor in factors.items() if factor < 1.0]
+    mend = "Mend the model where it is wrong, or declare slow errors there."
+    advice = f"Declare {' or '.join(ways)}." if ways else mend
     return f"The model does not keep the promise: {now}. {advice}"

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, shortest_path
 
 from faultbond.arrays import BoolArray, FloatArray
 
@@ -40,35 +42,37 @@ def place(nodes: Sequence[str], bonds: Iterable[tuple[str, str]]) -> dict[str, t
     edges = np.array([(index[a], index[b]) for a, b in bonds], dtype=np.int64).reshape(-1, 2)
     if not nodes:
         return {}
-    apart = distances(len(nodes), edges)
-    spread = furrow(apart)
+    apart = np.asarray(shortest_path(_adjacency(len(nodes), edges), directed=False, unweighted=True))
+    known = apart[np.isfinite(apart)]
+    apart = np.where(np.isfinite(apart), apart, known.max() + DISTANCE_APART)
+    spread = _furrow(apart)
     if spread is None:
-        spread = turn(stress_positions(apart), edges)
-    cells = improve(snap(spread, edges), edges)
-    cells = _tidy(cells)
-    return {name: (int(cells[k, 0]), int(cells[k, 1])) for name, k in index.items()}
+        spread = _turned(_stress_positions(apart), edges)
+    cells = _rearranged(_snapped(spread, edges), edges)
+    columns, rows = (np.unique(cells[:, axis], return_inverse=True)[1] for axis in (0, 1))  # none of them empty
+    return {name: (int(columns[k]), int(rows[k])) for name, k in index.items()}
 
 
-def distances(size: int, edges: Cells) -> FloatArray:
-    """Give the number of bonds between any two nodes, shape (size, size). Source: Floyd and Warshall, 1962."""
-    table = np.full((size, size), np.inf)
-    np.fill_diagonal(table, 0.0)
-    for a, b in edges:
-        table[a, b] = table[b, a] = min(table[a, b], 1.0)
-    for k in range(size):
-        table = np.minimum(table, table[:, k : k + 1] + table[k : k + 1, :])
-    known = table[np.isfinite(table)]
-    return np.where(np.isfinite(table), table, known.max() + DISTANCE_APART)
+def _adjacency(size: int, edges: Cells) -> csr_array:
+    """Give the graph as a matrix, shape (size, size), from edges (n_bonds, 2)."""
+    return csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
 
 
-def stress_positions(ideal: FloatArray) -> FloatArray:
-    """Spread nodes in the plane so that their distances come near the ideal ones, shape (size, 2)."""
+def _stress_positions(ideal: FloatArray) -> FloatArray:
+    """Spread nodes in the plane so that their distances come near the ideal ones, both (size, size); (size, 2).
+
+    The first guess is the plane in which they lie best (classical scaling), with a seeded jitter that parts equal ones.
+    """
     size = len(ideal)
-    points = _first_guess(ideal)
+    centring = np.eye(size) - 1.0 / size
+    values, vectors = np.linalg.eigh(-0.5 * centring @ ideal**2 @ centring)
+    plane = np.zeros((size, 2))
+    largest = np.argsort(-values, kind="stable")[:2]
+    plane[:, : len(largest)] = vectors[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))
+    points = plane + 0.3 * np.random.default_rng(1).normal(size=plane.shape)
     weight = np.zeros_like(ideal)
     weight[ideal > 0.0] = ideal[ideal > 0.0] ** -2.0
-    laplacian = np.diag(weight.sum(axis=1)) - weight
-    solver = np.linalg.pinv(laplacian)
+    solver = np.linalg.pinv(np.diag(weight.sum(axis=1)) - weight)
     for _ in range(STRESS_ROUNDS if size > 1 else 0):
         apart = np.linalg.norm(points[:, None] - points[None, :], axis=2)
         pull = -weight * ideal / np.maximum(apart, 1e-9)
@@ -78,17 +82,7 @@ def stress_positions(ideal: FloatArray) -> FloatArray:
     return points
 
 
-def _first_guess(ideal: FloatArray) -> FloatArray:
-    """Give the plane in which the nodes lie best (classical scaling), with a seeded jitter that parts equal nodes."""
-    centring = np.eye(len(ideal)) - 1.0 / len(ideal)
-    values, vectors = np.linalg.eigh(-0.5 * centring @ ideal**2 @ centring)
-    plane = np.zeros((len(ideal), 2))
-    largest = np.argsort(-values, kind="stable")[:2]
-    plane[:, : len(largest)] = vectors[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))
-    return plane + 0.3 * np.random.default_rng(1).normal(size=plane.shape)
-
-
-def turn(points: FloatArray, edges: Cells) -> FloatArray:
+def _turned(points: FloatArray, edges: Cells) -> FloatArray:
     """Turn the longest extent into the rows, and mirror so that power flows to the right."""
     centred = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
@@ -98,7 +92,7 @@ def turn(points: FloatArray, edges: Cells) -> FloatArray:
     return mirrored
 
 
-def furrow(apart: FloatArray) -> FloatArray | None:
+def _furrow(apart: FloatArray) -> FloatArray | None:
     """Lay a long, thin graph along its longest path, folded into bands to and fro; None for any other graph.
 
     Parameters
@@ -124,7 +118,7 @@ def furrow(apart: FloatArray) -> FloatArray | None:
     return np.column_stack([column, side * off + band * (2.0 * off.max() + 1.0)])
 
 
-def snap(points: FloatArray, edges: Cells) -> Cells:
+def _snapped(points: FloatArray, edges: Cells) -> Cells:
     """Give each node the free cell nearest to its point; nodes with most bonds choose first."""
     order = np.argsort(-np.bincount(edges.ravel(), minlength=len(points)), kind="stable")
     size = int(np.ceil(np.abs(points).max())) + len(points)
@@ -138,7 +132,7 @@ def snap(points: FloatArray, edges: Cells) -> Cells:
     return cells
 
 
-def improve(cells: Cells, edges: Cells) -> Cells:
+def _rearranged(cells: Cells, edges: Cells) -> Cells:
     """Move nodes, and whole branches, to better cells until nothing helps."""
     branches = _branches(len(cells), edges)
     for _ in range(PASSES):
@@ -152,7 +146,7 @@ def improve(cells: Cells, edges: Cells) -> Cells:
     return cells
 
 
-def cost(cells: Cells, edges: Cells, moved: BoolArray | None = None) -> float:
+def _cost(cells: Cells, edges: Cells, moved: BoolArray | None = None) -> float:
     """Judge a drawing; small is good.
 
     Parameters
@@ -171,16 +165,12 @@ def cost(cells: Cells, edges: Cells, moved: BoolArray | None = None) -> float:
     covered = _covered(cells, edges[touching], np.arange(len(cells)))
     if moved is not None:
         covered += _covered(cells, edges[~touching], np.flatnonzero(moved))
-    extent = COMPACT * ((cells - cells.mean(axis=0)) ** 2 * np.array([1.0, 1.6])).sum()
-    return float(length + backwards + CROSSING * _crossings(cells, edges, touching) + COVERED * covered + extent)
-
-
-def _crossings(cells: Cells, edges: Cells, chosen: BoolArray) -> int:
-    """Count bonds that cross a chosen one."""
-    a, b = (cells[edges[chosen, end]][:, None] for end in (0, 1))
+    a, b = (cells[edges[touching, end]][:, None] for end in (0, 1))
     c, d = (cells[edges[:, end]][None, :] for end in (0, 1))
     apart = _side(a, b, c) * _side(a, b, d) < 0
-    return int((apart & (_side(c, d, a) * _side(c, d, b) < 0)).sum())
+    crossings = int((apart & (_side(c, d, a) * _side(c, d, b) < 0)).sum())
+    extent = COMPACT * ((cells - cells.mean(axis=0)) ** 2 * np.array([1.0, 1.6])).sum()
+    return float(length + backwards + CROSSING * crossings + COVERED * covered + extent)
 
 
 def _side(a: Cells, b: Cells, point: Cells) -> Cells:
@@ -217,7 +207,7 @@ def _move_node(cells: Cells, edges: Cells, node: int) -> Cells:
             trial[(cells == (column, row)).all(axis=1)] = cells[node]
             trial[node] = column, row
             moved = (trial != cells).any(axis=1)
-            if (change := cost(trial, edges, moved) - cost(cells, edges, moved)) < gain:
+            if (change := _cost(trial, edges, moved) - _cost(cells, edges, moved)) < gain:
                 best, gain = trial, change
     return best
 
@@ -225,16 +215,10 @@ def _move_node(cells: Cells, edges: Cells, node: int) -> Cells:
 def _branches(size: int, edges: Cells) -> list[BoolArray]:
     """Give the smaller side of every bond that splits the graph when cut, where it has several nodes."""
     found = []
-    for k in range(len(edges)):
-        rest = np.delete(edges, k, axis=0)
-        inside = np.zeros(size, dtype=bool)
-        inside[edges[k, 1]] = True
-        for _ in range(size):
-            touched = rest[inside[rest].any(axis=1)].ravel()
-            if inside[touched].all():
-                break
-            inside[touched] = True
-        if not inside[edges[k, 0]]:
+    for k, (tail, head) in enumerate(edges):
+        _, parts = connected_components(_adjacency(size, np.delete(edges, k, axis=0)), directed=False)
+        if parts[tail] != parts[head]:
+            inside: BoolArray = parts == parts[head]
             side = inside if 2 * inside.sum() <= size else ~inside
             if side.sum() > 1:
                 found.append(side)
@@ -243,16 +227,10 @@ def _branches(size: int, edges: Cells) -> list[BoolArray]:
 
 def _move_branch(cells: Cells, edges: Cells, branch: BoolArray) -> Cells:
     """Try to shift a branch by one cell."""
-    best, lowest = cells, cost(cells, edges)
+    best, lowest = cells, _cost(cells, edges)
     for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         trial = cells.copy()
         trial[branch] += step
-        if len(np.unique(trial, axis=0)) == len(trial) and (found := cost(trial, edges)) < lowest - 1e-9:
+        if len(np.unique(trial, axis=0)) == len(trial) and (found := _cost(trial, edges)) < lowest - 1e-9:
             best, lowest = trial, found
     return best
-
-
-def _tidy(cells: Cells) -> Cells:
-    """Drop empty rows and columns, and start at 0."""
-    columns = [np.unique(cells[:, axis], return_inverse=True)[1] for axis in (0, 1)]
-    return np.column_stack(columns).astype(np.int64)

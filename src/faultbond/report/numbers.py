@@ -1,12 +1,15 @@
-"""Numbers, units and times as a person reads them: no more digits than the standard deviation supports."""
+"""Numbers, units, times and lists as a person reads them: no more digits than the standard deviation supports."""
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
 
-TIMES = "\N{MULTIPLICATION SIGN}"
+from faultbond.arrays import FloatArray
+
+TIMES, MINUS, NO_BREAK = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
 NO_DATE = 253402300799.0  # s; the calendar ends with the year 9999
@@ -14,6 +17,8 @@ TINY = 1e-300  # smaller numbers are 0
 UNLIKE = 15  # powers of ten between a value and its standard deviation beyond which one of them is all that is known
 VAST = 1e9  # beyond it a change in per cent, or a time, is told by its power of ten
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
+PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
+HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
 
 
 class Notation(Enum):
@@ -31,11 +36,11 @@ class Figure:
     sd: str
     exponent: int
 
-    def number(self, notation: Notation) -> str:
+    def number(self, notation: Notation = Notation.FILE) -> str:
         """Give the value alone; zero has no power of ten."""
         return self.value.strip("-") if not self.value.strip("-0.") else with_power(self.value, self.exponent, notation)
 
-    def both(self, notation: Notation) -> str:
+    def both(self, notation: Notation = Notation.FILE) -> str:
         """Give value ± standard deviation."""
         if not self.sd:
             return self.number(notation)
@@ -109,7 +114,7 @@ def _exact(value: float, digits: int) -> Figure:
     return Figure(format(float(text), "f").rstrip("0").rstrip(".") if "e" in text else text, "", exponent)
 
 
-def unit_text(unit: str, notation: Notation) -> str:
+def unit_text(unit: str, notation: Notation = Notation.FILE) -> str:
     """Give a unit as it is spelled in that notation; empty where there is none."""
     if unit in ("", "1", "dimensionless"):
         return ""
@@ -118,6 +123,28 @@ def unit_text(unit: str, notation: Notation) -> str:
     short = re.sub(r"\bpercent\b", "%", unit)
     raised = re.sub(r"(?:\^|\*\*)(-?\d+)(?![\d.])", lambda hit: hit[1].translate(SUPERSCRIPTS), short)
     return raised.replace("**", "^").replace("*", "·")
+
+
+def with_unit(
+    value: float, unit: str, notation: Notation = Notation.FILE, *, sd: float | None = None, digits: int = 6
+) -> str:
+    """Give a number, rounded as by `figure`, and its unit."""
+    return f"{figure(value, sd, digits).number(notation)} {unit_text(unit, notation)}".rstrip()
+
+
+def with_noun(number: int, noun: str) -> str:
+    """Give a number with its noun: `1 set`, `2 sets`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def recording_text(name: str, time: FloatArray) -> str:
+    """Say how long a recording is: number of samples at `time` (n,), s, and how long they take."""
+    return f"{name}: {len(time)} samples, {duration_text(float(time[-1] - time[0]))}"
+
+
+def join(words: Sequence[str]) -> str:
+    """Join words with commas and a last `and`."""
+    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
 
 
 def probability_text(probability: float) -> str:
@@ -155,20 +182,17 @@ def change_text(nominal: float, estimate: float, sd: float) -> str:
         return f"{_vast(percent)} %"
     coarse = not math.isfinite(relative_sd) or relative_sd >= 1.0 or abs(percent) >= 20.0
     text = f"{percent:+.0f}" if coarse else f"{percent:+.1f}"
-    return ("0" if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")) + " %"
+    return ("0" if float(text) == 0.0 else text.replace("-", MINUS)) + " %"
 
 
 def duration_text(seconds: float, digits: int = 3) -> str:
     """Give a length of time in the unit in which it is a handy number, with so many significant digits."""
-    for size, name in ((172800.0, "d"), (7200.0, "h"), (120.0, "min")):
-        if abs(seconds) >= size:
-            length = {"d": 86400.0, "h": 3600.0, "min": 60.0}[name]
-            return f"{_short(seconds / length, digits)} {name}"
-    return f"{_short(seconds, digits)} s"
-
-
-PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
-HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
+    length, name = next((item for item in PACES[:0:-1] if abs(seconds) >= 2.0 * item[0]), PACES[0])
+    value = seconds / length
+    if abs(value) >= VAST:
+        return f"{_vast(value).lstrip('+')} {name}"
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f} {name}" if "e" in text and abs(value) >= 1.0 else f"{text} {name}"
 
 
 def pace(rate: float, size: float) -> tuple[float, str]:
@@ -179,16 +203,9 @@ def pace(rate: float, size: float) -> tuple[float, str]:
     return PACES[-1]
 
 
-def _short(value: float, digits: int) -> str:
-    text = f"{value:.{digits}g}"
-    if abs(value) >= VAST:
-        return _vast(value).lstrip("+")
-    return f"{value:.0f}" if "e" in text and abs(value) >= 1.0 else text
-
-
 def _vast(value: float) -> str:
     """Give a signed number of which only the size matters."""
-    return f"{value:+.0e}".replace("e+", "e").replace("-", "\N{MINUS SIGN}") if math.isfinite(value) else "unknown"
+    return f"{value:+.0e}".replace("e+", "e").replace("-", MINUS) if math.isfinite(value) else "unknown"
 
 
 def is_unix(time: float) -> bool:
@@ -201,9 +218,9 @@ def clock_text(time: float) -> str:
     if not math.isfinite(time):
         return "an unknown time"
     if abs(time) >= NO_DATE:
-        return f"{figure(time).number(Notation.FILE)} s"
+        return f"{figure(time).number()} s"
     if not is_unix(time):
-        return f"{figure(time, digits=9).number(Notation.FILE)} s" if time < 1e5 else f"{time:.12g} s"
+        return f"{figure(time, digits=9).number()} s" if time < 1e5 else f"{time:.12g} s"
     moment = datetime.fromtimestamp(round(time, 3), UTC)
     text = moment.strftime("%Y-%m-%d %H:%M:%S")
     return text + (f".{moment.microsecond // 1000:03d}" if moment.microsecond >= 1000 else "") + " UTC"

@@ -1,22 +1,19 @@
 """What the observations of a network without time say, as text."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isinf
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
-from faultbond.model.graph import BondGraph, Unit
-from faultbond.report.numbers import Notation, figure, unit_text
+from faultbond.model.graph import BondGraph
+from faultbond.report.console import bare_table, facts, set_width
+from faultbond.report.numbers import figure, join, unit_text, with_noun
 from faultbond.report.suspects import unit_of
-from faultbond.report.terminal import PLAIN_WIDTH
-from faultbond.report.verdict import join
 
-LISTED = 20  # candidates shown; the records hold all
+SHOWN_SETS = 20  # candidates shown; the records hold all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,13 +33,10 @@ class Observed:
 
 
 def print_observed(console: Console, seen: Observed) -> None:
-    """Print what was found; a console that is no terminal is set to `PLAIN_WIDTH` columns."""
-    if not console.is_terminal:
-        console.width = PLAIN_WIDTH
-    observations = f"{seen.rows} observation{'s'[: seen.rows != 1]}"
-    for label, text in (("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)):
-        console.print(Text.assemble((f"{label:<9}", "dim"), text), highlight=False)
-    console.print()
+    """Print what was found; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+    set_width(console)
+    observations = with_noun(seen.rows, "observation")
+    facts(console, [("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)])
     if not seen.watched:
         console.print(Text("No verdict: no row has a value of a sensor.", style="bold yellow"))
         return
@@ -53,17 +47,38 @@ def print_observed(console: Console, seen: Observed) -> None:
     console.print(Text(f"{where} contradicts the healthy network: {join(seen.detection.signals)}.", style="bold red"))
     console.print()
     candidates = seen.diagnosis.candidates
-    if candidates and seen.graph is not None and any(candidate.suspects for candidate in candidates):
-        console.print(_values(seen.graph, candidates[:LISTED]))
+    if seen.graph is not None and any(candidate.suspects for candidate in candidates):
+        table = bare_table()
+        for name in ("component", "parameter", "nominal", "value", "unit"):
+            fold, right = name not in ("nominal", "value"), name == "nominal"
+            table.add_column(name, overflow="fold" if fold else "ellipsis", justify="right" if right else "left")
+        for candidate in candidates[:SHOWN_SETS]:
+            rows = [_cells(seen.graph, suspect) for suspect in candidate.suspects]
+            owners, *columns = zip(*rows, strict=True) if rows else ("",)
+            table.add_row("\n+ ".join(owners), *map("\n".join, columns))
+        console.print(table)
     else:
-        for line in _sets(candidates[:LISTED]):
-            console.print(Text(line), highlight=False)
-    if len(candidates) > LISTED:
-        console.print(Text(f"... and {len(candidates) - LISTED} more; --json writes all", style="dim"))
-    console.print(Text(verdict(candidates), style="bold"))
+        for candidate in candidates[:SHOWN_SETS]:
+            console.print(Text(f" {{{', '.join(candidate.components)}}}"), highlight=False)
+    if len(candidates) > SHOWN_SETS:
+        console.print(Text(f"... and {len(candidates) - SHOWN_SETS} more; --json writes all", style="dim"))
+    console.print(Text(sets_verdict(candidates), style="bold"))
 
 
-def verdict(candidates: Sequence[Candidate]) -> str:
+def _cells(graph: BondGraph, suspect: Suspect) -> tuple[str, ...]:
+    """Give the cells of a suspect; where many values explain the same, one of them as an example."""
+    unit = unit_of(graph, suspect.parameter)
+    value = unit.from_si(suspect.estimate)
+    text = f"{value:.6g}"
+    if isinf(suspect.sd):
+        text = f"not determined, such as {text}"
+    elif suspect.sd > 0.0:
+        text = figure(value, unit.difference_from_si(suspect.sd)).both()
+    nominal = f"{unit.from_si(suspect.nominal or 0.0):.6g}"
+    return suspect.component, suspect.parameter, nominal, text, unit_text(unit.text)
+
+
+def sets_verdict(candidates: Sequence[Candidate]) -> str:
     """Say how many sets explain all observations since the first contradiction."""
     sets = {(candidate.parameters, candidate.blocks) for candidate in candidates}
     if not sets:
@@ -77,42 +92,3 @@ def verdict(candidates: Sequence[Candidate]) -> str:
         return f"One {what} explains every observation since then{values}."
     several = "suspects" if size == 1 else f"sets of {size} suspects"
     return f"{len(sets)} {several} explain every observation since then, each alone; nothing tells them apart yet."
-
-
-def _sets(candidates: Sequence[Candidate]) -> Iterator[str]:
-    for candidate in candidates:
-        yield f" {{{', '.join(candidate.components)}}}"
-
-
-def _values(graph: BondGraph, candidates: Sequence[Candidate]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
-    for name in ("component", "parameter"):
-        table.add_column(name, overflow="fold")
-    table.add_column("nominal", justify="right")
-    table.add_column("value")
-    table.add_column("unit", overflow="fold")
-    for candidate in candidates:
-        table.add_row(*_cells(graph, candidate.suspects))
-    return table
-
-
-def _cells(graph: BondGraph, suspects: Sequence[Suspect]) -> tuple[str, ...]:
-    units = [unit_of(graph, suspect.parameter) for suspect in suspects]
-    values = [_value(suspect, unit) for suspect, unit in zip(suspects, units, strict=True)]
-    return (
-        "\n+ ".join(suspect.component for suspect in suspects),
-        "\n".join(suspect.parameter for suspect in suspects),
-        "\n".join(f"{unit.from_si(suspect.nominal or 0.0):.6g}" for suspect, unit in zip(suspects, units, strict=True)),
-        "\n".join(values),
-        "\n".join(unit_text(unit.text, Notation.FILE) for unit in units),
-    )
-
-
-def _value(suspect: Suspect, unit: Unit) -> str:
-    """Give a value with its standard deviation; where many values explain the same, one of them as an example."""
-    value = unit.from_si(suspect.estimate)
-    if isinf(suspect.sd):
-        return f"not determined, such as {value:.6g}"
-    if suspect.sd > 0.0:
-        return figure(value, unit.difference_from_si(suspect.sd)).both(Notation.FILE)
-    return f"{value:.6g}"

@@ -1,17 +1,16 @@
 """The plant that is analysed: shown at once, before anything that is slow to load."""
 
 from rich.console import Console
-from rich.text import Text
 
-from faultbond.contract.records import Record
+from faultbond.contract.json_records import Record
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import lines
+from faultbond.report.console import headline, lines
 
 
 def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:
-    """Print what is known of the plant and what is suspected."""
-    console.print(Text.assemble((graph.name, "bold"), (f"  {graph.file}", "dim")))
+    """Print what is known of the plant and what is suspected, on a console set to the width of all listings."""
+    headline(console, graph.name, graph.file)
     lines(
         console,
         [

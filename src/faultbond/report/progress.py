@@ -7,12 +7,12 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 REFRESH = 64  # items between two updates
 
 
 @contextmanager
-def progress_bar(total: int | None) -> Iterator[Callable[[Iterable[Item]], Iterator[Item]]]:
+def progress_bar(total: int | None) -> Iterator[Callable[[Iterable[_Item]], Iterator[_Item]]]:
     """Show that the engine is being built, then how many of the items are done.
 
     Parameters
@@ -27,7 +27,7 @@ def progress_bar(total: int | None) -> Iterator[Callable[[Iterable[Item]], Itera
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("building the engine", total=None)
 
-        def follow(items: Iterable[Item]) -> Iterator[Item]:
+        def follow(items: Iterable[_Item]) -> Iterator[_Item]:
             bar.update(task, description="watching", total=total)
             for number, item in enumerate(items, start=1):
                 yield item

@@ -13,6 +13,7 @@ from faultbond.report.numbers import (
     figure,
     pace,
     unit_text,
+    with_unit,
 )
 from faultbond.types import FaultKind
 
@@ -39,10 +40,10 @@ class SuspectRow:
 
     component: str  # empty: the line belongs to the one above
     parameter: str
-    nominal: str  # empty where there is none
+    nominal: str = ""  # empty where there is none
     estimate: str  # value ± sd, or that the data do not determine it
     unit: str
-    change: str  # of nominal; empty where that says nothing
+    change: str = ""  # of nominal; empty where that says nothing
 
 
 def instrument_of(name: str) -> tuple[str, str]:
@@ -65,14 +66,9 @@ def unit_of(graph: BondGraph, name: str) -> Unit:
     return units[signal] if word == FaultKind.STUCK.value else Unit(units[signal].text, units[signal].factor)
 
 
-def is_input(graph: BondGraph, name: str) -> bool:
-    """Tell whether an instrument is an input."""
-    return any(item.name == name for item in graph.inputs)
-
-
 def instrument_title(graph: BondGraph, name: str) -> str:
     """Name a sensor or an input as such: `flow sensor`, `input u_in`."""
-    return f"input {name}" if is_input(graph, name) else f"{name} sensor"
+    return f"input {name}" if any(item.name == name for item in graph.inputs) else f"{name} sensor"
 
 
 def owner_of(graph: BondGraph, suspect: Suspect) -> str:
@@ -114,16 +110,95 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     now : time of the diagnosis, s
     notation : how numbers and units are spelled
     """
-    signal, word = instrument_of(suspect.parameter)
+    name, unit = suspect.parameter, unit_of(graph, suspect.parameter)
+    signal, word = instrument_of(name)
     if is_undetermined(graph, suspect):
-        return f"its {word} is {UNDETERMINED}" if signal else f"{suspect.parameter} is {UNDETERMINED}"
+        return f"{f'its {word}' if signal else name} is {UNDETERMINED}"
+    comes_and_goes = candidate.kind is FaultKind.INTERMITTENT
+    passing = f" while the fault is there; it is {'there' if candidate.present else 'gone'} now"
     if signal:
-        return _misreading(graph, suspect, word, notation) + _passing(candidate)
+        return _misreading(graph, suspect, notation) + (passing if comes_and_goes else "")
+    nominal, rate = suspect.nominal or 0.0, suspect.rate or 0.0
+    healthy = figure(unit.from_si(nominal)).number(notation)
+    estimate = with_unit(unit.from_si(suspect.estimate), unit.text, notation, sd=unit.difference_from_si(suspect.sd))
+    change = change_text(nominal, suspect.estimate, suspect.sd)
+    bracket = f" ({change})" if change else ""
+    unclear = f"{name} may still be {with_unit(unit.from_si(nominal), unit.text, notation)}"
     if candidate.kind is FaultKind.DRIFT and suspect.rate is not None:
-        return _drifting(graph, suspect, now, notation)
-    if candidate.kind is FaultKind.INTERMITTENT:
-        return _switching(graph, suspect, notation) + _passing(candidate)
-    return _stepped(graph, suspect, notation)
+        is_moving = abs(rate) >= SIGNIFICANT * (suspect.rate_sd or 0.0)
+        if not is_moving and not _is_off(suspect):
+            return f"{unclear}, or move at a rate that is not known yet"
+        text = f"{name} is {estimate} now{bracket}"
+        step = abs(rate) * (graph.sample_time or 0.0)
+        if is_moving and step > WILD * max(abs(nominal), abs(suspect.estimate)) > 0.0:  # at an end of its range
+            return f"{text}, and moves too fast to be a drift"
+        verb = "rises" if rate > 0.0 else "falls"
+        moves = f"{verb} by {_rate(unit, suspect, notation)}" if is_moving else "moves at a rate that is not known yet"
+        limits = (_limit(unit, suspect, item, now, notation, is_moving=is_moving) for item in suspect.forecasts)
+        return "; ".join((f"{text} and {moves}", *filter(None, limits)))
+    if comes_and_goes:
+        return f"{name} is {estimate}{bracket} instead of {healthy}{passing}"
+    if not _is_off(suspect):
+        return unclear
+    return f"{name} {'rose' if suspect.estimate > nominal else 'fell'} from {healthy} to {estimate}{bracket}"
+
+
+def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
+    """Say what is wrong with a sensor or an input."""
+    unit, (_, word) = unit_of(graph, suspect.parameter), instrument_of(suspect.parameter)
+    value, sd = unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)
+    if word == FaultKind.STUCK.value:
+        return f"it is stuck at {with_unit(value, unit.text, notation, sd=sd)}"
+    if not _is_off(suspect):
+        return f"its {word} may still be {'right' if word != FaultKind.BIAS.value else '0'}"
+    if word == FaultKind.GAIN.value:
+        change = change_text(suspect.nominal or 0.0, suspect.estimate, suspect.sd)
+        bracket = f" (gain, {change})" if change else ""
+        return f"it reads {figure(value, sd).number(notation)} times the right value{bracket}"
+    size = with_unit(abs(value), unit.text, notation, sd=sd)
+    if word == FaultKind.NOISE.value:
+        times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
+        return f"it scatters by {size}, {times} times as much as the model file says (noise)"
+    high = suspect.estimate > 0.0
+    if any(item.name == suspect.component for item in graph.inputs):
+        text = f"it acts {size} {'above' if high else 'below'} what is recorded"
+    else:
+        text = f"it reads {size} too {'high' if high else 'low'}"
+    if suspect.rate is None:
+        return f"{text} (bias)"
+    if abs(suspect.rate) < SIGNIFICANT * (suspect.rate_sd or 0.0):
+        return f"{text} now, and drifts at a rate that is not known yet"
+    verb = "grows" if suspect.rate * suspect.estimate > 0.0 else "shrinks"
+    return f"{text} now, and this {verb} by {_rate(unit, suspect, notation)} (drift)"
+
+
+def _is_off(suspect: Suspect) -> bool:
+    return abs(suspect.estimate - (suspect.nominal or 0.0)) >= SIGNIFICANT * suspect.sd
+
+
+def _rate(unit: Unit, suspect: Suspect, notation: Notation) -> str:
+    """Give how fast a value moves, in a unit of time in which that is a handy number."""
+    seconds, name = pace(suspect.rate or 0.0, suspect.estimate)
+    rate, sd = (unit.difference_from_si(abs(value or 0.0)) * seconds for value in (suspect.rate, suspect.rate_sd))
+    return f"{with_unit(rate, unit.text, notation, sd=sd)} per {PACE_WORDS[name]}"
+
+
+def _limit(unit: Unit, suspect: Suspect, item: Forecast, now: float, notation: Notation, *, is_moving: bool) -> str:
+    """Say when a drift reaches a limit; empty where it is not on the way there."""
+    limit = f"the limit of {with_unit(unit.from_si(item.limit), unit.text, notation)}"
+    nominal = item.limit if suspect.nominal is None else suspect.nominal
+    if (item.limit - nominal) * (item.limit - suspect.estimate) <= 0.0:
+        clear = abs(suspect.estimate - item.limit) >= SIGNIFICANT * suspect.sd
+        return f"it {'has passed' if clear else 'is at about'} {limit}"
+    if item.earliest is None:
+        return ""
+    if item.time is None or not is_moving:
+        return f"it may reach {limit}, not before {coarse_clock_text(item.earliest, item.earliest - now)}"
+    width = (item.latest if item.latest is not None else 2.0 * item.time - item.earliest) - item.earliest
+    early, median = (coarse_clock_text(moment, width) for moment in (item.earliest, item.time))
+    late = "never" if item.latest is None else coarse_clock_text(item.latest, width)
+    ahead = duration_text(max(item.time - now, 0.0), digits=2)
+    return f"it reaches {limit} in about {ahead}, at {median} ({early} to {late})"
 
 
 def otherwise(candidate: Candidate) -> str:
@@ -155,138 +230,5 @@ def rows_of(graph: BondGraph, suspect: Suspect, notation: Notation, mark: str = 
         return (first,)
     seconds, name = pace(suspect.rate, suspect.estimate)
     rate, sd = (unit.difference_from_si(value) * seconds for value in (suspect.rate, suspect.rate_sd))
-    second = SuspectRow(
-        component="",
-        parameter="rate",
-        nominal="",
-        estimate=figure(rate, sd).both(notation),
-        unit=f"{label or '1'}/{name}",
-        change="",
-    )
-    return first, second
-
-
-def _stepped(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    nominal, estimate, after, change = _values(graph, suspect, notation)
-    if not _is_off(suspect):
-        return f"{suspect.parameter} may still be {nominal}{after}"
-    verb = "rose" if suspect.estimate > (suspect.nominal or 0.0) else "fell"
-    return f"{suspect.parameter} {verb} from {nominal} to {estimate}{after}{change}"
-
-
-def _passing(candidate: Candidate) -> str:
-    """Say of a fault that comes and goes whether it is there now; empty for others."""
-    if candidate.kind is not FaultKind.INTERMITTENT:
-        return ""
-    return f" while the fault is there; it is {'there' if candidate.present else 'gone'} now"
-
-
-def _switching(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    nominal, estimate, after, change = _values(graph, suspect, notation)
-    return f"{suspect.parameter} is {estimate}{after}{change} instead of {nominal}"
-
-
-def _drifting(graph: BondGraph, suspect: Suspect, now: float, notation: Notation) -> str:
-    nominal, estimate, after, change = _values(graph, suspect, notation)
-    if not _is_off(suspect) and not _is_moving(suspect):
-        return f"{suspect.parameter} may still be {nominal}{after}, or move at a rate that is not known yet"
-    if _is_moving(suspect) and _is_wild(graph, suspect):
-        return f"{suspect.parameter} is {estimate}{after} now{change}, and moves too fast to be a drift"
-    text = f"{suspect.parameter} is {estimate}{after} now{change} and {_moving(graph, suspect, notation)}"
-    limits = (_limit(graph, suspect, item, now, notation) for item in suspect.forecasts)
-    return "; ".join((text, *filter(None, limits)))
-
-
-def _moving(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    """Say how fast a value moves, in a unit of time in which that is a handy number."""
-    if not _is_moving(suspect):
-        return "moves at a rate that is not known yet"
-    return f"{'rises' if (suspect.rate or 0.0) > 0.0 else 'falls'} by {_rate(graph, suspect, notation)}"
-
-
-def _is_wild(graph: BondGraph, suspect: Suspect) -> bool:
-    """Tell whether a value would move by much of itself in a sample: then it has come to an end of its range."""
-    step = abs(suspect.rate or 0.0) * (graph.sample_time or 0.0)
-    return step > WILD * max(abs(suspect.nominal or 0.0), abs(suspect.estimate)) > 0.0
-
-
-def _is_moving(suspect: Suspect) -> bool:
-    """Whether the rate is known well enough to say which way a value moves."""
-    return abs(suspect.rate or 0.0) >= SIGNIFICANT * (suspect.rate_sd or 0.0)
-
-
-def _rate(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    unit = unit_of(graph, suspect.parameter)
-    seconds, name = pace(suspect.rate or 0.0, suspect.estimate)
-    rate, sd = (unit.difference_from_si(abs(value or 0.0)) * seconds for value in (suspect.rate, suspect.rate_sd))
-    return f"{figure(rate, sd).number(notation)}{_after(unit, notation)} per {PACE_WORDS[name]}"
-
-
-def _limit(graph: BondGraph, suspect: Suspect, item: Forecast, now: float, notation: Notation) -> str:
-    """Say when a drift reaches a limit; empty where it is not on the way there."""
-    unit = unit_of(graph, suspect.parameter)
-    limit = f"the limit of {figure(unit.from_si(item.limit)).number(notation)}{_after(unit, notation)}"
-    nominal = item.limit if suspect.nominal is None else suspect.nominal
-    if (item.limit - nominal) * (item.limit - suspect.estimate) <= 0.0:
-        clear = abs(suspect.estimate - item.limit) >= SIGNIFICANT * suspect.sd
-        return f"it {'has passed' if clear else 'is at about'} {limit}"
-    if item.earliest is None:
-        return ""
-    if item.time is None or not _is_moving(suspect):
-        return f"it may reach {limit}, not before {coarse_clock_text(item.earliest, item.earliest - now)}"
-    width = (item.latest if item.latest is not None else 2.0 * item.time - item.earliest) - item.earliest
-    early, median = (coarse_clock_text(moment, width) for moment in (item.earliest, item.time))
-    late = "never" if item.latest is None else coarse_clock_text(item.latest, width)
-    ahead = duration_text(max(item.time - now, 0.0), digits=2)
-    return f"it reaches {limit} in about {ahead}, at {median} ({early} to {late})"
-
-
-def _misreading(graph: BondGraph, suspect: Suspect, word: str, notation: Notation) -> str:
-    """Say what is wrong with a sensor or an input."""
-    unit = unit_of(graph, suspect.parameter)
-    after, sd = _after(unit, notation), unit.difference_from_si(suspect.sd)
-    if word == FaultKind.STUCK.value:
-        return f"it is stuck at {figure(unit.from_si(suspect.estimate), sd).number(notation)}{after}"
-    if not _is_off(suspect):
-        return f"its {word} may still be {'right' if word != FaultKind.BIAS.value else '0'}"
-    if word == FaultKind.GAIN.value:
-        _, estimate, _, change = _values(graph, suspect, notation)
-        return f"it reads {estimate} times the right value{change.replace('(', '(gain, ')}"
-    size = figure(abs(unit.from_si(suspect.estimate)), sd).number(notation) + after
-    if word == FaultKind.NOISE.value:
-        times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
-        return f"it scatters by {size}, {times} times as much as the model file says (noise)"
-    high = suspect.estimate > 0.0
-    if is_input(graph, suspect.component):
-        text = f"it acts {size} {'above' if high else 'below'} what is recorded"
-    else:
-        text = f"it reads {size} too {'high' if high else 'low'}"
-    return text + (" (bias)" if suspect.rate is None else _parting(graph, suspect, notation))
-
-
-def _parting(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
-    """Say how the bias of a sensor that drifts goes on."""
-    rate, sd = suspect.rate or 0.0, suspect.rate_sd or 0.0
-    if abs(rate) < SIGNIFICANT * sd:
-        return " now, and drifts at a rate that is not known yet"
-    verb = "grows" if rate * suspect.estimate > 0.0 else "shrinks"
-    return f" now, and this {verb} by {_rate(graph, suspect, notation)} (drift)"
-
-
-def _is_off(suspect: Suspect) -> bool:
-    return abs(suspect.estimate - (suspect.nominal or 0.0)) >= SIGNIFICANT * suspect.sd
-
-
-def _values(graph: BondGraph, suspect: Suspect, notation: Notation) -> tuple[str, str, str, str]:
-    """Give the texts of nominal, estimate, unit with a space before it, and change in brackets."""
-    unit = unit_of(graph, suspect.parameter)
-    nominal = suspect.nominal or 0.0
-    estimate = figure(unit.from_si(suspect.estimate), unit.difference_from_si(suspect.sd)).number(notation)
-    change = change_text(nominal, suspect.estimate, suspect.sd)
-    bracket = f" ({change})" if change else ""
-    return figure(unit.from_si(nominal)).number(notation), estimate, _after(unit, notation), bracket
-
-
-def _after(unit: Unit, notation: Notation) -> str:
-    label = unit_text(unit.text, notation)
-    return f" {label}" if label else ""
+    shown = figure(rate, sd).both(notation)
+    return first, SuspectRow(component="", parameter="rate", estimate=shown, unit=f"{label or '1'}/{name}")

@@ -1,14 +1,24 @@
-"""What a run found, in words and in table rows; the terminal and the page print the same."""
+"""What a run found, in words and in table rows: made once, and shown by the terminal and the page."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
-from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, History, Unexplained
+from faultbond.contract.findings import (
+    Candidate,
+    Decider,
+    Decision,
+    Detection,
+    Diagnosis,
+    History,
+    Suspect,
+    Unexplained,
+)
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.report.advising import action
-from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, probability_text
+from faultbond.report.checks import CheckRow, action, check_rows
+from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, join, probability_text
 from faultbond.report.suspects import (
     OTHERWISE,
     SuspectRow,
@@ -23,7 +33,8 @@ from faultbond.types import FaultKind
 
 TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
-LISTED_SETS = 4  # candidates of a group named in a sentence
+NAMED_SETS = 4  # candidates of a group named in a sentence
+RANKED_SETS = 8  # candidates of the ranking after a rejection
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +75,69 @@ class TableRow:
     group: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunView:
+    """All that is said of a run, in one notation, as terminal and page show it.
+
+    state: `fault`, `open` or `healthy`. period, span: first and last time, and how long that is. events: alarms, and
+    what was accepted or rejected, in the order of time; True: an alarm. diagnosis: of the fault that is open, with its
+    rows and checks. several: whether candidates cannot be told from the best. remainder, left_out: candidates that the
+    rows leave out, and sets that were not tested.
+    """
+
+    state: str
+    verdict: str
+    sensors: str
+    step: str
+    period: str
+    span: str
+    defects: str
+    events: tuple[tuple[str, bool], ...]
+    diagnosis: Diagnosis | None
+    diagnosed_at: str = ""
+    rows: tuple[TableRow, ...] = ()
+    several: bool = False
+    remainder: str = ""
+    left_out: str = ""
+    contradicted: bool = False
+    checks: tuple[CheckRow, ...] = ()
+
+
+def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
+    """Give all that is to be said of a run."""
+    events = [(item.time, detection_sentence(item), True) for item in history.detections]
+    events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
+    events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
+    diagnosis = open_diagnosis(history)
+    rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
+    return RunView(
+        state="fault" if history.detections else "open" if counts.no_verdict else "healthy",
+        verdict=verdict_sentence(graph, history, counts, notation),
+        sensors=", ".join(sensor.name for sensor in graph.sensors),
+        step=step_text(graph),
+        period=" to ".join(clock_text(float(history.time[end])) for end in (0, -1)) if len(history.time) else "",
+        span=duration_text(_span(history)),
+        defects=counts.defects(),
+        events=tuple((text, alarm) for _, text, alarm in sorted(events, key=lambda event: event[0])),
+        diagnosis=diagnosis,
+        diagnosed_at=clock_text(diagnosis.time) if diagnosis else "",
+        rows=rows,
+        several=sum(row.group for row in rows) > 1,
+        remainder=remainder_text(diagnosis, rows) if diagnosis else "",
+        left_out=untested_sentence(diagnosis) if diagnosis else "",
+        contradicted=diagnosis is not None and diagnosis.unexplained is not None,
+        checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
+    )
+
+
+def step_text(graph: BondGraph) -> str:
+    """Say how often a plant is sampled."""
+    return f"every {duration_text(graph.sample_time)}" if graph.sample_time else "as the rows come"
+
+
 def last_diagnosis(history: History) -> Diagnosis | None:
     """Give the last diagnosis that names a candidate."""
-    named = [diagnosis for diagnosis in history.diagnoses if diagnosis.candidates]
-    return named[-1] if named else None
+    return next((diagnosis for diagnosis in reversed(history.diagnoses) if diagnosis.candidates), None)
 
 
 def open_diagnosis(history: History) -> Diagnosis | None:
@@ -82,19 +152,10 @@ def best_group(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
     return (first, *(candidate for candidate in others if candidate.group))
 
 
-def component_probabilities(diagnosis: Diagnosis | None) -> dict[str, float]:
-    """Give for each component the probability that it is among the changed ones; instruments are left out."""
-    return _probabilities(diagnosis, instruments=False)
-
-
-def instrument_probabilities(diagnosis: Diagnosis | None) -> dict[str, float]:
-    """Give for each suspected sensor or input the probability that it is at fault."""
-    return _probabilities(diagnosis, instruments=True)
-
-
-def _probabilities(diagnosis: Diagnosis | None, *, instruments: bool) -> dict[str, float]:
+def fault_probabilities(diagnosis: Diagnosis, *, instruments: bool) -> dict[str, float]:
+    """Give for each component, or each suspected sensor or input, the probability that it is among those at fault."""
     totals: dict[str, float] = {}
-    for candidate in diagnosis.candidates if diagnosis else ():
+    for candidate in diagnosis.candidates:
         chosen = [item for item in candidate.suspects if bool(instrument_of(item.parameter)[0]) is instruments]
         for component in dict.fromkeys(item.component for item in chosen):
             totals[component] = min(1.0, totals.get(component, 0.0) + candidate.probability)
@@ -111,29 +172,6 @@ def detection_sentence(detection: Detection) -> str:
     )
 
 
-def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
-    """Say in plain words what a run found."""
-    if history.open is None and counts.no_verdict:
-        return f"No verdict: {counts.no_verdict}."
-    if history.open is None and history.detections:
-        return f"Accepted as the new normal: {decided_text(graph, history.accepted)}. No other fault was found."
-    if history.open is None:
-        span = duration_text(span_of(history))
-        return f"No fault found in {counts.samples} samples ({span})."
-    diagnosis = open_diagnosis(history)
-    if diagnosis is None:
-        return "A fault was detected; there is no diagnosis yet."
-    group = best_group(diagnosis)
-    if diagnosis.unexplained is not None:
-        return f"{unexplained_sentence(diagnosis.unexplained)} {_nearest(graph, diagnosis, notation)}"
-    return _sure(graph, diagnosis, notation) if len(group) == 1 else _unsure(graph, diagnosis, notation)
-
-
-def decided_text(graph: BondGraph, decided: Sequence[Decision]) -> str:
-    """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
-    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
-
-
 def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     """Say what was accepted, when, and by whom."""
     told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
@@ -141,32 +179,71 @@ def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal."
 
 
-def unexplained_sentence(found: Unexplained) -> str:
-    """Say that no candidate fits, and where the best one is off."""
-    size = figure(found.sd, digits=2).number(Notation.FILE)
-    return (
-        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
-        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
-    )
+def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
+    """Say what was ruled out."""
+    candidate = rejected.candidate
+    named = f"{set_name(graph, candidate)}, {candidate.kind.value} ({probability_text(candidate.probability)} %)"
+    more = "" if _has_instrument(candidate) else ", and every set that contains it"
+    return f"Rejected at {clock_text(rejected.time)}: {named}{more}."
 
 
-def span_of(history: History) -> float:
-    """Give the length of the recording in seconds."""
-    return float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+def decided_text(graph: BondGraph, decided: Sequence[Decision]) -> str:
+    """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
+    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
 
 
-def _sure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
-    best = diagnosis.candidates[0]
-    owners = _owners(graph, best)
-    one = len(best.components) == 1
-    event = {
-        FaultKind.STEP: f"{owners} changed",
-        FaultKind.DRIFT: f"{owners} {'drifts' if one else 'drift'}",
-        FaultKind.INTERMITTENT: f"a fault of {owners} comes and goes",
-    }.get(best.kind, "")
-    if not event or (_has_instrument(best) and best.kind is not FaultKind.INTERMITTENT):
+def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
+    """Give a line for each of the best candidates after a rejection, and what else may be true."""
+    left = [item for item in diagnosis.candidates if item.probability > 0.0]
+    told = ["What is left:"]
+    told += [
+        f"{probability_text(item.probability):>6} %  {set_name(graph, item)}, {item.kind.value}"
+        for item in left[:RANKED_SETS]
+    ]
+    if len(left) > RANKED_SETS:
+        told.append(f"         ... and {len(left) - RANKED_SETS} more")
+    if diagnosis.unexplained is not None:
+        told.append(unexplained_sentence(diagnosis.unexplained))
+    return "\n".join([*told, *filter(None, [untested_sentence(diagnosis)])])
+
+
+def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
+    """Say in plain words what a run found."""
+    if history.open is None and counts.no_verdict:
+        return f"No verdict: {counts.no_verdict}."
+    if history.open is None and history.detections:
+        return f"Accepted as the new normal: {decided_text(graph, history.accepted)}. No other fault was found."
+    if history.open is None:
+        return f"No fault found in {counts.samples} samples ({duration_text(_span(history))})."
+    diagnosis = open_diagnosis(history)
+    if diagnosis is None:
+        return "A fault was detected; there is no diagnosis yet."
+    group = best_group(diagnosis)
+    best, one = group[0], len(group[0].components) == 1
+    owners = _joined_owners(graph, best.suspects)
+    changes = "; ".join(change_of(graph, best, suspect, diagnosis.time, notation) for suspect in best.suspects)
+    if diagnosis.unexplained is not None:  # what comes nearest, without a claim
+        off = unexplained_sentence(diagnosis.unexplained)
+        if len(group) > 1:
+            return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
+        changed = "a change" if best.kind is FaultKind.STEP and not _has_instrument(best) else "a fault"
+        what = "a drift" if best.kind is FaultKind.DRIFT else changed
+        return f"{off} Nearest comes {what} of {owners}: {changes}."
+    if len(group) > 1:
+        listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
+        shared = [item for item in best.suspects if all(item.parameter in other.parameters for other in group)]
+        common = join([f"{item.parameter} of {_joined_owners(graph, [item])}" for item in shared])
+        hint = f" All contain {common}." if shared else ""
+        if not diagnosis.advice:
+            return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
+        return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
+    if best.kind is FaultKind.INTERMITTENT:
+        event = f"a fault of {owners} comes and goes"
+    elif best.kind in (FaultKind.STEP, FaultKind.DRIFT) and not _has_instrument(best):
+        event = f"{owners} " + ("changed" if best.kind is FaultKind.STEP else "drifts" if one else "drift")
+    else:
         event = f"{owners} {'is' if one else 'are'} at fault"
-    return f"Most likely {event}: {_changes(graph, diagnosis, notation)}{_certainty(diagnosis)}.{otherwise(best)}"
+    return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
 
 
 def _certainty(diagnosis: Diagnosis) -> str:
@@ -183,109 +260,13 @@ def _certainty(diagnosis: Diagnosis) -> str:
     return f", {sure}" if least == sure else f", at least {least}"
 
 
-def _owners(graph: BondGraph, candidate: Candidate) -> str:
-    return join(list(dict.fromkeys(with_article(owner_of(graph, suspect)) for suspect in candidate.suspects)))
-
-
-def _has_instrument(candidate: Candidate) -> bool:
-    return any(instrument_of(suspect.parameter)[0] for suspect in candidate.suspects)
-
-
-def _changes(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
-    best = diagnosis.candidates[0]
-    return "; ".join(change_of(graph, best, suspect, diagnosis.time, notation) for suspect in best.suspects)
-
-
-def _nearest(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
-    """Name what comes nearest where nothing fits, without a claim."""
-    group = best_group(diagnosis)
-    if len(group) > 1:
-        return f"Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
-    best = group[0]
-    plain = best.kind is FaultKind.STEP and not _has_instrument(best)
-    what = {FaultKind.DRIFT: "a drift"}.get(best.kind, "a change" if plain else "a fault")
-    return f"Nearest comes {what} of {_owners(graph, best)}: {_changes(graph, diagnosis, notation)}."
-
-
-def _unsure(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> str:
-    group = best_group(diagnosis)
-    listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
-    shared = [suspect for suspect in group[0].suspects if all(suspect.parameter in other.parameters for other in group)]
-    common = join([f"{suspect.parameter} of {with_article(owner_of(graph, suspect))}" for suspect in shared])
-    hint = f" All contain {common}." if shared else ""
-    if not diagnosis.advice:
-        return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
-    best = diagnosis.advice[0]
-    return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, best, notation)}."
-
-
-def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:
-    """Name a candidate, and its kind of fault where that is not a step: `pipe K1 drifting`."""
-    words = {FaultKind.STEP: "", FaultKind.DRIFT: " drifting", FaultKind.INTERMITTENT: " coming and going"}
-    return set_name(graph, candidate) + words.get(candidate.kind, f" {candidate.kind.value}")
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - LISTED_SETS
-    return join([*names[:LISTED_SETS], f"{more} more"] if more > 0 else names)
-
-
-def set_name(graph: BondGraph, candidate: Candidate) -> str:
-    """Name a candidate: `pipe K1`, `pipe K1 with leak K6`, or `flow sensor`."""
-    names = []
-    for suspect in candidate.suspects:
-        owner = owner_of(graph, suspect)
-        plain = suspect.component == suspect.parameter or instrument_of(suspect.parameter)[0]
-        names.append(owner if plain else f"{owner} {suspect.parameter}")
-    return " with ".join(names)
-
-
-def set_key(candidate: Candidate) -> tuple[str, ...]:
-    """Give what a candidate is called throughout a run, while the kind of fault of an instrument may change."""
-    return tuple(suspect.parameter.split(".")[0] + "." * ("." in suspect.parameter) for suspect in candidate.suspects)
-
-
-def unfalsifiable_text(spec: EngineSpec) -> str:
-    """Name the sets that are not tested since no data can contradict them: `{A, B}, {A, C} and 3 more`."""
-    return _listed(["{" + ", ".join(spec.parameters[k].name for k in chosen) + "}" for chosen in spec.explain_anything])
-
-
-def join(words: Sequence[str]) -> str:
-    """Join words with commas and a last `and`."""
-    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
-
-
-def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
-    """Give the rows of the ranked table that are worth a look, best first."""
-    shown = [
-        candidate
-        for place, candidate in enumerate(diagnosis.candidates[:TABLE_ROWS])
-        if place < 3 or candidate.group or candidate.probability >= NEGLIGIBLE
-    ]
-    return tuple(
-        TableRow(
-            suspects=tuple(
-                row
-                for number, suspect in enumerate(candidate.suspects)
-                for row in rows_of(graph, suspect, notation, "+ " if number else "")
-            ),
-            kinds=_kinds(candidate),
-            probability=candidate.probability,
-            percent=probability_text(candidate.probability),
-            group=candidate.group or place == 0,
-        )
-        for place, candidate in enumerate(shown)
+def unexplained_sentence(found: Unexplained) -> str:
+    """Say that no candidate fits, and where the best one is off."""
+    size = figure(found.sd, digits=2).number()
+    return (
+        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
+        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
     )
-
-
-def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
-    """Say how many candidates the table leaves out and how improbable they are; empty where it shows all."""
-    left = diagnosis.candidates[len(rows) :]
-    if not left:
-        return ""
-    bound = max(candidate.probability for candidate in left)
-    limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
-    return f"... and {len(left)} more below {limit:g} %"
 
 
 def untested_sentence(diagnosis: Diagnosis) -> str:
@@ -299,8 +280,72 @@ def untested_sentence(diagnosis: Diagnosis) -> str:
     return f"{many}; the truth is among them with at most {math.ceil(1000.0 * left.probability - 1e-9) / 10.0:.1f} %."
 
 
-def _kinds(candidate: Candidate) -> tuple[str, ...]:
-    """Give the kind of fault, or the kinds that it may be with their shares, and that a fault is gone now."""
-    told = [(kind, share) for kind, share in candidate.kinds if share >= OTHERWISE]
-    several = [f"{kind.value} {100.0 * share:.0f} %" for kind, share in told] if len(told) > 1 else []
-    return (*(several or [candidate.kind.value]), *([] if candidate.present else ["now gone"]))
+def unfalsifiable_text(spec: EngineSpec) -> str:
+    """Name the sets that are not tested since no data can contradict them: `{A, B}, {A, C} and 3 more`."""
+    return _listed(["{" + ", ".join(spec.parameters[k].name for k in chosen) + "}" for chosen in spec.explain_anything])
+
+
+def set_name(graph: BondGraph, candidate: Candidate) -> str:
+    """Name a candidate: `pipe K1`, `pipe K1 with leak K6`, or `flow sensor`."""
+    names = []
+    for suspect in candidate.suspects:
+        owner = owner_of(graph, suspect)
+        plain = suspect.component == suspect.parameter or instrument_of(suspect.parameter)[0]
+        names.append(owner if plain else f"{owner} {suspect.parameter}")
+    return " with ".join(names)
+
+
+def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
+    """Give the rows of the ranked table that are worth a look, best first."""
+    rows = []
+    for place, candidate in enumerate(diagnosis.candidates[:TABLE_ROWS]):
+        if place < 3 or candidate.group or candidate.probability >= NEGLIGIBLE:
+            told = [(kind.value, share) for kind, share in candidate.kinds if share >= OTHERWISE]
+            kinds = [f"{word} {100.0 * share:.0f} %" for word, share in told] if len(told) > 1 else []
+            suspects = [
+                rows_of(graph, suspect, notation, "+ " if number else "")
+                for number, suspect in enumerate(candidate.suspects)
+            ]
+            row = TableRow(
+                suspects=tuple(chain.from_iterable(suspects)),
+                kinds=(*(kinds or [candidate.kind.value]), *([] if candidate.present else ["now gone"])),
+                probability=candidate.probability,
+                percent=probability_text(candidate.probability),
+                group=candidate.group or place == 0,
+            )
+            rows.append(row)
+    return tuple(rows)
+
+
+def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
+    """Say how many candidates the table leaves out and how improbable they are; empty where it shows all."""
+    left = diagnosis.candidates[len(rows) :]
+    if not left:
+        return ""
+    bound = max(candidate.probability for candidate in left)
+    limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
+    return f"... and {len(left)} more below {limit:g} %"
+
+
+def _span(history: History) -> float:
+    """Give the length of the recording in seconds."""
+    return float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+
+
+def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:
+    return join(list(dict.fromkeys(with_article(owner_of(graph, suspect)) for suspect in suspects)))
+
+
+def _has_instrument(candidate: Candidate) -> bool:
+    return any(instrument_of(suspect.parameter)[0] for suspect in candidate.suspects)
+
+
+def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:
+    """Name a candidate, and its kind of fault where that is not a step: `pipe K1 drifting`."""
+    words = {FaultKind.STEP: "", FaultKind.DRIFT: " drifting", FaultKind.INTERMITTENT: " coming and going"}
+    return set_name(graph, candidate) + words.get(candidate.kind, f" {candidate.kind.value}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - NAMED_SETS
+    return join([*names[:NAMED_SETS], f"{more} more"] if more > 0 else names)

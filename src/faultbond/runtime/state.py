@@ -173,6 +173,12 @@ class State:
         """Give all numbers by name, such as `clock.index`, for `numpy.savez`."""
         return dict(_named(self, ""))
 
+    @staticmethod
+    def restore(saved: Mapping[str, FloatArray]) -> "State":
+        """Give the state that `save` wrote."""
+        state: State = _restored(State, saved, "")
+        return state
+
 
 def _named(part: Any, place: str) -> list[tuple[str, FloatArray]]:
     """Give the numbers of a part of the state, by name."""
@@ -187,26 +193,20 @@ def _named(part: Any, place: str) -> list[tuple[str, FloatArray]]:
     return found
 
 
-def restore(fresh: State, saved: Mapping[str, FloatArray]) -> State:
-    """Give the state that was saved; `fresh` is one of the same model, at its beginning."""
-    state: State = _filled(fresh, saved, "")
-    return state
-
-
-def _filled(part: Any, saved: Mapping[str, FloatArray], place: str) -> Any:
-    """Give a part of the state with the saved numbers, those that are no arrays as what they are."""
-    if isinstance(part, Past):
+def _restored(kind: Any, saved: Mapping[str, FloatArray], place: str) -> Any:
+    """Give a part of the state of a kind with the saved numbers, those that are no arrays as what they are."""
+    if kind is Past:
         columns = [saved[place + name] for name in ("samples", "lanes")]
         columns += [saved[place + name][:, None] for name in ("times", "wildness")]
-        return past_of(np.concatenate(columns, axis=1), int(saved["clock.index"]) - 1, part.n_sample)
+        return past_of(np.concatenate(columns, axis=1), int(saved["clock.index"]) - 1, columns[0].shape[1])
     found: dict[str, Any] = {}
-    for field in fields(part):
-        value, name = getattr(part, field.name), place + field.name
-        if is_dataclass(value):
-            found[field.name] = _filled(value, saved, f"{name}.")
+    for field in fields(kind):
+        name = place + field.name
+        if is_dataclass(field.type):
+            found[field.name] = _restored(field.type, saved, f"{name}.")
         else:
-            found[field.name] = np.asarray(saved[name]) if isinstance(value, np.ndarray) else type(value)(saved[name])
-    return type(part)(**found)
+            found[field.name] = field.type(saved[name]) if field.type in (int, float) else np.asarray(saved[name])
+    return kind(**found)
 
 
 def allowed_of(spec: EngineSpec) -> dict[str, Allowed]:

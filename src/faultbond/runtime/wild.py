@@ -29,7 +29,7 @@ SPIKE, BACK = 4.0, 0.5  # sd of an innovation that may be due to one; part of th
 CAP = 20.0  # sd of an innovation beyond which it counts no more there
 ABSURD = 100.0  # sizes of a state beyond which no past is believed to have taken it
 
-Past = tuple[FloatArray, FloatArray]  # a lane, and a packed sample as it is after that past
+OnePast = tuple[FloatArray, FloatArray]  # a lane, and a packed sample as it is after that past
 
 
 def admit(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, FloatArray, State, int]:
@@ -122,7 +122,7 @@ def _believing(spec: EngineSpec, state: State) -> State:
     return replace(state, inputs=believed)
 
 
-def _compared(spec: EngineSpec, engine: Engine, one: Past, two: Past) -> tuple[FloatArray, float]:
+def _compared(spec: EngineSpec, engine: Engine, one: OnePast, two: OnePast) -> tuple[FloatArray, float]:
     """Take a sample after two pasts: give the lane of the second, and what the readings that both trust say for it."""
     n_y = len(spec.outputs)
     both = trusted(spec, one[1]) & trusted(spec, two[1])
@@ -178,7 +178,7 @@ def without_spike(spec: EngineSpec, engine: Engine, state: State, packed: FloatA
     return other if gain > TELLING else packed
 
 
-def _doubting(spec: EngineSpec, engine: Engine, one: Past, two: Past, state: State) -> FloatArray:
+def _doubting(spec: EngineSpec, engine: Engine, one: OnePast, two: OnePast, state: State) -> FloatArray:
     """Give the sample of the first past, with states as uncertain as the two pasts lead them apart."""
     place, n_x = spec.sample_fields, len(spec.states)
     reached = []

@@ -1,6 +1,7 @@
 """The engine without a compiler: CasADi's virtual machine runs the same graph."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,10 +31,17 @@ class VirtualMachine:
         n = lanes.shape[1]
         if n == 0:  # CasADi takes no columns for one
             return lanes.copy(), np.empty((samples.shape[0], self.function.numel_out(1), 0))
-        mapped = self.function.map(n) if n > 1 else self.function
-        current = lanes
         innovations = np.empty((samples.shape[0], self.function.numel_out(1), n))
+        current, held = np.array(lanes.T, dtype=np.float64, order="C"), np.empty((n, samples.shape[1]))
+        following, found = np.empty_like(current), np.empty((n, innovations.shape[1]))
+        mapped = self.function.map(n) if n > 1 else self.function
+        buffer: Any  # its methods take one argument less than CasADi's types say
+        buffer, call = mapped.buffer()  # CasADi's matrices would take longer than the filter
+        for k, (argument, result) in enumerate(((current, following), (held, found))):
+            buffer.set_arg(k, argument.data)
+            buffer.set_res(k, result.data)
         for t, sample in enumerate(samples):
-            following, found = mapped(current, np.repeat(sample[:, None], n, axis=1))
-            current, innovations[t] = following.full(), found.full()
-        return np.ascontiguousarray(current), innovations
+            held[:] = sample
+            call()
+            current[:], innovations[t] = following, found.T
+        return np.ascontiguousarray(current.T), innovations

@@ -33,14 +33,14 @@ def core_text(spec: EngineSpec, model: StepModel) -> str:
 
 
 def model_text(spec: EngineSpec, model: StepModel) -> str:
-    """Give sizes, tables and functions of a model as C text; see `core_text`."""
+    """Give sizes, tables and functions of a model as C text; see `core_text`. No name of the user's stands in it."""
     rates, rate_entries = _with_sparse_slope("model_rates", model.rates)
     linear = _are_constant(model, model.rates)
     readings, reading_entries = _with_sparse_slope("model_readings", model.readings)
     n_v = model.v.numel()
     parts = [
-        f"/* {spec.model}: sizes, tables, rates and readings. */",
-        _sizes(spec, model, rate_entries, reading_entries),
+        "/* The model: sizes, tables, rates and readings. */",
+        _sizes(spec, model, rate_entries, reading_entries, linear=linear),
         *_places(spec),
         *_tables(spec),
         *_state_tables(spec, rate_entries, n_v),
@@ -51,7 +51,12 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
 
 
 def _sizes(
-    spec: EngineSpec, model: StepModel, rates: Sequence[tuple[int, int]], readings: Sequence[tuple[int, int]]
+    spec: EngineSpec,
+    model: StepModel,
+    rates: Sequence[tuple[int, int]],
+    readings: Sequence[tuple[int, int]],
+    *,
+    linear: bool,
 ) -> str:
     sizes = {
         "N_STATES": len(spec.states),
@@ -68,7 +73,7 @@ def _sizes(
         "N_RATE_SLOPES": len(rates),
         "N_READING_SLOPES": len(readings),
         "SUBSTEPS": model.substeps,
-        "RATES_ARE_LINEAR": int(_are_constant(model, model.rates)),
+        "RATES_ARE_LINEAR": int(linear),
         "READINGS_ARE_LINEAR": int(model.measure_is_linear and not spec.slot),
         "WILDEST": repr(spec.thresholds.bank_bound**2),
         "BLANK_FACTOR": repr(spec.thresholds.blank_factor),
@@ -77,9 +82,9 @@ def _sizes(
 
 
 def _are_constant(model: StepModel, function: ca.Function) -> bool:
-    """Whether the slopes of a function depend on nothing that differs from lane to lane."""
+    """Whether the slopes of a function are the same in all lanes and at all times."""
     slope = function(model.v, model.u, model.z)[1]
-    return not ca.depends_on(slope, ca.vertcat(model.v, model.z))
+    return not ca.depends_on(slope, ca.vertcat(model.v, model.u, model.z))
 
 
 def _places(spec: EngineSpec) -> Iterable[str]:
@@ -144,7 +149,7 @@ def _joint_places(spec: EngineSpec, pattern: BoolArray, *, slot: bool = False) -
 
 
 def _with_sparse_slope(name: str, function: ca.Function) -> tuple[ca.Function, list[tuple[int, int]]]:
-    """Give a function of value and slope with the entries of the slope that are not zero, by rows, and where they are."""
+    """Give a function of a value and the entries of its slope that are not zero, and the places of these."""
     arguments = [ca.SX.sym(f"a{k}", *function.size_in(k)) for k in range(function.n_in())]
     value, slope = function(*arguments)
     slope = ca.sparsify(slope)

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
-from faultbond.algebra.route import Question, Route, Step, Target
+from faultbond.algebra.route import Question, Route, RouteStep, Target
 from faultbond.algebra.routes.unroll import (
     Place,
     assemble,
@@ -227,7 +227,7 @@ def search_route(
         )
         for before, state in pairwise(reversed(states))
     )
-    steps = [Step(equation=item.place[0], frame=item.place[1], finds=item.finds) for item in passages]
+    steps = [RouteStep(equation=item.place[0], frame=item.place[1], finds=item.finds) for item in passages]
     return RouteSearch(
         network=network,
         question=question,

@@ -1,10 +1,11 @@
 """What the tests of solving share: plants by name, and static networks written as equations."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from faultbond.algebra.route import Question, Route
+from faultbond.algebra.route import Question, Route, RouteStep
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of
 from faultbond.equations.causality import assign_causality
@@ -56,3 +57,29 @@ def static(
 def route_to(network: ComponentNetwork, *targets: str) -> Route:
     """The route to some parameters."""
     return find_route(network, Question(targets=targets, observed=network.observed, unknown=targets))
+
+
+def earlier(route: Route, frames: int = 1) -> Route:
+    """Give the same route some frames earlier: what it found then, from what was known then."""
+    question = route.question
+    shifted = replace(
+        question,
+        targets=tuple(t if isinstance(t, str) else (t[0], t[1] + frames) for t in question.targets),
+        known=frozenset((name, frame + frames) for name, frame in question.known),
+        hidden=frozenset((name, frame + frames) for name, frame in question.hidden),
+        newest=question.newest + frames,
+    )
+    return replace(
+        route,
+        question=shifted,
+        steps=tuple(
+            RouteStep(
+                equation=step.equation,
+                frame=step.frame + frames,
+                finds=step.finds if isinstance(step.finds, str) else (step.finds[0], step.finds[1] + frames),
+            )
+            for step in route.steps
+        ),
+        samples=tuple((name, frame + frames) for name, frame in route.samples),
+        known=tuple((name, frame + frames) for name, frame in route.known),
+    )

@@ -7,19 +7,19 @@ import pytest
 from solved import EXAMPLES, example, static
 
 from faultbond.algebra.solving.backward_euler import (
+    FrameRecord,
     NumericPlant,
-    Record,
     frame_blocks,
     misfit,
     newton,
     plant_of,
     random_inputs,
-    simulate,
+    simulate_frames,
 )
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.model.expression import names
 from faultbond.model.parser import parse_expression
@@ -29,9 +29,9 @@ WITHOUT = ("pipe", "skab")  # a long chain, and a plant without inputs, of which
 FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/model.yaml") if path.parent.name not in WITHOUT)
 
 
-def at(network: ComponentNetwork, plant: NumericPlant, record: Record, position: int) -> dict[str, Value]:
+def at(network: ComponentNetwork, plant: NumericPlant, record: FrameRecord, position: int) -> dict[str, Real]:
     """All values of one frame, those of the frame before as `x@1`."""
-    values: dict[str, Value] = {**plant.values, "dt": plant.sample_time}
+    values: dict[str, Real] = {**plant.values, "dt": plant.sample_time}
     for signal in network.signals:
         values[signal] = record[signal][position]
         values[f"{signal}@1"] = record[signal][position - 1]
@@ -43,13 +43,13 @@ def test_every_equation_holds(folder: str) -> None:
     """Every equation of every frame is satisfied by the record of an example."""
     network, plant = example(folder)
     inputs = random_inputs(plant, 5, seed=2)
-    record = simulate(network, plant.values, inputs, plant.sample_time)
+    record = simulate_frames(network, plant.values, inputs, plant.sample_time)
     residuals = [item.residual for item in network.equations]
     assert all(misfit(residuals, at(network, plant, record, k)) < 1e-9 for k in range(1, 5))
     assert all(record[name] == tuple(values) for name, values in inputs.items()) or not _is_exact(record)
 
 
-def _is_exact(record: Record) -> bool:
+def _is_exact(record: FrameRecord) -> bool:
     return all(isinstance(value, Fraction | int) for series in record.values() for value in series)
 
 
@@ -57,13 +57,16 @@ def test_linear_plants_are_exact() -> None:
     """The motor's record is of fractions, the tank's, with its squares, of floating point."""
     for folder, exact in (("dc_motor", True), ("rlc", True), ("tank", False)):
         network, plant = example(folder)
-        assert _is_exact(simulate(network, plant.values, random_inputs(plant, 3, seed=0), plant.sample_time)) is exact
+        assert (
+            _is_exact(simulate_frames(network, plant.values, random_inputs(plant, 3, seed=0), plant.sample_time))
+            is exact
+        )
 
 
 def test_start_is_taken() -> None:
     """A capacitor without current keeps its voltage."""
     network, plant = example("rc")
-    record = simulate(network, plant.values, {"V": [Fraction(7)]}, plant.sample_time, {"V_C": Fraction(7)})
+    record = simulate_frames(network, plant.values, {"V": [Fraction(7)]}, plant.sample_time, {"V_C": Fraction(7)})
     assert record["V_C"] == (7,)
     assert record["loop.f"] == (0,)
 
@@ -85,7 +88,7 @@ sensors: {i: {reads: loop.f, unit: A, noise: 1 A}}
 """
     graph = parse_model(text)
     network = build_components(graph, build_network(graph, assign_causality(graph)))
-    record = simulate(network, plant_of(graph).values, {"V": [Fraction(11)]}, Fraction(1, 2))
+    record = simulate_frames(network, plant_of(graph).values, {"V": [Fraction(11)]}, Fraction(1, 2))
     assert record["i"] == (Fraction(1),)  # 11 = i + 5 i / 0.5
 
 
@@ -93,14 +96,14 @@ def test_superfluous_equations_are_named() -> None:
     """A network with an equation too many says which, and which signal stays open."""
     network, plant = static({"a": "x - u", "b": "x - 2*u", "c": "y - w"}, ["u"], ["y"], {})
     with pytest.raises(StructureError, match="equations too many: b; signals left open: w"):
-        simulate(network, plant.values, {"u": [1.0]}, 1.0)
+        simulate_frames(network, plant.values, {"u": [1.0]}, 1.0)
 
 
 def test_no_solution_is_named() -> None:
     """A law that no number satisfies names the signal."""
     network, plant = static({"law": "x**2 + u"}, ["u"], ["x"], {})
     with pytest.raises(StructureError, match="no value found for x"):
-        simulate(network, plant.values, {"u": [1.0]}, 1.0)
+        simulate_frames(network, plant.values, {"u": [1.0]}, 1.0)
 
 
 def test_blocks_come_in_order() -> None:

@@ -6,11 +6,11 @@ from time import monotonic
 
 import pytest
 from solved import example, route_to
+from sympy.polys.rings import PolyElement
 
-from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
-from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, degree, space_of
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
+from faultbond.algebra.solving.polynomial import Space, TooLargeError, by_power, degree, image, quotient, space_of
 from faultbond.algebra.solving.problem import Block, prepare
-from faultbond.algebra.solving.rational import quotient
 from faultbond.model.expression import names
 from faultbond.model.parser import parse_expression
 
@@ -24,18 +24,12 @@ def reduce(
     """Eliminate from equations given as text."""
     space = space_of([*known.split(), *signals.split(), *parameters.split()], max_terms)
     polynomials = [quotient(parse_expression(text), space)[0] for text in texts]
-    return eliminate(polynomials, signals.split(), parameters.split(), space), space
+    return reduce_system(polynomials, signals.split(), parameters.split(), space), space
 
 
-def value(polynomial: Polynomial, space: Space, values: dict[str, Fraction]) -> Fraction:
+def value(polynomial: PolyElement, space: Space, values: dict[str, Fraction]) -> Fraction:
     """The value of a polynomial."""
-    total = Fraction(0)
-    for monomial, coefficient in polynomial.items():
-        term = Fraction(coefficient)
-        for name, power in space.powers(monomial).items():
-            term *= values[name] ** power
-        total += term
-    return total
+    return sum(image(polynomial, space, values).values(), Fraction(0))
 
 
 def test_linear_equations() -> None:
@@ -77,7 +71,7 @@ def _degree_of(block: Block) -> int:
     space = space_of(sorted(from_block | set(block.unknown)))
     polynomials = [quotient(residual, space)[0] for residual in block.residuals]
     signals = [name for name in block.unknown if name not in block.parameters]
-    reduced = eliminate(polynomials, signals, sorted(block.parameters), space)
+    reduced = reduce_system(polynomials, signals, sorted(block.parameters), space)
     if not reduced.rest:
         return 1
     (name,), (polynomial,) = reduced.unknown, reduced.rest
@@ -119,7 +113,7 @@ def test_deadline() -> None:
     space = space_of(["a", "x", "y"])
     polynomials = [quotient(parse_expression(text), space)[0] for text in ("x - a*y", "x + y - 1")]
     with pytest.raises(TooLargeError):
-        eliminate(polynomials, ["x", "y"], [], space, monotonic() - 1.0)
+        reduce_system(polynomials, ["x", "y"], [], space, monotonic() - 1.0)
 
 
 def test_order_of_equations_does_not_matter() -> None:

@@ -10,7 +10,7 @@ from solved import example, route_to
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant
 from faultbond.algebra.solving.noise import noise_gain, nominal_record
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.solution import Solution, solve_samples
@@ -26,7 +26,12 @@ def quiet(plant: NumericPlant, factor: float) -> NumericPlant:
 
 
 def simulated_spread(
-    network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record, solution: Solution, draws: int = 400
+    network: ComponentNetwork,
+    route: Route,
+    plant: NumericPlant,
+    record: FrameRecord,
+    solution: Solution,
+    draws: int = 400,
 ) -> FloatArray:
     """The spread of the first target at the newest instant of a record under random noise."""
     problem = prepare(network, route, plant)

@@ -1,11 +1,12 @@
 """The functions of thesis 4.2 on plants whose answers are known, and on all kinds of networks."""
 
 import pytest
-from benchmarks.ladders import components_of, example
+from benchmarks.shared.ladders import components_of, example
+from solved import earlier
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
-from faultbond.algebra.routes.matched import earlier, find_route
+from faultbond.algebra.routes.matched import find_route
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.errors import StructureError
 

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from benchmarks.ladders import components_of, example, ladder
+from benchmarks.shared.ladders import components_of, example, ladder
+from solved import earlier
 
-from faultbond.algebra.route import Question, Route, Step
-from faultbond.algebra.routes.matched import alternatives, earlier, find_route
+from faultbond.algebra.route import Question, Route, RouteStep
+from faultbond.algebra.routes.matched import alternatives, find_route
 from faultbond.algebra.routes.questions import outputs, parameter_sets, parameters, states, states_from_rates
 from faultbond.algebra.routes.unroll import assemble, causes, frame_limit, unroll
 from faultbond.equations.component_network import ComponentNetwork
@@ -38,7 +39,7 @@ def test_sensor_is_the_shortest_route() -> None:
     """The pressure drop of the orifice is read off the flow meter, without any other component."""
     tank = example("tank")
     route = find_route(tank, Question(targets=(("orifice.e", 0),), observed=tank.observed))
-    assert route.steps == (Step(equation="flow", frame=0, finds=("orifice.e", 0)),)
+    assert route.steps == (RouteStep(equation="flow", frame=0, finds=("orifice.e", 0)),)
     assert route.samples == (("flow", 0),)
 
 
@@ -54,7 +55,7 @@ def test_steps_from_the_target_on() -> None:
     """The first step finds the target, the last block is solved last and holds it."""
     motor = example("dc_motor")
     route = find_route(motor, parameters(motor, ("R",)))
-    assert route.steps[0] == Step(equation="R", frame=0, finds="R")
+    assert route.steps[0] == RouteStep(equation="R", frame=0, finds="R")
     assert route.blocks[-1] == (0,)
 
 
@@ -103,7 +104,7 @@ def test_earlier() -> None:
     route = find_route(motor, parameters(motor, ("R",)))
     shifted = earlier(route, 2)
     assert shifted.samples == tuple((name, frame + 2) for name, frame in route.samples)
-    assert shifted.steps[0] == Step(equation="R", frame=2, finds="R")
+    assert shifted.steps[0] == RouteStep(equation="R", frame=2, finds="R")
     assert shifted.blocks == route.blocks
     assert shifted == assemble(motor, shifted.question, shifted.steps)
 

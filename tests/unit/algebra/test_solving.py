@@ -10,8 +10,8 @@ from solved import example, route_to, static
 
 from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
-from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of, random_inputs, simulate
-from faultbond.algebra.solving.printing import to_one_line
+from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of, random_inputs, simulate_frames
+from faultbond.algebra.solving.formula import to_one_line
 from faultbond.algebra.solving.problem import prepare
 from faultbond.algebra.solving.roots import find_roots
 from faultbond.algebra.solving.solution import (
@@ -26,7 +26,7 @@ from faultbond.algebra.solving.solve import SolvingLimits, cache_key, solve, sol
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import to_text
@@ -43,19 +43,19 @@ SINGLES = [
 
 def fresh_data(
     network: ComponentNetwork, plant: NumericPlant, route: Route, factor: Fraction, seed: int
-) -> tuple[dict[str, Value], dict[str, Value]]:
+) -> tuple[dict[str, Real], dict[str, Real]]:
     """Samples of a plant with other values of the unknowns, as a route names them, and the true values."""
     problem = prepare(network, route, plant)
     parameters = [name for name in problem.unknown if name in plant.values]
     values = dict(plant.values) | {name: plant.values[name] * factor for name in parameters}
-    record = simulate(network, values, random_inputs(plant, problem.frames + 5, seed), plant.sample_time)
+    record = simulate_frames(network, values, random_inputs(plant, problem.frames + 5, seed), plant.sample_time)
     end = problem.frames + 4
     true = {name: record[signal][end - frame] for name, (signal, frame) in problem.signals.items()}
     true |= {**values, "dt": plant.sample_time}
     return {name: value for name, value in true.items() if name not in problem.unknown}, true
 
 
-def agrees(found: dict[str, Value], true: dict[str, Value], tolerance: float = 1e-6) -> bool:
+def agrees(found: dict[str, Real], true: dict[str, Real], tolerance: float = 1e-6) -> bool:
     """Whether found values are the true ones."""
     return all(abs(float(value - true[name])) <= tolerance * abs(float(true[name])) for name, value in found.items())
 
@@ -66,7 +66,7 @@ def test_single_faults_of_the_examples(folder: str, name: str) -> None:
     network, plant = example(folder)
     route = route_to(network, name)
     solution = solve(network, route, plant)
-    assert solution.is_closed
+    assert solution.roots
     known, true = fresh_data(network, plant, route, Fraction(13, 10), seed=99)
     assert any(agrees(found, true) for found in solve_samples(solution, known))
 
@@ -140,10 +140,10 @@ def squares() -> tuple[ComponentNetwork, NumericPlant]:
     return static(laws, ["x1", "x2", "x3"], ["y"], {"M1": 1.0, "M2": 2.0, "M3": 4.0})
 
 
-def observations(*rows: tuple[int, int, int, int]) -> dict[str, Value]:
+def observations(*rows: tuple[int, int, int, int]) -> dict[str, Real]:
     """Observations x1, x2, x3, y as frames, with the nominal parameters."""
     names = ("x1", "x2", "x3", "y")
-    found: dict[str, Value] = {
+    found: dict[str, Real] = {
         f"{name}_{frame}": Fraction(value)
         for frame, row in enumerate(rows)
         for name, value in zip(names, row, strict=True)
@@ -236,7 +236,7 @@ def test_polynomial_that_factors() -> None:
     """A cubic in the unknown that is a product has closed forms for the factors of degree 1 and 2."""
     network, plant = static({"P": "x - P*u", "law": "(x - y)*(x**2 + y**2 + u)"}, ["u"], ["y"], {"P": 2.0})
     solution = solve(network, route_to(network, "P"), plant)
-    assert solution.is_closed
+    assert solution.roots
     assert solution.real_roots == 1
 
 
@@ -318,7 +318,7 @@ def test_many_kinks_are_bounded() -> None:
     laws |= {"P": "z - P*u", "sum": "y - " + " - ".join(f"x{k}" for k in range(30))}
     network, plant = static(laws, ["u"], ["y"], {"P": 0.5})
     solution = solve(network, route_to(network, "P"), plant)
-    assert solution.is_closed
+    assert solution.roots
     assert "left out" in solution.remarks[0]
 
 
@@ -484,6 +484,6 @@ def test_broken_power_of_an_unknown() -> None:
     route = route_to(network, "P")
     solution = solve(network, route, plant)
     assert (solution.kind, solution.degree, solution.real_roots) == (SolutionKind.POLYNOMIAL, 3, 1)
-    known: dict[str, Value] = {"y_0": Fraction(12), "u_0": Fraction(2), "dt": Fraction(1)}
+    known: dict[str, Real] = {"y_0": Fraction(12), "u_0": Fraction(2), "dt": Fraction(1)}
     (root,) = find_roots(prepare(network, route, plant), known, {"x_0": 1.0, "P": 1.0}).roots
     assert float(root["P"]) == pytest.approx(2.0)

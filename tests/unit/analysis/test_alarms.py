@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultbond.analysis.alarms import Bisection, Detector, alarms, windows_of
+from faultbond.analysis.false_alarm_trials import Bisection, Detector, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
 from faultbond.runtime.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import step

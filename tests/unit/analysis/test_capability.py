@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.capability import CapabilityView, in_general, largest_size, on_record
-from faultbond.analysis.recorded import recorded_runs
+from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from plants import example, stated
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.equilibrium import reference
-from faultbond.analysis.input_advice import FAULT, _experiment, _separation, input_advice
-from faultbond.analysis.least_squares import fit
-from faultbond.analysis.sensitivity import build_recursion, sensitivities
+from faultbond.analysis.input_advice import FAULT, _separation, input_advice
+from faultbond.analysis.levenberg_marquardt import fit_lanes
+from faultbond.analysis.sensitivity import Experiment, build_recursion, sensitivities
 from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.errors import ModelError
 from plants import circuit, example, stated
@@ -71,7 +71,14 @@ def test_separation_is_what_a_fit_leaves() -> None:
     recursion = build_recursion(model.plant)
     names = [item.name for item in model.plant.graph.parameters]
     longest, places = 12.0, ((names.index("R"),), (names.index("K"),))
-    experiment = _experiment(model, np.array([5.0]), longest, 0, 4.0, stand=reference(model))
+    dt, stand = np.array([0.0, *[longest / 48] * 96]), reference(model)
+    experiment = Experiment(
+        start=stand.contents,
+        inputs=np.array([[5.0]] * 49 + [[9.0]] * 48),
+        dt=dt,
+        theta=np.array([item.nominal for item in model.plant.graph.parameters]),
+        implicit=stand.implicit,
+    )
     (run,) = sensitivities(recursion, [experiment])
     assert run is not None
     expected = {}
@@ -84,7 +91,7 @@ def test_separation_is_what_a_fit_leaves() -> None:
         course = Trajectory(recursion, experiment)
         nominal = course.alone(experiment.theta)
         assert nominal is not None
-        found = fit(course, lanes_of([experiment.theta], experiment.start, [other]), nominal, faulty.y[None])
+        found = fit_lanes(course, lanes_of([experiment.theta], experiment.start, [other]), nominal, faulty.y[None])
         samples = longest / 48 / 0.02  # that a step of the run stands for
         left = found.misfit[0] * np.sqrt(np.mean(run.y**2)) * np.sqrt(run.y.size * samples) / 0.06
         item = model.plant.graph.parameters[one[0]]

@@ -5,7 +5,7 @@ import pytest
 
 from faultbond.analysis.capability import on_record
 from faultbond.analysis.ranks import reduce
-from faultbond.analysis.recorded import MOST_SAMPLES, recorded_runs
+from faultbond.analysis.replay import MOST_SAMPLES, recorded_runs
 from faultbond.analysis.sensitivity import Sensitivity, build_recursion
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from faultbond.analysis import sensor_advice as sensors
-from faultbond.analysis.sensor_advice import advise_sensors, candidates, restricted
+from faultbond.analysis.sensor_advice import advise_sensors, readable_signals, restricted
 from faultbond.analysis.testable import generic_run
 from plants import TANK_SENSORS, circuit, example, named, stated
 
 
 def test_candidates_are_what_a_sensor_could_read() -> None:
     """Every effort, flow and stored quantity that has a name and is not read yet, those of junctions first."""
-    found = candidates(example("dc_motor"))
+    found = readable_signals(example("dc_motor"))
     assert found == ("armature.f", "source.e", "R.e", "L.e", "K.e1", "K.e2", "J.e", "C.e", "L.p", "J.p")
-    assert "armature.f" not in candidates(example("dc_motor_current"))
+    assert "armature.f" not in readable_signals(example("dc_motor_current"))
 
 
 def test_the_motor_wants_its_current_measured() -> None:
@@ -81,7 +81,7 @@ def test_two_sensors_where_one_does_not_do() -> None:
 def test_the_number_of_trials_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond a number of combinations, or of numbers in memory, the rest is counted, not tried."""
     model = stated(two_stages())
-    names = candidates(model)
+    names = readable_signals(model)
     monkeypatch.setattr(sensors, "MOST_TRIED", 6)
     found = advise_sensors(model)
     shown = len(names) - 2  # the two sources
@@ -110,7 +110,7 @@ def test_large_sets_are_left_aside_where_there_are_many(monkeypatch: pytest.Monk
 def test_the_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """The larger the plant, the fewer combinations are tried; the others are counted."""
     model = stated(two_stages())
-    shown = len(candidates(model)) - 2
+    shown = len(readable_signals(model)) - 2
     monkeypatch.setattr(sensors, "MOST_WORK", 1)
     assert advise_sensors(model).left_out == shown + shown * (shown - 1) // 2 - 1
 
@@ -139,4 +139,4 @@ def test_signals_without_a_name_are_no_candidates() -> None:
         "v: {reads: C.e, unit: V, noise: 1 mV}",
     )
     assert any("->" in name for name in model.plant.network.signals)
-    assert not any("->" in name for name in candidates(model))
+    assert not any("->" in name for name in readable_signals(model))

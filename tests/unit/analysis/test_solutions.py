@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.analysis.solutions import other_solutions, reachable
+from faultbond.analysis.other_roots import other_solutions, reachable
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import ModelError

@@ -35,7 +35,7 @@ def test_outputs_and_slopes_are_those_of_the_sensitivities(model: StepModel) -> 
     course = Trajectory(recursion, run)
     nominal = course.alone(run.theta)
     assert nominal is not None
-    found = course.follow(lanes, np.tile(nominal, (5, 1, 1)), patient=True)
+    found = course.follow(lanes, np.tile(nominal, (5, 1, 1)))
     expected = sensitivities(
         recursion, [replace(run, theta=t, start=s) for t, s in zip(lanes.theta, lanes.start, strict=True)]
     )
@@ -68,7 +68,7 @@ def test_a_plant_without_a_solution_is_not_good() -> None:
     lanes = lanes_of([run.theta, singular, run.theta], run.start, [(0,)] * 3)
     nominal = course.alone(run.theta)
     assert nominal is not None
-    found = course.follow(lanes, np.tile(nominal, (3, 1, 1)), patient=True)
+    found = course.follow(lanes, np.tile(nominal, (3, 1, 1)))
     assert found.good.tolist() == [True, False, True]
     assert np.array_equal(found.y[0], found.y[2])
-    assert not course.follow(lanes, np.tile(0.0 * nominal, (3, 1, 1)), patient=True, stop=lambda: True).good[1]
+    assert not course.follow(lanes, np.tile(0.0 * nominal, (3, 1, 1)), stop=lambda: True).good[1]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
-from faultbond.contract.records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, ParameterSpec, StateSpec, Thresholds
 from faultbond.runtime.bank import no_bank
 from faultbond.runtime.ranking import rank

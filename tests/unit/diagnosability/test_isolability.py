@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.isolability import Interpretation, checked_equations, isolability
 from faultbond.diagnosability.structural import StructuralModel

@@ -1,12 +1,13 @@
 """Classes, minimal overdetermined sets and minimal supports of models known by hand or from publications."""
 
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.classes import classes, redundancy
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.equations.matching import match
 from faultbond.errors import StructureError
+from low_index import low_index
 
 # x by three sensors; y from x, and measured; z from y only
 X, Y, Z = range(3)
@@ -95,3 +96,19 @@ def test_published_counts(table: str, sets: int, supports: int) -> None:
     model = published.structure(table)
     assert len(minimal_sets(model.equations, model.n_variables)) == sets
     assert len(minimal_supports(model.equations, model.n_variables, model.faults)) == supports
+
+
+@pytest.mark.parametrize(
+    ("table", "count"),
+    [
+        (published.WATER_TANK, 15),
+        (published.THREE_TANK, 5),
+        (published.ELECTRIC_MOTOR, 3),
+        (published.INDUCTION_MOTOR, 4),
+        (published.ENGINE, 206),
+    ],
+)
+def test_published_counts_of_low_index(table: str, count: int) -> None:
+    """As many minimal sets of the published models are of low index as published."""
+    model = published.structure(table)
+    assert sum(low_index(model, found) for found in minimal_sets(model.equations, model.n_variables)) == count

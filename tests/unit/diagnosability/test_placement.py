@@ -1,7 +1,7 @@
 """Where sensors are to be placed, for models whose answer is known by hand or published."""
 
 import pytest
-from benchmarks import published
+from benchmarks.shared import published
 
 from faultbond.diagnosability.placement import sensors_to_detect, sensors_to_isolate
 from faultbond.diagnosability.structural import StructuralModel

@@ -5,11 +5,11 @@ from fractions import Fraction
 
 import pytest
 
-from faultbond.equations.numeric import Value, evaluate, slopes, solve_linear, square_root
+from faultbond.equations.numeric import Real, numeric_value, slopes, solve_linear, square_root
 from faultbond.model.expression import Call, Name
 from faultbond.model.parser import parse_expression
 
-X: dict[str, Value] = {"x": Fraction(3)}
+X: dict[str, Real] = {"x": Fraction(3)}
 EXACT = {
     "x/3 + 1/3": Fraction(4, 3),
     "2**-2*x": Fraction(3, 4),
@@ -25,7 +25,7 @@ EXACT = {
 @pytest.mark.parametrize("text", EXACT)
 def test_fractions_stay_fractions(text: str) -> None:
     """Arithmetic, whole powers, sizes, branches and roots of squares are exact."""
-    found = evaluate(parse_expression(text), X)
+    found = numeric_value(parse_expression(text), X)
     assert found == EXACT[text]
     assert not isinstance(found, float)
 
@@ -33,7 +33,7 @@ def test_fractions_stay_fractions(text: str) -> None:
 @pytest.mark.parametrize("text", ["1/(x - 3)", "sqrt(-x)", "log(x - 3)", "(-x)**0.5", "exp(1000*x)"])
 def test_no_real_value_is_nan(text: str) -> None:
     """What has no real value, or none that a number can hold, is nan; so are its slopes absent."""
-    assert math.isnan(evaluate(parse_expression(text), X))
+    assert math.isnan(numeric_value(parse_expression(text), X))
     value, by = slopes(parse_expression(text), X, ["x"])
     assert math.isnan(value)
     assert by == {}
@@ -52,7 +52,7 @@ def test_only_wanted_slopes() -> None:
 
 def test_unknown_functions_are_nan() -> None:
     """Logic has no number."""
-    assert math.isnan(evaluate(Call("not", (Name("x"), Name("x"))), X))
+    assert math.isnan(numeric_value(Call("not", (Name("x"), Name("x"))), X))
 
 
 def test_whole_numbers_in_a_system() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from faultbond.errors import ModelError, RecordingError
 from faultbond.fit.likelihood import build_likelihood
-from faultbond.fit.objective import FittedPlant, Point, course, evaluate
-from faultbond.fit.samples import Record
+from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
 from faultbond.model.text import parse_model
@@ -43,7 +43,7 @@ def recording(n: int = 60, seed: int = 1) -> list[Sample]:
     return points
 
 
-def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[Record, ...], Point]:
+def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[HealthyRecording, ...], FitPoint]:
     """Give what a fit needs, run without a compiler."""
     graph = parse_model(text)
     model = build_model(graph)
@@ -91,14 +91,14 @@ def test_the_likelihood_is_that_of_the_joint_distribution() -> None:
     """Innovations one by one give the density of all readings, with input noise, slow error and missing values."""
     points = recording()
     plant, records, begin = prepared(RC, points)
-    assert evaluate(plant, records, begin).value == pytest.approx(dense_likelihood(points), rel=1e-9)
+    assert evaluate_likelihood(plant, records, begin).value == pytest.approx(dense_likelihood(points), rel=1e-9)
 
 
 def test_slopes_are_exact() -> None:
     """The score is the derivative of the likelihood, also by the start and by the sizes of noise."""
     text = RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
     plant, records, begin = prepared(text, recording())
-    found = evaluate(plant, records, begin)
+    found = evaluate_likelihood(plant, records, begin)
     for k in range(len(found.score)):
         values = []
         for sign in (1.0, -1.0):
@@ -108,18 +108,27 @@ def test_slopes_are_exact() -> None:
             there = replace(
                 begin, values=begin.values + move[:n], starts=begin.starts + (move[n:] * begin.sizes.ravel())
             )
-            values.append(evaluate(plant, records, there).value)
+            values.append(evaluate_likelihood(plant, records, there).value)
         assert found.score[k] == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5, abs=1e-4)
 
 
 def test_scores_of_samples_add_up() -> None:
     """The score is the sum of those of the samples, the value that of the parts of the recording."""
     plant, records, begin = prepared(RC, recording())
-    found, parts = evaluate(plant, records, begin), course(plant, records[0], begin, 0)
+    found, parts = evaluate_likelihood(plant, records, begin), score_recording(plant, records[0], begin, 0)
     assert parts.scores.sum(axis=0) == pytest.approx(found.score)
     assert np.isnan(parts.innovations[7, 1])
     assert np.isnan(parts.innovations[20, 0])
     assert np.isfinite(parts.innovations).sum() == 2 * 60 - 2
+
+
+def test_a_reading_that_feels_an_absent_input_is_not_used() -> None:
+    """While the voltage is missing the current, which feels it at once, does not count; that of the capacitor does."""
+    points = [replace(item, u=np.full(1, np.nan)) if 30 <= k < 34 else item for k, item in enumerate(recording())]
+    _, (record,), _ = prepared(RC, points)
+    assert record.u[29:34, 0].tolist() == [points[29].u[0]] * 5
+    assert np.flatnonzero(~record.use[:, 0]).tolist() == [20]
+    assert np.flatnonzero(~record.use[:, 1]).tolist() == [7, 30, 31, 32, 33]
 
 
 def test_white_noise_is_white_and_a_walk_is_not() -> None:

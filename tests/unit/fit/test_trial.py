@@ -8,10 +8,9 @@ import pytest
 
 from faultbond.contract.spec import Thresholds
 from faultbond.fit.certainty import long_run_variance
-from faultbond.fit.false_alarms import cusum_time, rates, scatter_time
-from faultbond.fit.innovations import Watch, watch
-from faultbond.fit.likelihood import layout_of
-from faultbond.fit.samples import prepare
+from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
+from faultbond.fit.innovations import Watch, watch_recording
+from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
@@ -20,13 +19,15 @@ from faultbond.model.text import load_model
 from faultbond.runtime.cusum import LAGS, added, no_sums
 from faultbond.runtime.monitor import step
 from faultbond.runtime.state import Sample, init
-from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.engine import build_engine
 
 
-def test_it_sees_what_the_monitor_sees() -> None:
+@pytest.mark.parametrize("lost", [{}, {"gap": slice(400, 480)}, {"input": slice(400, 440)}, {"wild": slice(400, 401)}])
+def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
     """Sums and slow errors of the tank, with inputs that settle, are those of the monitor sample by sample.
 
-    Of all sums: a sensor scatters for a while, and a promise makes the fast sums count.
+    Of all sums: a sensor scatters for a while, and a promise makes the fast sums count. Also after a gap, while an
+    input is missing, and where a reading lies far off all others.
     """
     graph = load_model(example("tank") / "model.yaml")
     built, engine = build_engine(graph)
@@ -38,8 +39,12 @@ def test_it_sees_what_the_monitor_sees() -> None:
     ]
     noise = np.random.default_rng(4).standard_normal((40, 2)) * 3.0 * spec.output_noise
     points[300:340] = [replace(item, y=item.y + off) for item, off in zip(points[300:340], noise, strict=True)]
-    layout = layout_of(build_model(graph))
-    (seen,) = watch(spec, engine, prepare("tank", points, spec, layout), layout)
+    for what, place in lost.items():
+        for k in range(place.start, place.stop):
+            u = points[k].u if what == "wild" else np.full(2, np.nan)
+            y = {"gap": np.full(2, np.nan), "wild": np.array([1e6, 1e9])}.get(what, points[k].y)
+            points[k] = replace(points[k], u=u, y=y)
+    (seen,) = watch_recording(spec, engine, healthy_recording("tank", points, spec))
     state = init(spec)
     for k, point in enumerate(points):
         state, report = step(spec, engine, state, point)
@@ -79,8 +84,7 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     for point in points[:900]:
         state, _ = step(spec, engine, state, point)
     assert state.clock.alarm > 800
-    layout = layout_of(build_model(graph))
-    flow, pressure = on_trial(spec, engine, layout, [prepare("tank", points, spec, layout)]).rates[:2]
+    flow, pressure = on_trial(spec, engine, [healthy_recording("tank", points, spec)]).rates[:2]
     assert flow.peak > 1.0
     assert flow.between <= 1200.0
     assert pressure.peak < 1.0
@@ -95,7 +99,7 @@ def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
     nothing = np.zeros_like(scores)
     slow = np.zeros((len(scores), len(built.slow_errors)))
     seen = Watch(scores=scores, cusum=np.array([nothing, nothing]), height=nothing, slow=slow)
-    rate = rates(built, [seen], 2.0)[0]
+    rate = alarm_rates(built, [seen], 2.0)[0]
     told = max(scatter_time(built.thresholds, [scores[:, 0]], lag) for lag in range(1, LAGS + 1))
     assert rate.between == pytest.approx(2.0 * told, rel=0.01)
 

@@ -4,12 +4,12 @@ import re
 from pathlib import Path
 
 import pytest
-from benchmarks.made_circuits import circuit_text, made_scenario, multiplier, random_circuit, scenario_text
 
 from faultbond.errors import ModelError, RecordingError
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
 from faultbond.networks.logic.diagnoses import minimum_diagnoses
 from faultbond.networks.logic.dxc import MAX_BYTES, is_circuit, read_circuit, read_scenario
+from made_circuits import circuit_text, made_scenario, multiplier, random_circuit, scenario_text
 
 SCENARIO = """sensors @0 { i1 = true, o1 = false };
 faultInjection @5000 isInjection = true, fault = { gate1 = faulty }, parameters = {};

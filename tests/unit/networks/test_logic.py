@@ -3,13 +3,13 @@
 import re
 
 import pytest
-from benchmarks.made_circuits import made_scenario, multiplier
 
 from faultbond.errors import StructureError
 from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork
 from faultbond.model.text import parse_model
 from faultbond.networks.logic import diagnoses as logic
 from faultbond.networks.logic.diagnoses import explains, logic_network, minimum_diagnoses, predict
+from made_circuits import made_scenario, multiplier
 
 FULL_ADDER = """
 name: full adder

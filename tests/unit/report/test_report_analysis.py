@@ -9,16 +9,15 @@ from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
+from faultbond.analysis.other_roots import OtherSolutions
 from faultbond.analysis.ranks import Rank
 from faultbond.analysis.smallest import Effect, SmallestFault
-from faultbond.analysis.solutions import OtherSolutions
 from faultbond.analysis.testable import Judgement, SetVerdict
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.report import analysed
-from faultbond.report.analysis import print_smallest, print_solutions, print_structure, print_view
+from faultbond.report.analysis import StructuralTests, print_smallest, print_solutions, print_structure, print_view
 
 
 def printed(show: Callable[[Console], None]) -> str:
@@ -113,7 +112,7 @@ def test_structure_in_words(detectable: list[bool], isolable: list[list[bool]], 
 
 def test_structural_tests_and_sensors_beyond_the_list_are_counted() -> None:
     """Thirteen smallest sets of faults name twelve and one more; six places of sensors name four and two others."""
-    tests = analysed.Tests(n_sets=1, faults=tuple((f"f{k}",) for k in range(13)))
+    tests = StructuralTests(n_sets=1, faults=tuple((f"f{k}",) for k in range(13)))
     sensors = [(f"s{k}", "t") if k else ("s0",) for k in range(6)]
     facts = found([True, True], [[False, True], [True, False]])
     text = printed(lambda console: print_structure(console, ("a", "b"), facts, tests, sensors))

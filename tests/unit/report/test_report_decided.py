@@ -7,11 +7,10 @@ from rich.console import Console
 
 from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, History, Unexplained, Untested
-from faultbond.report.decided import ranking_text, rejected_sentence
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
-from faultbond.report.verdict import RunCounts, verdict_sentence
+from faultbond.report.verdict import RunCounts, ranking_text, rejected_sentence, verdict_sentence
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)

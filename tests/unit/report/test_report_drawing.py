@@ -1,6 +1,8 @@
 """The drawing of a bond graph."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from faultbond.equations.causality import assign_causality
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.report.drawing import boxes, draw, links
+from faultbond.report.layout import place
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -44,6 +47,14 @@ PLANTS = [tank_graph(), motor_graph(), net(), long_plant(4), long_plant(15)]
 def classes(svg: str, name: str) -> list[ET.Element]:
     """Give the elements of that class."""
     return [item for item in ET.fromstring(svg).iter() if name in item.get("class", "").split()]  # noqa: S314
+
+
+@pytest.fixture(scope="module", autouse=True)
+def placed_once() -> Iterator[None]:
+    """Lay each graph out once, for all that is drawn of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("faultbond.report.drawing.place", cache(place))
+        yield
 
 
 @pytest.mark.parametrize("graph", PLANTS, ids=lambda graph: f"{graph.name}-{len(graph.bonds)}")

@@ -13,7 +13,7 @@ from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import ComponentNetwork, build_components
 from faultbond.equations.constraint_network import build_network
 from faultbond.model.text import parse_model
-from faultbond.report.formulas import CodeForm, code, print_routes
+from faultbond.report.closed_forms import CodeForm, code, print_routes
 
 WORDS = """
 name: words

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.text import parse_model
-from faultbond.report.observed import LISTED, Observed, print_observed, verdict
+from faultbond.report.observed import SHOWN_SETS, Observed, print_observed, sets_verdict
 
 PAIR = """
 sample_time: none
@@ -61,7 +61,7 @@ def shown(*candidates: Candidate) -> str:
 )
 def test_verdict(candidates: tuple[Candidate, ...], expected: str) -> None:
     """Sets are counted, not their solutions."""
-    assert expected in verdict(candidates)
+    assert expected in sets_verdict(candidates)
 
 
 def test_values_in_the_unit_of_the_model() -> None:
@@ -76,7 +76,7 @@ def test_values_in_the_unit_of_the_model() -> None:
 
 def test_long_lists_are_cut() -> None:
     """Twenty sets are shown and the others counted."""
-    sets = [of_blocks(f"g{k}") for k in range(LISTED + 1)]
+    sets = [of_blocks(f"g{k}") for k in range(SHOWN_SETS + 1)]
     assert "and 1 more; --json writes all" in shown(*sets)
-    assert f"{{g{LISTED}}}" not in shown(*sets)
-    assert "more" not in shown(*sets[:LISTED])
+    assert f"{{g{SHOWN_SETS}}}" not in shown(*sets)
+    assert "more" not in shown(*sets[:SHOWN_SETS])

@@ -11,9 +11,8 @@ from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
     RunCounts,
-    component_probabilities,
     detection_sentence,
-    instrument_probabilities,
+    fault_probabilities,
     remainder_text,
     table_rows,
     verdict_sentence,
@@ -113,7 +112,7 @@ def test_component_probability_sums_over_sets(history: History) -> None:
     """A component is as probable as all sets together that contain it."""
     diagnosis = history.diagnoses[0]
     expected = sum(c.probability for c in diagnosis.candidates if "pipe" in c.components)
-    assert component_probabilities(diagnosis)["pipe"] == pytest.approx(expected)
+    assert fault_probabilities(diagnosis, instruments=False)["pipe"] == pytest.approx(expected)
 
 
 def test_a_sensor_is_no_component_of_the_same_name() -> None:
@@ -123,8 +122,8 @@ def test_a_sensor_is_no_component_of_the_same_name() -> None:
         Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 0.1),), probability=0.3, group=True),
     )
     diagnosis = Diagnosis(time=0.0, candidates=found)
-    assert component_probabilities(diagnosis) == {"pipe": 0.3}
-    assert instrument_probabilities(diagnosis) == {"pipe": 0.7}
+    assert fault_probabilities(diagnosis, instruments=False) == {"pipe": 0.3}
+    assert fault_probabilities(diagnosis, instruments=True) == {"pipe": 0.7}
 
 
 def test_values_are_in_units_of_the_model_file(history: History) -> None:

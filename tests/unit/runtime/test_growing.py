@@ -14,7 +14,7 @@ from faultbond.runtime.growing import GROWN, PER_SET, extend, factors, grow, n_g
 from faultbond.runtime.monitor import finish
 from faultbond.runtime.ranking import scores
 from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.state import Sample, State, init, restore
+from faultbond.runtime.state import Sample, State
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from made import differing, plant, run, samples_of
@@ -169,7 +169,7 @@ def test_a_reserve_is_saved_too() -> None:
     """Saved and restored before sets are chosen, the run goes on to the same end, to the last bit."""
     whole = ended(SPEC)
     middle, _ = run(SPEC, ENGINE, recording()[: whole.clock.alarm + 25])
-    restored = restore(init(SPEC), {key: value.copy() for key, value in middle.save().items()})
+    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
     again, _ = run(SPEC, ENGINE, recording()[whole.clock.alarm + 25 :], restored)
     assert not differing(again, whole)
 

@@ -11,7 +11,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Sample, State, init, restore
+from faultbond.runtime.state import Sample, State, init
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
 from made import differing, plant, run, samples_of
@@ -206,7 +206,7 @@ def test_a_run_saved_with_any_kind_of_alarm_goes_on(name: str) -> None:
     """Saved and restored in the middle of a diagnosis, a run ends in the same numbers, to the last bit."""
     _, spec, engine = plant(NAME)
     middle, whole = ended(name)
-    restored = restore(init(spec), {key: value.copy() for key, value in middle.save().items()})
+    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
     assert not differing(middle, restored)
     again, _ = run(spec, engine, recording(name)[middle.clock.index :], restored)
     assert not differing(again, whole)

@@ -12,7 +12,7 @@ from faultbond.contract.spec import Engine, EngineSpec, covariance_place, unpack
 from faultbond.runtime import monitor
 from faultbond.runtime.bank import Bank
 from faultbond.runtime.slotted import renew_slots, renewed_groups, slot_lanes, unlearned
-from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init, restore
+from faultbond.runtime.state import SNAPSHOT_EVERY, SNAPSHOTS, State, init
 from faultbond.runtime.trail import Trail
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.types import FaultKind
@@ -131,7 +131,7 @@ def test_a_lane_that_is_no_number_is_the_first_to_begin_again() -> None:
 def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
     """Old lanes are saved and restored with the state."""
     spec, engine, state = drifting()
-    restored = restore(init(spec), state.save())
+    restored = State.restore(state.save())
     assert np.array_equal(restored.healthy.snapshots, state.healthy.snapshots)
     assert run(spec, engine, (), restored)[0] is restored
 

@@ -12,7 +12,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.accepting import accept
 from faultbond.runtime.alarm import accumulated, detect, statistic
 from faultbond.runtime.cusum import LAGS, added, no_sums
-from faultbond.runtime.state import Sample, State, init, restore
+from faultbond.runtime.state import Sample, State, init
 from faultbond.types import FaultKind
 from made import changed, differing, plant, recorded, run
 
@@ -178,7 +178,7 @@ def test_a_sensor_that_scatters_is_found_and_named() -> None:
     state, reports = run(spec, engine, samples[ROWS:], state)
     assert state.clock.alarm < 0
     assert not any(item.detection for item in reports)
-    restored = restore(init(spec), state.save())
+    restored = State.restore(state.save())
     assert not differing(state, restored)
 
 

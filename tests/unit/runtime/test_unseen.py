@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ SPEC, ENGINE = build_engine(GRAPH)
 ROWS, ONSET = 2400, 100.0
 
 
+@cache
 def made(seed: int, *faults: Fault) -> tuple[Sample, ...]:
     """Samples of the plant, whose pump and valve move every few seconds."""
     generator = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.app.engines import engine_title
+from faultbond.app.engine_choice import engine_title
 from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.contract.spec import Engine, EngineSpec

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.algebra.solving.backward_euler import plant_of, random_inputs, simulate
+from faultbond.algebra.solving.backward_euler import plant_of, random_inputs, simulate_frames
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.causality import assign_causality
@@ -17,7 +17,7 @@ from faultbond.model.text import load_model
 from faultbond.thesis.offline.build import build_classic, largest_sets
 from faultbond.thesis.offline.functions import expected, from_before, from_samples, read_by, state_signals
 from faultbond.thesis.offline.sides import independent, independent_relations
-from faultbond.thesis.offline.tapes import compile_torn
+from faultbond.thesis.offline.tape_writer import compile_torn
 from faultbond.thesis.offline.torn import tear
 from faultbond.thesis.online.newton import solve_torn
 from faultbond.thesis.online.plan import ClassicPlan, Programs
@@ -107,7 +107,7 @@ def test_functions_agree_with_a_backward_euler_plant(name: str) -> None:
     start = {state.signal: 1.5 + k for k, state in enumerate(network.states)}
     values = {key: float(value) for key, value in numbers.values.items()}
     inputs = {key: tuple(map(float, item)) for key, item in random_inputs(numbers, ROWS, 4).items()}
-    record = simulate(network, values, inputs, float(numbers.sample_time), start, ROWS)
+    record = simulate_frames(network, values, inputs, float(numbers.sample_time), start, ROWS)
     environment = [np.array([np.nan])] * len(plan.names)
     known = {"dt": float(numbers.sample_time), **{item.name: item.nominal for item in spec.parameters}}
     for signal, series in record.items():

@@ -6,7 +6,7 @@ import pytest
 from faultbond.algebra.solving.solution import Line, Root
 from faultbond.arrays import FloatArray
 from faultbond.model.parser import parse_expression
-from faultbond.thesis.offline.tapes import compile_roots
+from faultbond.thesis.offline.tape_writer import compile_roots
 from faultbond.thesis.online.newton import solve_torn
 from faultbond.thesis.online.tape import NewtonTape
 

@@ -5,10 +5,10 @@ import pytest
 
 from faultbond.algebra.solving.branches import Condition
 from faultbond.algebra.solving.solution import Line, Root
-from faultbond.equations.numeric import evaluate as plainly
+from faultbond.equations.numeric import numeric_value as plainly
 from faultbond.model.expression import Binary, Name, Number
 from faultbond.model.parser import parse_expression
-from faultbond.thesis.offline.tapes import compile_roots
+from faultbond.thesis.offline.tape_writer import compile_roots
 from faultbond.thesis.online.tape import run_program
 
 PLACES = {"a": 0, "b": 1, "c": 2}

@@ -209,34 +209,6 @@ def test_nonsense_leaves_numbers(name: str) -> None:
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
 
 
-def test_a_saved_state_goes_on() -> None:
-    """A run stopped and restored, before or after the alarm, ends as one that was not, to the last bit."""
-    _, spec, plan = plant("tank")
-    samples = recorded("tank", 800, PIPE)[:420]
-    whole, reports = run(spec, plan, samples)
-    assert whole.alarm > 0
-    for cut in (7, 250, 400):
-        part, _ = run(spec, plan, samples[:cut])
-        rest, later = run(spec, plan, samples[cut:], ClassicState.restore(part.save()))
-        one, two = whole.save(), rest.save()
-        assert [name for name in one if not np.array_equal(one[name], two[name], equal_nan=True)] == []
-        assert [item.detection for item in later] == [item.detection for item in reports[cut:]]
-
-
-def test_a_step_changes_no_state() -> None:
-    """The state that goes in is the same afterwards, before the alarm, at it and after it."""
-    _, spec, plan = plant("tank")
-    state = init(spec, plan)
-    for k, sample in enumerate(recorded("tank", 800, PIPE)[:380]):
-        kept = {name: value.copy() for name, value in state.save().items()}
-        following, _ = step(spec, plan, state, sample)
-        if k < 30 or k > 320:
-            now = state.save()
-            assert all(np.array_equal(now[name], kept[name], equal_nan=True) for name in kept)
-        state = following
-    assert state.alarm > 0
-
-
 def test_the_prefilter_delays() -> None:
     """The sample worked on lies half of the longest parabola back; without prefilter it is the newest."""
     _, spec, plan = plant("rc", Settings(lengths=(("V_C", 5),)))

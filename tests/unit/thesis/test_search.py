@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from benchmarks.ladders import example, ladder
+from benchmarks.shared.ladders import example, ladder
 
 from faultbond.algebra.route import Question
 from faultbond.algebra.routes.matched import find_route

@@ -6,10 +6,8 @@ are needed. The question put is whether fewer parts of the plant are enough than
 thesis reaches the same by following every route (A.2.1), which explodes; this one is checked against it.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, OptimizeResult, milp
+from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array, eye_array
 
 from faultbond.algebra.route import Question, Route
@@ -45,7 +43,33 @@ def fewest_components(network: ComponentNetwork, question: Question, time_limit:
     needed = closure(found.targets, unrolled.equations, matched)[0]
     known = sum(unrolled.weights[e] for e in needed)
     rows = [unrolled.equations[e] for e in usable]
-    result = _solve(rows, len(unrolled.unknowns), found.targets, weights, known - 1, time_limit)
+    # Columns: equation used; unknown wanted; equation finds unknown, for each that it contains.
+    n, n_unknowns = len(rows), len(unrolled.unknowns)
+    edges = [(e, v) for e, row in enumerate(rows) for v in row]
+    ends = np.array(edges)
+    k = np.arange(len(edges))
+    used, wanted, finds = ends[:, 0], n + ends[:, 1], n + n_unknowns + k
+    size = n + n_unknowns + len(edges)
+    ones = np.ones(len(edges))
+    each_finds = csr_array((ones, (used, finds)), shape=(n, size)) - eye_array(n, size)
+    each_found = csr_array((ones, (ends[:, 1], finds)), shape=(n_unknowns, size)) - eye_array(n_unknowns, size, k=n)
+    pairs = (np.concatenate([k, k]), np.concatenate([wanted, used]))
+    all_wanted = csr_array((np.concatenate([ones, -ones]), pairs), shape=(len(edges), size))
+    lower = np.zeros(size)
+    lower[n + np.array(found.targets)] = 1.0
+    weight = np.concatenate([weights, np.zeros(size - n)])
+    result = milp(
+        weight,
+        constraints=(
+            LinearConstraint(each_finds, 0, 0),
+            LinearConstraint(each_found, 0, 0),
+            LinearConstraint(all_wanted, 0, 1),
+            LinearConstraint(weight[None, :], -np.inf, known - 0.5),
+        ),
+        bounds=Bounds(lower, np.ones(size)),
+        integrality=np.arange(size) < n,  # with whole equations used, the other columns can be taken whole
+        options={"time_limit": time_limit},
+    )
     if result.status not in (_OPTIMAL, _INFEASIBLE):
         sought = ", ".join(in_words(target) for target in question.targets)
         raise StructureError(
@@ -56,43 +80,3 @@ def fewest_components(network: ComponentNetwork, question: Question, time_limit:
         chosen = {e for k, e in enumerate(usable) if result.x[k] > 0.5}
         matched = match([row if e in chosen else () for e, row in enumerate(unrolled.equations)], len(matched))
     return route_of(network, question, found, matched)
-
-
-def _solve(
-    rows: Sequence[Sequence[int]],
-    n_unknowns: int,
-    targets: Sequence[int],
-    weights: np.ndarray,
-    at_most: int,
-    time_limit: float,
-) -> OptimizeResult:
-    """Look for a route of weight `at_most` or less, of the least weight.
-
-    Columns: equation used; unknown needed; equation finds unknown, for each that it contains.
-    """
-    n = len(rows)
-    edges = [(e, v) for e, row in enumerate(rows) for v in row]
-    ends = np.array(edges)
-    k = np.arange(len(edges))
-    used, needed, finds = ends[:, 0], n + ends[:, 1], n + n_unknowns + k
-    size = n + n_unknowns + len(edges)
-    ones = np.ones(len(edges))
-    each_finds = csr_array((ones, (used, finds)), shape=(n, size)) - eye_array(n, size)
-    each_found = csr_array((ones, (ends[:, 1], finds)), shape=(n_unknowns, size)) - eye_array(n_unknowns, size, k=n)
-    pairs = (np.concatenate([k, k]), np.concatenate([needed, used]))
-    all_needed = csr_array((np.concatenate([ones, -ones]), pairs), shape=(len(edges), size))
-    lower = np.zeros(size)
-    lower[n + np.array(targets)] = 1.0
-    weight = np.concatenate([weights, np.zeros(size - n)])
-    return milp(
-        weight,
-        constraints=(
-            LinearConstraint(each_finds, 0, 0),
-            LinearConstraint(each_found, 0, 0),
-            LinearConstraint(all_needed, 0, 1),
-            LinearConstraint(weight[None, :], -np.inf, at_most + 0.5),
-        ),
-        bounds=Bounds(lower, np.ones(size)),
-        integrality=np.arange(size) < n,  # with whole equations used, the other columns can be taken whole
-        options={"time_limit": time_limit},
-    )

@@ -3,6 +3,7 @@
 Source: thesis 4.2 (which functions), 4.3 (why they are worked out beforehand), 4.4 (how).
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
@@ -11,7 +12,8 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.fewest import fewest_components
 from faultbond.algebra.routes.matched import alternatives, find_route
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record
+from faultbond.algebra.routes.unroll import open_targets
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant
 from faultbond.algebra.solving.noise import NoiseGain, noise_gain, nominal_record
 from faultbond.algebra.solving.solution import Solution
 from faultbond.algebra.solving.solve import SolvingLimits, solve_cached
@@ -51,19 +53,16 @@ def asked(network: ComponentNetwork, largest: int) -> tuple[Question, ...]:
 
     Of the rate of a state this is the state one sample before; the difference from the state now is the rate.
     """
-    found = questions.all_questions(network, largest)
-    left = [_unknown_part(question) for question in found]
-    return tuple(question for question in left if question.targets)
-
-
-def _unknown_part(question: Question) -> Question:
-    """Leave out the targets that are known."""
-    kept = tuple(target for target in question.targets if isinstance(target, str) or not question.is_known(target))
-    return replace(question, targets=kept)
+    every = questions.all_questions(network, largest)
+    return tuple(replace(question, targets=targets) for question in every if (targets := open_targets(question)))
 
 
 def choose_route(
-    network: ComponentNetwork, question: Question, preference: Preference, plant: NumericPlant, record: Record | None
+    network: ComponentNetwork,
+    question: Question,
+    preference: Preference,
+    plant: NumericPlant,
+    record: FrameRecord | None,
 ) -> Route:
     """Give the route that is preferred; of a causal question the one along causality, whatever is preferred.
 
@@ -77,21 +76,16 @@ def choose_route(
     if preference is Preference.COMPONENTS:
         return fewest_components(network, question)
     if preference is Preference.NOISE and record is not None:
-        routes = list(alternatives(network, question, MOST_ALTERNATIVES))
-        return min(routes, key=lambda route: _noise(network, route, plant, record))
+        routes = alternatives(network, question, MOST_ALTERNATIVES)  # of equal ones the shorter is better
+        return min(routes, key=lambda route: (noise_gain(network, route, plant, record).worst, len(route.steps)))
     return find_route(network, question)
-
-
-def _noise(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record) -> tuple[float, int]:
-    """Order routes by noise; of equal ones the shorter is better."""
-    return noise_gain(network, route, plant, record).worst, len(route.steps)
 
 
 def answer(
     network: ComponentNetwork,
     question: Question,
     plant: NumericPlant,
-    record: Record | None,
+    record: FrameRecord | None,
     *,
     preference: Preference = Preference.FRAMES,
     cache: Path | None = None,
@@ -105,24 +99,19 @@ def answer(
         route = choose_route(network, question, preference, plant, record)
     except StructureError as error:
         return Function(question=question, refusal=str(error))
+    gain = None
+    if record is not None:
+        with suppress(StructureError):
+            gain = noise_gain(network, route, plant, record)
     return Function(
         question=question,
         route=route,
-        gain=_gain(network, route, plant, record),
+        gain=gain,
         solution=solve_cached(network, route, plant, cache, limits) if cache is not None else None,
     )
 
 
-def _gain(network: ComponentNetwork, route: Route, plant: NumericPlant, record: Record | None) -> NoiseGain | None:
-    if record is None:
-        return None
-    try:
-        return noise_gain(network, route, plant, record)
-    except StructureError:
-        return None
-
-
-def trial_record(network: ComponentNetwork, plant: NumericPlant, largest: int) -> Record | None:
+def trial_record(network: ComponentNetwork, plant: NumericPlant, largest: int) -> FrameRecord | None:
     """Give a record of the nominal plant that is long enough for every route to sets of that size, if there is one."""
     frames = SPARE_FRAMES + len(network.states) + len(network.parameters[:largest])
     try:

@@ -9,7 +9,7 @@ matched. Sources: thesis 4.4.1 (what a route is); Pothen and Fan 1990.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from faultbond.algebra.route import Question, Route, Step, Target
+from faultbond.algebra.route import Question, Route, RouteStep
 from faultbond.algebra.routes.unroll import (
     Place,
     Unrolled,
@@ -62,9 +62,17 @@ def find_route(network: ComponentNetwork, question: Question) -> Route:
     """
     check_question(network, question)
     if question.causal:
-        route = _along_causality(network, question)
-        if route is not None:
-            return route
+        caused = causes(network)
+        for frames in range(1, frame_limit(network, question) + 1):
+            unrolled = unroll(network, question, frames)
+            rows = []
+            for (name, frame), row in zip(unrolled.places, unrolled.equations, strict=True):
+                unknowns = ((k, unrolled.unknowns[k]) for k in row)
+                rows.append([k for k, u in unknowns if isinstance(u, str) or (u[0] in caused[name] and u[1] == frame)])
+            matched = match(rows, len(unrolled.unknowns))
+            found = Frames(unrolled=unrolled, matched=matched, n_targets=len(open_targets(question)))
+            if found.is_solved:
+                return route_of(network, question, found, matched)
     found = fewest_frames(network, question)
     return route_of(network, question, found, shorten(found))
 
@@ -93,8 +101,11 @@ def alternatives(network: ComponentNetwork, question: Question, limit: int = 20)
             if fewer in tried:
                 continue
             tried.add(fewer)
-            other = _without(network, question, fewer)
-            if other is None or _places(other) in seen:
+            found = _add_frames(network, question, fewer)
+            if not found.is_solved:
+                continue
+            other = route_of(network, question, found, shorten(found))
+            if _places(other) in seen:
                 continue
             seen.add(_places(other))
             queue.append((fewer, other))
@@ -108,30 +119,46 @@ def _newest(route: Route) -> frozenset[Place]:
     question = route.question
     tied = question.known or question.hidden or any(not isinstance(target, str) for target in question.targets)
     moved = 0 if tied else min((step.frame for step in route.steps), default=0)
-    return frozenset((step.equation, step.frame - moved) for step in route.steps)
-
-
-def _without(network: ComponentNetwork, question: Question, without: frozenset[Place]) -> Route | None:
-    found = _add_frames(network, question, without)
-    return route_of(network, question, found, shorten(found)) if found.is_solved else None
+    return frozenset((name, frame - moved) for name, frame in _places(route))
 
 
 def _places(route: Route) -> frozenset[Place]:
     return frozenset((step.equation, step.frame) for step in route.steps)
 
 
-def fewest_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Frames:
-    """Add frames until every target is fixed; equations `without` are not used.
+def fewest_frames(network: ComponentNetwork, question: Question) -> Frames:
+    """Add frames until every target is fixed.
 
     Raises
     ------
     StructureError
         Names a target and the unknown that nothing fixes.
     """
-    found = _add_frames(network, question, without)
-    if not found.is_solved:
-        raise _not_found(network, question, found)
-    return found
+    found = _add_frames(network, question)
+    if found.is_solved:
+        return found
+    unrolled = found.unrolled
+    free = undetermined(unrolled.equations, len(unrolled.unknowns), found.matched)
+    lost = [in_words(unrolled.unknowns[k]) for k in found.targets if k in free]
+    known = [name for name in (*network.inputs, *network.outputs) if name in question.observed]
+    known += [in_words(signal) for signal in sorted(question.known)]
+    span = "however many samples are used"
+    if unrolled.frames == question.frames:
+        span = f"within {unrolled.frames} time frame{'s' if unrolled.frames > 1 else ''}, the limit"
+    # Signals that would help if measured: those near the targets first; few are tried where a trial takes long.
+    signals = (unknown[0] for k, unknown in enumerate(unrolled.unknowns) if k in free and not isinstance(unknown, str))
+    n_tried = max(1, min(_TRIED_SENSORS, _TRIED_EQUATIONS // max(1, len(unrolled.equations))))
+    closed = question.observed | {signal for signal, _ in question.hidden}
+    sensors = [
+        name
+        for name in list(dict.fromkeys(signals))[:n_tried]
+        if name not in closed and _add_frames(network, replace(question, observed=question.observed | {name})).is_solved
+    ][:3]
+    advice = f"add a sensor, for example of {' or '.join(sensors)}" if sensors else "add sensors"
+    raise StructureError(
+        f"{network.file}: {', '.join(lost)} cannot be found from {', '.join(known) or 'nothing'}: "
+        f"{'they stay' if len(lost) > 1 else 'it stays'} undetermined {span}; {advice}"
+    )
 
 
 def _add_frames(network: ComponentNetwork, question: Question, without: frozenset[Place] = frozenset()) -> Frames:
@@ -147,40 +174,6 @@ def _add_frames(network: ComponentNetwork, question: Question, without: frozense
         matched = match(unrolled.equations, len(unrolled.unknowns), matched)
         found = Frames(unrolled=unrolled, matched=matched, n_targets=n_targets)
     return found
-
-
-def _not_found(network: ComponentNetwork, question: Question, found: Frames) -> StructureError:
-    unrolled = found.unrolled
-    free = undetermined(unrolled.equations, len(unrolled.unknowns), found.matched)
-    lost = [in_words(unrolled.unknowns[k]) for k in found.targets if k in free]
-    known = [name for name in (*network.inputs, *network.outputs) if name in question.observed]
-    known += [in_words(signal) for signal in sorted(question.known)]
-    span = "however many samples are used"
-    if unrolled.frames == question.frames:
-        span = f"within {unrolled.frames} time frame{'s' if unrolled.frames > 1 else ''}, the limit"
-    sensors = [name for name in _unmeasured(found, free) if _would_help(network, question, name)][:3]
-    advice = f"add a sensor, for example of {' or '.join(sensors)}" if sensors else "add sensors"
-    return StructureError(
-        f"{network.file}: {', '.join(lost)} cannot be found from {', '.join(known) or 'nothing'}: "
-        f"{'they stay' if len(lost) > 1 else 'it stays'} undetermined {span}; {advice}"
-    )
-
-
-def _unmeasured(found: Frames, free: frozenset[int]) -> tuple[str, ...]:
-    """Give some of the signals that are not fixed, those near the targets first; few where a trial takes long."""
-    names = (
-        unknown[0] for k, unknown in enumerate(found.unrolled.unknowns) if k in free and not isinstance(unknown, str)
-    )
-    return tuple(dict.fromkeys(names))[
-        : max(1, min(_TRIED_SENSORS, _TRIED_EQUATIONS // max(1, len(found.unrolled.equations))))
-    ]
-
-
-def _would_help(network: ComponentNetwork, question: Question, name: str) -> bool:
-    """Whether the targets would be fixed with one more signal measured."""
-    if any(signal == name for signal, _ in question.hidden) or name in question.observed:
-        return False
-    return _add_frames(network, replace(question, observed=question.observed | {name})).is_solved
 
 
 def shorten(found: Frames) -> tuple[int, ...]:
@@ -252,18 +245,13 @@ def _exchanges(
                 continue
             if held[other] < 0:
                 spare.add(other)
-                yield _switched(unknown, other, came, matched)
+                result, taken, back = list(matched), other, unknown
+                while back >= 0:  # back to the start, each unknown takes the equation of the one after it
+                    result[back], taken, back = taken, matched[back], came[back]
+                yield tuple(result)
             elif held[other] not in came:
                 came[held[other]] = unknown
                 queue.append(held[other])
-
-
-def _switched(unknown: int, other: int, came: dict[int, int], matched: tuple[int, ...]) -> tuple[int, ...]:
-    """Give the matching where, along a path back to its start, each unknown has the equation of the one after it."""
-    result = list(matched)
-    while unknown >= 0:
-        result[unknown], other, unknown = other, matched[unknown], came[unknown]
-    return tuple(result)
 
 
 def route_of(network: ComponentNetwork, question: Question, found: Frames, matched: Sequence[int]) -> Route:
@@ -274,55 +262,9 @@ def route_of(network: ComponentNetwork, question: Question, found: Frames, match
     order = list(queue)
     for unknown in order:
         name, frame = unrolled.places[matched[unknown]]
-        steps.append(Step(equation=name, frame=frame, finds=unrolled.unknowns[unknown]))
+        steps.append(RouteStep(equation=name, frame=frame, finds=unrolled.unknowns[unknown]))
         for other in unrolled.equations[matched[unknown]]:
             if other not in queue:
                 queue[other] = None
                 order.append(other)
     return assemble(network, question, steps)
-
-
-def _along_causality(network: ComponentNetwork, question: Question) -> Route | None:
-    """Give the route in which every signal is found by the equation that causes it; None if there is none."""
-    caused = causes(network)
-    for frames in range(1, frame_limit(network, question) + 1):
-        unrolled = unroll(network, question, frames)
-        rows = [
-            tuple(k for k in row if _may_find(caused[name], frame, unrolled.unknowns[k]))
-            for (name, frame), row in zip(unrolled.places, unrolled.equations, strict=True)
-        ]
-        matched = match(rows, len(unrolled.unknowns))
-        found = Frames(unrolled=unrolled, matched=matched, n_targets=len(open_targets(question)))
-        if found.is_solved:
-            return route_of(network, question, found, matched)
-    return None
-
-
-def _may_find(caused: frozenset[str], frame: int, unknown: Target) -> bool:
-    return isinstance(unknown, str) or (unknown[0] in caused and unknown[1] == frame)
-
-
-def earlier(route: Route, frames: int = 1) -> Route:
-    """Give the same route some frames earlier: what it found then, from what was known then."""
-    question = route.question
-    shifted = replace(
-        question,
-        targets=tuple(t if isinstance(t, str) else (t[0], t[1] + frames) for t in question.targets),
-        known=frozenset((name, frame + frames) for name, frame in question.known),
-        hidden=frozenset((name, frame + frames) for name, frame in question.hidden),
-        newest=question.newest + frames,
-    )
-    return replace(
-        route,
-        question=shifted,
-        steps=tuple(
-            Step(
-                equation=step.equation,
-                frame=step.frame + frames,
-                finds=step.finds if isinstance(step.finds, str) else (step.finds[0], step.finds[1] + frames),
-            )
-            for step in route.steps
-        ),
-        samples=tuple((name, frame + frames) for name, frame in route.samples),
-        known=tuple((name, frame + frames) for name, frame in route.known),
-    )

@@ -53,7 +53,7 @@ def _rates(network: ComponentNetwork) -> frozenset[SignalAt]:
 def rates(network: ComponentNetwork) -> tuple[tuple[Question, Question], ...]:
     """Ask for each state now and, by the same route, one frame earlier; the difference is its rate times dt.
 
-    The route of the second is `routes.earlier` of that of the first. The shorter way, to find the rate from the laws
+    The route of the second is that of the first, one frame earlier. The shorter way, to find the rate from the laws
     around the store, sums signals of very different size and is biased. Source: thesis 4.2.3.
     """
     before = tuple(

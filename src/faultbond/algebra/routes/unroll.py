@@ -7,7 +7,7 @@ are met, so that further frames only add numbers. Source: thesis 4.1, 4.4; A.1 f
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from faultbond.algebra.route import Question, Route, Step, Target
+from faultbond.algebra.route import Question, Route, RouteStep, Target
 from faultbond.equations.component_network import ComponentNetwork, Equation, frame_name
 from faultbond.equations.matching import blocks, match
 from faultbond.errors import StructureError
@@ -128,7 +128,7 @@ def frame_limit(network: ComponentNetwork, question: Question) -> int:
     return max(1, min(question.frames, needed))
 
 
-def assemble(network: ComponentNetwork, question: Question, steps: Sequence[Step]) -> Route:
+def assemble(network: ComponentNetwork, question: Question, steps: Sequence[RouteStep]) -> Route:
     """Give the route of the steps: each finds its unknown by its equation; together they contain no other unknown."""
     equations = {item.name: item for item in network.equations}
     free = unknown_parameters(question)

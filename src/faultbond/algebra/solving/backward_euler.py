@@ -13,16 +13,17 @@ import numpy as np
 
 from faultbond.equations.component_network import PREVIOUS, SAMPLE_TIME, ComponentNetwork
 from faultbond.equations.matching import blocks, holdings, match
-from faultbond.equations.numeric import NAN, Slopes, Value, evaluate, exact, is_nan, slopes, solve_linear
+from faultbond.equations.numeric import NAN, Real, Slopes, exact, is_nan, numeric_value, slopes, solve_linear
 from faultbond.errors import StructureError
 from faultbond.model.expression import Expression, names
-from faultbond.model.graph import BondGraph, Input
+from faultbond.model.graph import BondGraph
 
-Record = dict[str, tuple[Value, ...]]  # each signal over time, the oldest value first
+FrameRecord = dict[str, tuple[Real, ...]]  # each signal over time, the oldest value first
 
 PERCENT_RANGE = (20.0, 80.0)
 USUAL_RANGE = (1.0, 10.0)  # of an input, in its own unit
 _MAX_STEPS = 60
+_MAX_HALVINGS = 30
 _MAX_STARTS = 12
 _TOLERANCE = 1e-11
 _MAX_EXACT = 1500  # equations times samples; fractions grow from sample to sample
@@ -55,22 +56,21 @@ def plant_of(graph: BondGraph, sample_time: float | None = None) -> NumericPlant
     graph : a bond graph, or the blocks of a network
     sample_time : s; default that of the model, 1 s where it has none
     """
-    numbers = [*((item.name, item.nominal) for item in graph.parameters)]
+    numbers = [(item.name, item.nominal) for item in graph.parameters]
     numbers += [(item.name, item.value) for item in graph.constants]
     time = sample_time or graph.sample_time or 1.0
+    inputs = {}
+    for item in graph.inputs:
+        lower, upper = PERCENT_RANGE if item.unit.text == "percent" else USUAL_RANGE
+        inputs[item.name] = exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
     return NumericPlant(
         values={name: exact(value) for name, value in numbers},
-        changes={item.name: exact(item.change) for item in graph.parameters},
+        changes={parameter.name: exact(parameter.change) for parameter in graph.parameters},
         sample_time=exact(time),
-        inputs={item.name: _range(item) for item in graph.inputs},
+        inputs=inputs,
         one_sided=frozenset(item.name for item in graph.inputs if item.unit.text == "percent" or item.unit.offset),
         sds={item.name: item.noise for item in graph.inputs} | {item.name: item.noise for item in graph.sensors},
     )
-
-
-def _range(item: Input) -> tuple[Fraction, Fraction]:
-    lower, upper = PERCENT_RANGE if item.unit.text == "percent" else USUAL_RANGE
-    return exact(item.unit.to_si(lower)), exact(item.unit.to_si(upper))
 
 
 def random_inputs(plant: NumericPlant, n: int, seed: int, *, signed: bool = False) -> dict[str, tuple[Fraction, ...]]:
@@ -104,14 +104,14 @@ class _Block:
     signals: tuple[str, ...]
 
 
-def simulate(
+def simulate_frames(
     network: ComponentNetwork,
-    values: Mapping[str, Value],
-    inputs: Mapping[str, Sequence[Value]],
-    dt: Value,
-    start: Mapping[str, Value] | None = None,
+    values: Mapping[str, Real],
+    inputs: Mapping[str, Sequence[Real]],
+    dt: Real,
+    start: Mapping[str, Real] | None = None,
     n: int | None = None,
-) -> Record:
+) -> FrameRecord:
     """Give every signal over time, by backward Euler; exactly where all numbers are fractions and laws linear.
 
     Parameters
@@ -142,7 +142,7 @@ def simulate(
     return _advance(network, order, length, _floats(values), plain, float(dt), _floats(start or {}))
 
 
-def _floats(values: Mapping[str, Value]) -> dict[str, Value]:
+def _floats(values: Mapping[str, Real]) -> dict[str, Real]:
     return {name: float(value) for name, value in values.items()}
 
 
@@ -150,14 +150,14 @@ def _advance(
     network: ComponentNetwork,
     order: Sequence[_Block],
     length: int,
-    values: Mapping[str, Value],
-    inputs: Mapping[str, Sequence[Value]],
-    dt: Value,
-    start: Mapping[str, Value],
-) -> Record:
-    nothing: Value = Fraction(0) if isinstance(dt, Fraction) else 0.0
+    values: Mapping[str, Real],
+    inputs: Mapping[str, Sequence[Real]],
+    dt: Real,
+    start: Mapping[str, Real],
+) -> FrameRecord:
+    nothing: Real = Fraction(0) if isinstance(dt, Fraction) else 0.0
     before = {signal: start.get(signal, nothing) for signal in network.signals}
-    record: dict[str, list[Value]] = {signal: [] for signal in network.signals}
+    record: dict[str, list[Real]] = {signal: [] for signal in network.signals}
     for position in range(length):
         now = dict(values) | {SAMPLE_TIME: dt} | {signal: series[position] for signal, series in inputs.items()}
         now |= {signal + PREVIOUS: value for signal, value in before.items()}
@@ -200,7 +200,7 @@ def frame_blocks(network: ComponentNetwork) -> tuple[_Block, ...]:
     )
 
 
-def _solve(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value], name: str) -> dict[str, Value]:
+def _solve(block: _Block, known: Mapping[str, Real], guess: Mapping[str, Real], name: str) -> dict[str, Real]:
     """Give the signals of a block: exactly where all is exact, else by Newton's method, from the frame before first."""
     if isinstance(known[SAMPLE_TIME], Fraction):
         return _solve_exactly(block, known, guess)
@@ -214,21 +214,21 @@ def _solve(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value]
     raise StructureError(f"{name}: no value found for {', '.join(block.signals)}; look at the laws that relate them")
 
 
-def _solve_exactly(block: _Block, known: Mapping[str, Value], guess: Mapping[str, Value]) -> dict[str, Value]:
+def _solve_exactly(block: _Block, known: Mapping[str, Real], guess: Mapping[str, Real]) -> dict[str, Real]:
     """One step of Newton's method, which solves linear equations."""
     rows, right, size = _linearise(block.residuals, known, guess, block.signals)
     step = solve_linear(rows, right) if size < float("inf") else None
     if step is None:
         raise _NotLinearError
     found = {name: guess[name] + change for name, change in zip(block.signals, step, strict=True)}
-    if any(evaluate(residual, {**known, **found}) != 0 for residual in block.residuals):
+    if any(numeric_value(residual, {**known, **found}) != 0 for residual in block.residuals):
         raise _NotLinearError
     return found
 
 
 def newton(
-    residuals: Sequence[Expression], known: Mapping[str, Value], guess: Mapping[str, Value]
-) -> dict[str, Value] | None:
+    residuals: Sequence[Expression], known: Mapping[str, Real], guess: Mapping[str, Real]
+) -> dict[str, Real] | None:
     """Give values near the guess at which the residuals are zero; None where Newton's method finds none.
 
     Steps are halved until the residuals shrink, each measured against the size of what it sums.
@@ -243,8 +243,13 @@ def newton(
         step = _step(rows, right) if size < float("inf") else None
         if step is None:
             return None
-        moved = _damped(residuals, known, point, dict(zip(unknown, step, strict=True)), size)
-        if moved is None:
+        for halvings in range(_MAX_HALVINGS):  # whole, half, quarter, ... steps
+            moved: dict[str, Real] = {
+                name: point[name] + 0.5**halvings * change for name, change in zip(unknown, step, strict=True)
+            }
+            if misfit(residuals, {**known, **moved}) < size:
+                break
+        else:
             return point if size < _TOLERANCE else None
         done = all(abs(float(moved[key] - point[key])) <= _TOLERANCE * abs(float(moved[key])) for key in unknown)
         if done and size < _TOLERANCE:
@@ -254,8 +259,8 @@ def newton(
 
 
 def _linearise(
-    residuals: Sequence[Expression], known: Mapping[str, Value], point: Mapping[str, Value], unknown: tuple[str, ...]
-) -> tuple[list[dict[int, Value]], list[Value], float]:
+    residuals: Sequence[Expression], known: Mapping[str, Real], point: Mapping[str, Real], unknown: tuple[str, ...]
+) -> tuple[list[dict[int, Real]], list[Real], float]:
     """Give slopes, minus the values, and the largest value relative to the terms of its residual."""
     everything = {**known, **point}
     columns = {name: k for k, name in enumerate(unknown)}
@@ -271,14 +276,14 @@ def _linearise(
     return rows, right, worst
 
 
-def _relative(value: Value, by: Slopes, everything: Mapping[str, Value], residual: Expression) -> float:
+def _relative(value: Real, by: Slopes, everything: Mapping[str, Real], residual: Expression) -> float:
     """Give the size of a residual against that of what moves it; all names count, so that small unknowns do not."""
     _, all_by = slopes(residual, everything, frozenset(names(residual)))
     terms = sum(abs(float(slope * everything[name])) for name, slope in all_by.items())
     return abs(float(value)) / (terms or 1.0)
 
 
-def _step(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) -> list[float] | None:
+def _step(rows: Sequence[Mapping[int, Real]], right: Sequence[Real]) -> list[float] | None:
     """Give x with rows x = right in floating point; None where that is singular."""
     matrix = np.zeros((len(rows), len(rows)))
     for position, row in enumerate(rows):
@@ -294,28 +299,11 @@ def _step(rows: Sequence[Mapping[int, Value]], right: Sequence[Value]) -> list[f
     return [float(value) for value in found] if np.all(np.isfinite(found)) else None
 
 
-def _damped(
-    residuals: Sequence[Expression],
-    known: Mapping[str, Value],
-    point: Mapping[str, Value],
-    step: Mapping[str, Value],
-    size: float,
-) -> dict[str, Value] | None:
-    """Give the first of whole, half, quarter, ... steps that lowers the residuals."""
-    part = 1.0
-    for _ in range(30):
-        moved: dict[str, Value] = {name: value + part * step[name] for name, value in point.items()}
-        if misfit(residuals, {**known, **moved}) < size:
-            return moved
-        part = part / 2
-    return None
-
-
-def misfit(residuals: Sequence[Expression], values: Mapping[str, Value]) -> float:
+def misfit(residuals: Sequence[Expression], values: Mapping[str, Real]) -> float:
     """Give the largest residual, each relative to the size of what it sums; inf where one has no value."""
     worst = 0.0
     for residual in residuals:
-        value = evaluate(residual, values)
+        value = numeric_value(residual, values)
         if is_nan(value):
             return float("inf")
         if value != 0:

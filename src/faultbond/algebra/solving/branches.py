@@ -1,15 +1,20 @@
-"""Laws with branches, one case at a time.
+"""Laws with branches, one case at a time, and each case as a sequence of things to compute.
 
 abs, sign, min, max and where are on one side of a kink or the other: each side is a case, a law without the branch and
 the condition under which it holds. A signal keeps its side during the few samples of a route, so a choice made in one
-frame holds in all. What has no kink stays: a root becomes an unknown of its own with its square; other functions of
-unknowns become unknowns with a function as equation. Source: thesis 3.7.2 (a square passed backwards has two answers).
+frame holds in all. What has no kink stays: a root becomes an unknown of its own with its power as equation; other
+functions of unknowns become unknowns with a function as equation, which is applied where its argument is found first,
+and inverted where its value is. Where neither comes first there is no closed form.
+Source: thesis 3.7.2 (a square passed backwards has two answers).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
-from faultbond.algebra.solving.tidy import ONE, ZERO, difference, negative, replaced
+from faultbond.algebra.solving.tidy import ONE, ZERO, difference, negative, replace_part
+from faultbond.equations.matching import blocks, holdings, match
+from faultbond.equations.numeric import Real, numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, parts, rename
 from faultbond.model.parser import to_text
 
@@ -69,6 +74,15 @@ class Branch:
     sides: Mapping[Expression, int] = field(default_factory=dict)
 
 
+def positive_at(values: Mapping[str, Real]) -> Callable[[Expression], bool]:
+    """Give whether an expression is positive at some values; one that has none there counts as positive."""
+
+    def positive(expression: Expression) -> bool:
+        return not set(names(expression)) <= values.keys() or not numeric_value(expression, values) < 0
+
+    return positive
+
+
 def cases(
     residuals: tuple[Expression, ...],
     unknown: frozenset[str],
@@ -107,7 +121,7 @@ def _split(
         value = _on_side(kink, side)
         conditions = case.conditions if condition in case.conditions else (*case.conditions, condition)
         further = Branch(
-            residuals=tuple(replaced(item, kink, value) for item in case.residuals),
+            residuals=tuple(replace_part(item, kink, value) for item in case.residuals),
             conditions=conditions,
             sides={**case.sides, key: sign * side},
         )
@@ -190,7 +204,7 @@ def name_functions(case: Branch, unknown: frozenset[str], fresh: Callable[[str],
             open_.add(item.name)
         else:
             known.append(item)
-        residuals = tuple(replaced(residual, part, Name(item.name)) for residual in residuals)
+        residuals = tuple(replace_part(residual, part, Name(item.name)) for residual in residuals)
     return Branch(
         residuals=residuals,
         conditions=case.conditions,
@@ -241,3 +255,115 @@ def _applied(part: Expression, fresh: Callable[[str], str]) -> Applied:
             return Applied(name=fresh("power"), function="**", argument=base, exponent=-value)
     # Sums under a power; kinks of known values and powers with a name as exponent: values as they stand.
     return Applied(name=fresh("value"), function="", argument=part)
+
+
+MAX_ROOT = 4
+
+
+class NoClosedFormError(Exception):
+    """There is no closed form; the argument says why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """`name = value`, everything in it being known by then."""
+
+    name: str
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class System:
+    """Rational equations in as many unknowns."""
+
+    residuals: tuple[Expression, ...]
+    unknown: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ordered:
+    """What a case is to be computed by, and the conditions that its roots add."""
+
+    parts: tuple[Given | System, ...]
+    conditions: tuple[Condition, ...]
+
+
+def order_systems(case: Branch, unknown: tuple[str, ...], fresh: Callable[[str], str]) -> Ordered:
+    """Give the parts of a case in order of computation.
+
+    Parameters
+    ----------
+    case : with functions named
+    unknown : those of its block; functions of unknowns come on top
+    fresh : makes a name that is not in use from a word
+
+    Raises
+    ------
+    NoClosedFormError
+        Where a function has to be solved together with other equations.
+    """
+    given = tuple(Given(name=item.name, value=item.value) for item in case.known)
+    residuals, functions, conditions = _with_roots(case)
+    if not case.unknown:
+        return Ordered(parts=(*given, System(residuals=residuals, unknown=unknown)), conditions=case.conditions)
+    every = (*unknown, *(item.name for item in case.unknown))
+    equations: list[Expression | Applied] = [*residuals, *functions]
+    used = [*map(names, residuals), *((item.name, *names(item.argument)) for item in functions)]
+    position = {name: k for k, name in enumerate(every)}
+    rows = [[position[name] for name in row if name in position] for row in used]
+    matched = match(rows, len(every))
+    if -1 in matched:
+        raise NoClosedFormError("its equations do not fix it in this case")
+    held = holdings(rows, matched)
+    parts: list[Given | System] = [*given]
+    for block in blocks(rows, matched):
+        found = tuple(every[held[k]] for k in block)
+        plain = tuple(part for k in block if not isinstance(part := equations[k], Applied))
+        item = next((part for k in block if isinstance(part := equations[k], Applied)), None)
+        if item is None:
+            parts.append(System(residuals=plain, unknown=found))
+        elif len(block) > 1:
+            raise NoClosedFormError(f"{item.function or 'a function'} has to be solved together with other equations")
+        elif found == (item.name,):
+            parts.append(Given(name=item.name, value=item.value))
+        else:
+            inner = Given(name=fresh("inverse"), value=_inverse(item))
+            parts += [inner, System(residuals=(Binary("-", item.argument, Name(inner.name)),), unknown=found)]
+    return Ordered(parts=tuple(parts), conditions=(*case.conditions, *conditions))
+
+
+def _with_roots(case: Branch) -> tuple[tuple[Expression, ...], list[Applied], list[Condition]]:
+    """Turn roots into powers: with r = x**(p/q), the unknown is x**(1/q), at least 0, and r its p-th power."""
+    residuals, functions, conditions = list(case.residuals), [], []
+    for item in case.unknown:
+        if isinstance(item.argument, Binary) and not item.function and item.argument.operator in ("+", "-"):
+            residuals.append(Binary("-", Name(item.name), item.argument))
+            continue
+        exponent = Fraction(1, 2) if item.function == "sqrt" else Fraction(item.exponent).limit_denominator(MAX_ROOT)
+        if item.function not in ("sqrt", "**") or (item.function == "**" and float(exponent) != item.exponent):
+            functions.append(item)
+            continue
+        root = Name(item.name)
+        if exponent.numerator != 1:
+            raised = Binary("**", root, Number(float(exponent.numerator)))
+            residuals = [replace_part(residual, root, raised) for residual in residuals]
+            functions = [replace(other, argument=replace_part(other.argument, root, raised)) for other in functions]
+        residuals.append(Binary("-", Binary("**", root, Number(float(exponent.denominator))), item.argument))
+        conditions.append(Condition(expression=root))
+    return tuple(residuals), functions, conditions
+
+
+def _inverse(item: Applied) -> Expression:
+    """Give the argument of a function by its value."""
+    value, one = Name(item.name), Number(1.0)
+    match item.function:
+        case "exp":
+            return Call("log", (value,))
+        case "log":
+            return Call("exp", (value,))
+        case "tanh":
+            ratio = Binary("/", Binary("+", one, value), Binary("-", one, value))
+            return Binary("/", Call("log", (ratio,)), Number(2.0))
+        case "**":
+            return Binary("**", value, Number(1.0 / item.exponent))
+    raise NoClosedFormError(f"{item.function or 'a function'} has more than one inverse")

@@ -4,21 +4,32 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import monotonic
 
-from faultbond.algebra.solving.branches import Branch, Condition, cases, name_functions
-from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
+from sympy.polys.rings import PolyElement
+
+from faultbond.algebra.solving.branches import (
+    Branch,
+    Condition,
+    Given,
+    NoClosedFormError,
+    System,
+    cases,
+    name_functions,
+    order_systems,
+)
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
 from faultbond.algebra.solving.polynomial import (
-    Polynomial,
+    NotRationalError,
+    Ratio,
     Space,
     TooLargeError,
     by_power,
     degree,
-    scale,
+    divide,
+    quotient,
     space_of,
 )
 from faultbond.algebra.solving.problem import Block, Problem
-from faultbond.algebra.solving.rational import NotRationalError, Quotient, quotient
-from faultbond.algebra.solving.symbols import factors
-from faultbond.algebra.solving.systems import Given, NoClosedFormError, System, order_systems
+from faultbond.algebra.solving.symbols import factors_with
 from faultbond.algebra.solving.tidy import ONE, ZERO, fold, negative
 from faultbond.equations.component_network import SAMPLE_TIME
 from faultbond.equations.inversion import collect
@@ -26,7 +37,7 @@ from faultbond.model.expression import Binary, Call, Expression, Name, Negative,
 
 MAX_CANDIDATES = 16
 
-Draft = tuple[str, Expression | Quotient]  # a line, its value not yet in lowest terms
+Draft = tuple[str, Expression | Ratio]  # a line, its value not yet in lowest terms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,20 +121,18 @@ def _solve_case(search: FormSearch, block: Block, candidate: FormCandidate, case
     conditions = dict.fromkeys((*candidate.conditions, *ordered.conditions))
     found = [FormCandidate(lines=candidate.lines, conditions=tuple(conditions), sides=case.sides)]
     for part in ordered.parts:
-        found = [further for item in found for further in _solve_part(search, part, block.parameters, item)]
+        value: Expression | None
+        if isinstance(part, Given):
+            name, value = part.name, part.value
+        else:
+            name, value = part.unknown[0], None
+            if len(part.unknown) == 1:
+                value = linear_value(part.residuals[0], name)
+            if value is None:
+                found = [further for item in found for further in _solve_system(search, part, block.parameters, item)]
+                continue
+        found = [replace(item, lines=(*item.lines, (name, value))) for item in found]
     return found
-
-
-def _solve_part(
-    search: FormSearch, part: Given | System, parameters: frozenset[str], candidate: FormCandidate
-) -> list[FormCandidate]:
-    if isinstance(part, Given):
-        return [replace(candidate, lines=(*candidate.lines, (part.name, part.value)))]
-    if len(part.unknown) == 1:
-        value = linear_value(part.residuals[0], part.unknown[0])
-        if value is not None:
-            return [replace(candidate, lines=(*candidate.lines, (part.unknown[0], value)))]
-    return _solve_system(search, part, parameters, candidate)
 
 
 def linear_value(residual: Expression, name: str) -> Expression | None:
@@ -135,52 +144,41 @@ def linear_value(residual: Expression, name: str) -> Expression | None:
     value, slope = (constant, slope.operand) if isinstance(slope, Negative) else (negative(constant), slope)
     if isinstance(slope, Binary) and slope.operator == "-" and isinstance(value, Negative):
         value, slope = value.operand, negative(slope)
-    return fold(value if slope == ONE or constant == ZERO else _divided(value, slope))
-
-
-def _divided(value: Expression, slope: Expression) -> Expression:
-    """Give value / slope; a slope of 1/x multiplies."""
+    if slope == ONE or constant == ZERO:
+        return fold(value)
     match slope:
-        case Binary("/", above, below):
-            return Binary("*", value, below) if above == ONE else Binary("/", Binary("*", value, below), above)
-    return Binary("/", value, slope)
+        case Binary("/", above, below):  # a slope of 1/x multiplies
+            value = Binary("*", value, below)
+            return fold(value if above == ONE else Binary("/", value, above))
+    return fold(Binary("/", value, slope))
 
 
 def _solve_system(
     search: FormSearch, system: System, parameters: frozenset[str], candidate: FormCandidate
 ) -> list[FormCandidate]:
-    space = space_of(_in_order(system, search.problem), search.max_terms)
+    signals = search.problem.signals
+    # Parameters by name, then the sample time, then the rest by name and frame: the order of factors in a term.
+    used = {name for residual in system.residuals for name in names(residual)} | set(system.unknown)
+    order = sorted(used, key=lambda name: (name in signals, name == SAMPLE_TIME, signals.get(name, (name, 0))))
+    space = space_of(order, search.max_terms)
     try:
         polynomials = [quotient(residual, space)[0] for residual in system.residuals]
     except NotRationalError:
         raise NoClosedFormError("an exponent is not known") from None
-    signals = [name for name in system.unknown if name not in parameters]
-    unknown = [name for name in system.unknown if name in parameters]
-    zeros = search.zeros.intersection(space.names)
-    reduced = eliminate(polynomials, signals, unknown, space, search.deadline, zeros)
-    found = []
-    for further in _last_unknown(search, reduced, space, parameters, candidate):
-        lines = [
-            (pivot.unknown, Quotient(numerator=pivot.numerator, denominator=pivot.denominator, space=space))
-            for pivot in reversed(reduced.pivots)
-        ]
-        found.append(replace(further, lines=(*further.lines, *lines)))
-    return found
-
-
-def _in_order(system: System, problem: Problem) -> tuple[str, ...]:
-    """Parameters by name, then the sample time, then the rest by name and frame: the order of factors in a term."""
-    used = {name for residual in system.residuals for name in names(residual)} | set(system.unknown)
-    return tuple(
-        sorted(
-            used,
-            key=lambda name: (
-                name in problem.signals,
-                name == SAMPLE_TIME,
-                problem.signals.get(name, (name, 0)),
-            ),
-        )
+    reduced = reduce_system(
+        polynomials,
+        [name for name in system.unknown if name not in parameters],
+        [name for name in system.unknown if name in parameters],
+        space,
+        search.deadline,
+        search.zeros & used,
     )
+    lines = tuple(
+        (pivot.unknown, Ratio(numerator=pivot.numerator, denominator=pivot.denominator, space=space))
+        for pivot in reversed(reduced.pivots)
+    )
+    found = _last_unknown(search, reduced, space, parameters, candidate)
+    return [replace(further, lines=(*further.lines, *lines)) for further in found]
 
 
 def _last_unknown(
@@ -193,10 +191,11 @@ def _last_unknown(
         raise NoClosedFormError(f"{len(reduced.rest)} equations in {', '.join(reduced.unknown)} remain")
     (name,), (polynomial,) = reduced.unknown, reduced.rest
     found = []
-    if min(by_power(polynomial, name, space)):  # 0 is a root, of a division by the unknown as a rule
-        polynomial = _lowered(polynomial, name, space)
+    lowest = min(by_power(polynomial, name, space))
+    if lowest:  # 0 is a root, of a division by the unknown as a rule
+        polynomial = divide(polynomial, space.ring.gens[space.place[name]] ** lowest, space)
         found.append(replace(candidate, lines=(*candidate.lines, (name, ZERO))))
-    pieces = (polynomial,) if degree(polynomial, name, space) <= 2 else factors(polynomial, name, space)
+    pieces = (polynomial,) if degree(polynomial, name, space) <= 2 else factors_with(polynomial, name, space)
     for piece in pieces:
         if 1 <= degree(piece, name, space) <= 2:
             found += _roots(search, piece, name, space, name not in parameters, candidate)
@@ -205,24 +204,22 @@ def _last_unknown(
     return found
 
 
-def _lowered(polynomial: Polynomial, name: str, space: Space) -> Polynomial:
-    lowest = min(by_power(polynomial, name, space)) << space.shifts[name]
-    return {monomial - lowest: coefficient for monomial, coefficient in polynomial.items()}
-
-
 def _roots(
-    search: FormSearch, polynomial: Polynomial, name: str, space: Space, signal: bool, candidate: FormCandidate
+    search: FormSearch, polynomial: PolyElement, name: str, space: Space, signal: bool, candidate: FormCandidate
 ) -> list[FormCandidate]:
     parts = by_power(polynomial, name, space)
+    one, nothing = space.ring.one, space.ring.zero
     if 2 not in parts:
-        value = Quotient(numerator=scale(parts.get(0, {}), -1), denominator=parts[1], space=space)
+        value = Ratio(numerator=-parts.get(0, nothing), denominator=parts[1], space=space)
         return [replace(candidate, lines=(*candidate.lines, (name, value)))]
     if 1 not in parts:
         return _square_roots(search, parts, name, space, signal, candidate)
-    if all(coefficient < 0 for coefficient in parts[2].values()):
-        parts = {power: scale(part, -1) for power, part in parts.items()}
-    a, b, c = (search.fresh(f"{letter}") for letter in "abc")
-    lines: list[Draft] = [(a, _line(parts[2], space)), (b, _line(parts[1], space)), (c, _line(parts.get(0, {}), space))]
+    sign = -1 if all(coefficient < 0 for coefficient in parts[2].values()) else 1
+    a, b, c = (search.fresh(letter) for letter in "abc")
+    lines: list[Draft] = [
+        (letter, Ratio(numerator=sign * parts.get(power, nothing), denominator=one, space=space))
+        for letter, power in ((a, 2), (b, 1), (c, 0))
+    ]
     inner = Binary("-", Binary("**", Name(b), Number(2.0)), Binary("*", Binary("*", Number(4.0), Name(a)), Name(c)))
     root = search.fresh("root")
     lines.append((root, Call("sqrt", (inner,))))
@@ -234,16 +231,17 @@ def _roots(
     ]
 
 
-def _line(polynomial: Polynomial, space: Space) -> Quotient:
-    return Quotient(numerator=polynomial, denominator={0: 1}, space=space)
-
-
 def _square_roots(
-    search: FormSearch, parts: Mapping[int, Polynomial], name: str, space: Space, signal: bool, candidate: FormCandidate
+    search: FormSearch,
+    parts: Mapping[int, PolyElement],
+    name: str,
+    space: Space,
+    signal: bool,
+    candidate: FormCandidate,
 ) -> list[FormCandidate]:
     """Give plus and minus the root of -c/a; a signal keeps its sign from frame to frame."""
     square = search.fresh("square")
-    value = Quotient(numerator=scale(parts.get(0, {}), -1), denominator=parts[2], space=space)
+    value = Ratio(numerator=-parts.get(0, space.ring.zero), denominator=parts[2], space=space)
     root = Call("sqrt", (Name(square),))
     key = Name(search.problem.plain(name))
     sides: tuple[int, ...] = (1, -1) if search.prefer(Name(name)) else (-1, 1)

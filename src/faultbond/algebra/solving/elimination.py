@@ -13,19 +13,17 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from time import monotonic
 
+from sympy.polys.rings import PolyElement
+
 from faultbond.algebra.solving.polynomial import (
-    Polynomial,
     Space,
     TooLargeError,
-    add,
     by_power,
     degree,
     divide,
-    multiply,
-    power,
+    limited_power,
+    limited_product,
     primitive,
-    scale,
-    uses,
 )
 from faultbond.errors import StructureError
 
@@ -39,8 +37,8 @@ class Pivot:
     """unknown = numerator / denominator, in what was not yet eliminated. clean: no unknown enters the denominator."""
 
     unknown: str
-    numerator: Polynomial
-    denominator: Polynomial
+    numerator: PolyElement
+    denominator: PolyElement
     clean: bool
 
 
@@ -53,7 +51,7 @@ class ReducedSystem:
     """
 
     pivots: tuple[Pivot, ...]
-    rest: tuple[Polynomial, ...]
+    rest: tuple[PolyElement, ...]
     unknown: tuple[str, ...]
 
 
@@ -61,7 +59,7 @@ class ReducedSystem:
 class _Row:
     """An equation and what a search for pivots asks of it."""
 
-    polynomial: Polynomial
+    polynomial: PolyElement
     unknown: frozenset[str]
     linear: dict[
         str, int
@@ -75,15 +73,15 @@ class _Work:
     space: Space
     signals: frozenset[str]
     deadline: float
-    zeros: int
+    zeros: tuple[int, ...]
     rows: list[_Row] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
     pivots: list[Pivot] = field(default_factory=list)
-    divisors: list[Polynomial] = field(default_factory=list)
+    divisors: list[PolyElement] = field(default_factory=list)
 
 
-def eliminate(
-    polynomials: Sequence[Polynomial],
+def reduce_system(
+    polynomials: Sequence[PolyElement],
     signals: Sequence[str],
     parameters: Sequence[str],
     space: Space,
@@ -107,7 +105,9 @@ def eliminate(
     TooLargeError
         Where a polynomial outgrows the limit of the space, or time is up.
     """
-    work = _Work(space=space, signals=frozenset(signals), deadline=deadline, zeros=space.mask(zeros))
+    work = _Work(
+        space=space, signals=frozenset(signals), deadline=deadline, zeros=tuple(space.place[name] for name in zeros)
+    )
     work.unknown = [*signals, *parameters]
     work.rows = [_row(work, polynomial) for polynomial in polynomials]
     while len(work.unknown) > 1 or (work.rows and work.rows[0].linear):
@@ -123,29 +123,21 @@ def eliminate(
     )
 
 
-def _row(work: _Work, polynomial: Polynomial) -> _Row:
+def _row(work: _Work, polynomial: PolyElement) -> _Row:
     """Free a polynomial of known factors, and find what it is linear in."""
-    space = work.space
-    shifts = {name: space.shifts[name] for name in work.unknown}
-    mask = space.mask(shifts)
-    known = space.mask(name for name in space.names if name not in shifts)
-    polynomial = primitive(polynomial, space, known)
-    bits = uses(polynomial, mask)
-    if not bits:
+    places = {name: work.space.place[name] for name in work.unknown}
+    polynomial = primitive(polynomial, work.space, work.space.place.keys() - places.keys())
+    columns = tuple(zip(*polynomial, strict=True))
+    parts = set(zip(*(columns[k] for k in places.values() if columns), strict=True))  # products of unknowns
+    found = {name: powers for name, *powers in zip(places, *parts, strict=True) if any(powers)}
+    if not found:
         raise SingularError("the equations of a block contradict each other, or one follows from the others")
-    present = [name for name, shift in shifts.items() if bits >> shift & 0xFFF]
-    inside: dict[str, set[int]] = {name: set() for name in present}
-    for monomial in polynomial:
-        part = monomial & mask
-        if part:
-            for name in present:
-                if part >> shifts[name] & 0xFFF:
-                    inside[name].add(part)
     linear = {}
-    for name, parts in inside.items():
-        if all(part >> shifts[name] & 0xFFF == 1 for part in parts):
-            linear[name] = 0 if parts == {1 << shifts[name]} else len(parts)
-    return _Row(polynomial, frozenset(present), linear)
+    for name, powers in found.items():
+        if max(powers) == 1:
+            holding = [part for part, power in zip(parts, powers, strict=True) if power]
+            linear[name] = 0 if len(holding) == sum(holding[0]) == 1 else len(holding)
+    return _Row(polynomial, frozenset(found), linear)
 
 
 def _choose(work: _Work) -> tuple[int, str] | None:
@@ -154,7 +146,11 @@ def _choose(work: _Work) -> tuple[int, str] | None:
     options = []
     for position, row in enumerate(work.rows):
         for name, dirt in row.linear.items():
-            tier = 4 * _vanishes(work, row.polynomial, name) + 2 * (name not in work.signals) + bool(dirt)
+            k = work.space.place[name]
+            vanishes = bool(work.zeros) and all(  # whether its coefficient is 0 where the names that may be 0 are
+                any(powers[zero] for zero in work.zeros) for powers in row.polynomial if powers[k]
+            )
+            tier = 4 * vanishes + 2 * (name not in work.signals) + bool(dirt)
             others = len(row.unknown - work.signals - {name})
             fill = (len(row.unknown) - 1) * (count[name] - 1)
             options.append(((tier, dirt, others, fill, len(row.polynomial), position), name))
@@ -164,18 +160,11 @@ def _choose(work: _Work) -> tuple[int, str] | None:
     return cost[-1], name
 
 
-def _vanishes(work: _Work, polynomial: Polynomial, name: str) -> bool:
-    """Whether the coefficient of a name is 0 where the names that may be 0 are."""
-    return bool(work.zeros) and all(
-        monomial & work.zeros for monomial in polynomial if monomial >> work.space.shifts[name] & 0xFFF
-    )
-
-
 def _substitute(work: _Work, position: int, name: str) -> None:
     """Take a row as the equation of an unknown and put it into all others."""
     row = work.rows.pop(position)
     parts = by_power(row.polynomial, name, work.space)
-    above, below = scale(parts.get(0, {}), -1), parts[1]
+    above, below = -parts.get(0, work.space.ring.zero), parts[1]
     work.pivots.append(Pivot(unknown=name, numerator=above, denominator=below, clean=not row.linear[name]))
     work.unknown.remove(name)
     _divide_out_later(work, below)
@@ -184,7 +173,7 @@ def _substitute(work: _Work, position: int, name: str) -> None:
             work.rows[k] = _row(work, _stripped(work, _put(work, other.polynomial, name, above, below)))
 
 
-def _put(work: _Work, polynomial: Polynomial, name: str, above: Polynomial, below: Polynomial) -> Polynomial:
+def _put(work: _Work, polynomial: PolyElement, name: str, above: PolyElement, below: PolyElement) -> PolyElement:
     """Give the polynomial with above / below for a name, times a power of below."""
     space = work.space
     if monotonic() > work.deadline:
@@ -193,21 +182,23 @@ def _put(work: _Work, polynomial: Polynomial, name: str, above: Polynomial, belo
     top = max(parts)
     result = parts[top]
     for exponent in range(top - 1, -1, -1):  # Horner's rule
-        result = multiply(result, above, space)
+        result = limited_product(result, above, space)
         if exponent in parts:
-            result = add(result, multiply(parts[exponent], power(below, top - exponent, space), space))
+            result += limited_product(parts[exponent], limited_power(below, top - exponent, space), space)
     return result
 
 
-def _divide_out_later(work: _Work, divisor: Polynomial) -> None:
+def _divide_out_later(work: _Work, divisor: PolyElement) -> None:
     """Note a polynomial that is not zero at a solution; of a product only the unknowns count, the rest goes anyway."""
     if len(divisor) == 1:
-        divisor = {uses(divisor, work.space.mask(work.unknown)): 1}
-    if divisor != {0: 1}:
+        (powers,) = divisor
+        unknown = {work.space.place[name] for name in work.unknown}
+        divisor = divisor.new({tuple(power if k in unknown else 0 for k, power in enumerate(powers)): 1})
+    if divisor != 1:
         work.divisors.append(divisor)
 
 
-def _stripped(work: _Work, polynomial: Polynomial) -> Polynomial:
+def _stripped(work: _Work, polynomial: PolyElement) -> PolyElement:
     """Divide out the denominators of pivots: where one is zero its unknown has no value, so no solution is lost."""
     for divisor in work.divisors:
         while len(polynomial) >= len(divisor) and (smaller := divide(polynomial, divisor, work.space)):
@@ -235,8 +226,8 @@ def _reduce(work: _Work) -> bool:
     high_parts = by_power(work.rows[high_row].polynomial, name, space)
     top_low, top_high = max(low_parts), max(high_parts)
     lead, lead_high = low_parts[top_low], high_parts[top_high]
-    lifted = multiply(work.rows[low_row].polynomial, {(top_high - top_low) << space.shifts[name]: 1}, space)
-    left = multiply(work.rows[high_row].polynomial, lead, space)
+    lifted = work.rows[low_row].polynomial * space.ring.gens[space.place[name]] ** (top_high - top_low)
+    left = limited_product(work.rows[high_row].polynomial, lead, space)
     _divide_out_later(work, lead)
-    work.rows[high_row] = _row(work, _stripped(work, add(left, multiply(lifted, lead_high, space), -1)))
+    work.rows[high_row] = _row(work, _stripped(work, left - limited_product(lifted, lead_high, space)))
     return True

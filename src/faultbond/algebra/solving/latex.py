@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from faultbond.algebra.solving.branches import Condition
-from faultbond.algebra.solving.readable import readable_lines, shown_conditions
+from faultbond.algebra.solving.formula import readable_lines, shown_conditions
 from faultbond.algebra.solving.solution import Root
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import number_text
@@ -56,7 +56,7 @@ def name_latex(name: str) -> str:
         head, indices = match[1], [match[2], *indices]
     if part:
         indices = [part.replace("_", " "), *indices]
-    written = [_index(index) for index in indices]
+    written = [index if index.isdigit() else _letter(index) for index in indices]
     return _letter(head) + (f"_{{{','.join(written)}}}" if written else "")
 
 
@@ -64,10 +64,6 @@ def _letter(word: str) -> str:
     if word in GREEK:
         return f"\\{word}"
     return word if len(word) == 1 else rf"\mathrm{{{word}}}"
-
-
-def _index(word: str) -> str:
-    return word if word.isdigit() else _letter(word)
 
 
 def expression_latex(expression: Expression, needed: int = 0) -> str:

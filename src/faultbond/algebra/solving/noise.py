@@ -13,12 +13,11 @@ from statistics import median
 import numpy as np
 
 from faultbond.algebra.route import Route
-from faultbond.algebra.solving.backward_euler import NumericPlant, Record, random_inputs, simulate
-from faultbond.algebra.solving.linearise import SINGULAR, reciprocal_condition, slope_matrix
-from faultbond.algebra.solving.problem import Problem, prepare
+from faultbond.algebra.solving.backward_euler import FrameRecord, NumericPlant, random_inputs, simulate_frames
+from faultbond.algebra.solving.problem import SINGULAR, Problem, prepare, reciprocal_condition, slope_matrix
 from faultbond.arrays import FloatArray
 from faultbond.equations.component_network import SAMPLE_TIME, ComponentNetwork
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real
 from faultbond.errors import StructureError
 
 N_INSTANTS = 15
@@ -46,7 +45,9 @@ class NoiseGain:
         return max(self.deviations.values(), default=0.0)
 
 
-def nominal_record(network: ComponentNetwork, plant: NumericPlant, frames: int, instants: int = N_INSTANTS) -> Record:
+def nominal_record(
+    network: ComponentNetwork, plant: NumericPlant, frames: int, instants: int = N_INSTANTS
+) -> FrameRecord:
     """Give a record of the nominal plant, long enough for routes of so many frames at so many instants.
 
     Inputs jump at every sample within their usual range: noise is judged against what excites well.
@@ -56,14 +57,14 @@ def nominal_record(network: ComponentNetwork, plant: NumericPlant, frames: int, 
     values = {name: float(value) for name, value in plant.values.items()}
     start = {name: float(value) for name, value in plant.start.items()}
     series = {name: tuple(map(float, given)) for name, given in inputs.items()}
-    return simulate(network, values, series, float(plant.sample_time), start, n)
+    return simulate_frames(network, values, series, float(plant.sample_time), start, n)
 
 
 def noise_gain(
     network: ComponentNetwork,
     route: Route,
     plant: NumericPlant,
-    record: Record | None = None,
+    record: FrameRecord | None = None,
     instants: int = N_INSTANTS,
 ) -> NoiseGain:
     """Give the noise gain of a route.
@@ -86,7 +87,12 @@ def noise_gain(
     chosen = range(length - 1, max(length - 1 - instants, problem.frames - 2), -1)
     if not chosen:
         raise StructureError(f"{problem.name}: a record of {length} samples is too short for {problem.frames} frames")
-    parts = [_contributions(problem, plant, _values(problem, plant, record, position)) for position in chosen]
+    parts = []
+    for position in chosen:
+        values: dict[str, Real] = {name: float(value) for name, value in plant.values.items()}
+        values[SAMPLE_TIME] = float(plant.sample_time)
+        values |= {name: record[signal][position - frame] for name, (signal, frame) in problem.signals.items()}
+        parts.append(_contributions(problem, plant, values))
     deviations, main = {}, {}
     for row, target in enumerate(problem.targets):
         squares = np.array([part[row] ** 2 for part in parts])
@@ -97,15 +103,7 @@ def noise_gain(
     return NoiseGain(deviations=deviations, main=main, relative=relative)
 
 
-def _values(problem: Problem, plant: NumericPlant, record: Record, position: int) -> dict[str, Value]:
-    values: dict[str, Value] = {name: float(value) for name, value in plant.values.items()}
-    values[SAMPLE_TIME] = float(plant.sample_time)
-    for name, (signal, frame) in problem.signals.items():
-        values[name] = record[signal][position - frame]
-    return values
-
-
-def _contributions(problem: Problem, plant: NumericPlant, values: Mapping[str, Value]) -> FloatArray:
+def _contributions(problem: Problem, plant: NumericPlant, values: Mapping[str, Real]) -> FloatArray:
     """Give the standard deviation that each sample brings to each target, shape (n_targets, n_samples)."""
     sizes = np.array([_size(values[name]) for name in problem.unknown])
     unknown = slope_matrix(problem.residuals, problem.unknown, values) * sizes
@@ -118,7 +116,7 @@ def _contributions(problem: Problem, plant: NumericPlant, values: Mapping[str, V
     return result
 
 
-def _size(value: Value) -> float:
+def _size(value: Real) -> float:
     return abs(float(value)) or 1.0
 
 

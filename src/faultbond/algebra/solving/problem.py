@@ -1,26 +1,30 @@
-"""A route as equations to be solved, and the records on which its solution is checked."""
+"""A route as equations to be solved, and the records on which its solution is checked.
 
-from collections.abc import Iterable, Mapping
+The slopes of the equations at a record tell, to first order, what fixes what.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
 from math import inf
 from time import monotonic
 
 import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf
 
 from faultbond.algebra.route import Route, Target
-from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, random_inputs, simulate
-from faultbond.algebra.solving.linearise import Fixed, fixes, slope_matrix
+from faultbond.algebra.solving.backward_euler import NumericPlant, misfit, random_inputs, simulate_frames
+from faultbond.arrays import FloatArray
 from faultbond.equations.component_network import (
     SAMPLE_TIME,
     ComponentNetwork,
-    Equation,
     SignalAt,
     frame_name,
     in_frame,
 )
 from faultbond.equations.inversion import substitute
-from faultbond.equations.numeric import Value
+from faultbond.equations.numeric import Real, is_nan, slopes, solve_linear
 from faultbond.errors import StructureError
 from faultbond.model.expression import FUNCTIONS, LOGIC, Binary, Call, Expression, Number, names, walk
 
@@ -28,7 +32,65 @@ TOLERANCE = 1e-6  # of a residual against what it sums, in floating point
 WARM_UP = 3  # samples that a record has before those that a route uses
 _ATTEMPTS = 6
 _SMALL = 4  # number of a record from which on its inputs are small
+WELL, SINGULAR = 1e-10, 1e-15  # reciprocal conditions of equations with rows and columns scaled
+MAX_EXACT = 60  # equations that are looked at in exact arithmetic
 CHANGES = (Fraction(6, 5), Fraction(4, 5))  # of the unknown parameters in the further records
+
+
+def slope_matrix(residuals: Sequence[Expression], columns: Sequence[str], values: Mapping[str, Real]) -> FloatArray:
+    """Give the derivatives of residuals by some names; shape (n_residuals, n_columns), nan where there is none."""
+    position = {name: k for k, name in enumerate(columns)}
+    matrix = np.zeros((len(residuals), len(columns)))
+    for row, residual in enumerate(residuals):
+        value, by = slopes(residual, values, position)
+        if is_nan(value):
+            matrix[row] = np.nan
+        for name, slope in by.items():
+            matrix[row, position[name]] = float(slope)
+    return matrix
+
+
+class Fixed(Enum):
+    """How well equations fix their unknowns near a solution."""
+
+    WELL = "well"
+    BARELY = "barely"
+    NOT = "not"
+
+
+def fixes(residuals: Sequence[Expression], unknown: Sequence[str], values: Mapping[str, Real]) -> Fixed:
+    """Tell whether equations fix as many unknowns near a solution: exactly where the values are fractions.
+
+    In floating point they fix them barely where rounding is amplified beyond use.
+    """
+    if len(residuals) <= MAX_EXACT and all(isinstance(value, Fraction | int) for value in values.values()):
+        position = {name: k for k, name in enumerate(unknown)}
+        rows = [slopes(residual, values, position)[1] for residual in residuals]
+        placed = [{position[name]: slope for name, slope in row.items()} for row in rows]
+        return Fixed.WELL if solve_linear(placed, [Fraction(0)] * len(rows)) is not None else Fixed.NOT
+    matrix = slope_matrix(residuals, unknown, values)
+    if not np.all(np.isfinite(matrix)):
+        return Fixed.NOT
+    sizes = np.array([abs(float(values[name])) or 1.0 for name in unknown])
+    in_units = matrix * sizes  # columns in units of the unknowns, rows of largest entry 1
+    largest = np.abs(in_units).max(axis=1, keepdims=True, initial=0.0)
+    closeness = reciprocal_condition(in_units / np.where(largest == 0.0, 1.0, largest))
+    if closeness > WELL:
+        return Fixed.WELL
+    return Fixed.BARELY if closeness > SINGULAR else Fixed.NOT
+
+
+def reciprocal_condition(matrix: FloatArray) -> float:
+    """Give an estimate of how far a matrix (n, n) is from singular ones, 1 being far and 0 singular.
+
+    Source: Higham 1988 (LAPACK's gecon), on the factors of an LU decomposition.
+    """
+    norm = float(np.abs(matrix).sum(axis=0).max(initial=0.0))
+    factors, _, info = dgetrf(matrix)
+    if info != 0:
+        return 0.0
+    found, _ = dgecon(factors, norm, norm="1")
+    return float(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +132,7 @@ class Problem:
         """Give a name without its frame."""
         return self.signals[name][0] if self.shared and name in self.signals else name
 
-    def is_met(self, values: Mapping[str, Value]) -> bool:
+    def is_met(self, values: Mapping[str, Real]) -> bool:
         """Whether values satisfy all equations."""
         return misfit(self.residuals, values) < TOLERANCE
 
@@ -82,8 +144,8 @@ class ProofData:
     scales: of each target the size of what it is a sum of; a target that is 0 comes out as rounding of that size.
     """
 
-    known: Mapping[str, Value]
-    true: Mapping[str, Value]
+    known: Mapping[str, Real]
+    true: Mapping[str, Real]
     scales: Mapping[str, float]
 
 
@@ -100,11 +162,23 @@ def prepare(network: ComponentNetwork, route: Route, plant: NumericPlant) -> Pro
     StructureError
         Where a signal in a frame and a parameter have one name, an equation is logic, or a target is known anyway.
     """
-    _refuse_known(route)
+    sought = {step.finds for step in route.steps}
+    given = [name_of(target) for target in route.question.targets if target not in sought]
+    if given:
+        raise StructureError(
+            f"{', '.join(given)} {'are' if len(given) > 1 else 'is'} known without a route; "
+            "ask for what is not measured"
+        )
     constants = {name: Number(float(value)) for name, value in plant.values.items() if name not in network.parameters}
     equations = {item.name: item for item in network.equations}
-    for step in route.steps:
-        _refuse_logic(equations[step.equation])
+    for equation in (equations[step.equation] for step in route.steps):
+        for part in walk(equation.residual):
+            logical = isinstance(part, Binary) and part.operator in LOGIC
+            if logical or (isinstance(part, Call) and part.function not in FUNCTIONS):
+                raise StructureError(
+                    f"the equation of {equation.owner} is logic, which is not solved for numbers; "
+                    "diagnoses of logic networks follow from consistency alone"
+                )
     residuals = [substitute(in_frame(equations[step.equation], step.frame), dict(constants)) for step in route.steps]
     signals = {
         frame_name((signal, step.frame + back)): (signal, step.frame + back)
@@ -136,27 +210,6 @@ def prepare(network: ComponentNetwork, route: Route, plant: NumericPlant) -> Pro
     )
 
 
-def _refuse_known(route: Route) -> None:
-    """Refuse a target that no step finds, since it is measured or given."""
-    found = {step.finds for step in route.steps}
-    known = [name_of(target) for target in route.question.targets if target not in found]
-    if known:
-        raise StructureError(
-            f"{', '.join(known)} {'are' if len(known) > 1 else 'is'} known without a route; "
-            "ask for what is not measured"
-        )
-
-
-def _refuse_logic(equation: Equation) -> None:
-    for part in walk(equation.residual):
-        logical = isinstance(part, Binary) and part.operator in LOGIC
-        if logical or (isinstance(part, Call) and part.function not in FUNCTIONS):
-            raise StructureError(
-                f"the equation of {equation.owner} is logic, which is not solved for numbers; "
-                "diagnoses of logic networks follow from consistency alone"
-            )
-
-
 def trials_of(
     network: ComponentNetwork, problem: Problem, plant: NumericPlant, deadline: float = inf
 ) -> tuple[tuple[ProofData, ...], Fixed | None]:
@@ -178,7 +231,9 @@ def trials_of(
     best = Fixed.NOT
     for number, factor in enumerate((Fraction(1), *CHANGES)):
         values = dict(plant.values)
-        values |= {name: _changed(plant, name, factor) for name in unknown}
+        for name in unknown:
+            nominal = plant.values[name]
+            values[name] = nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
         for attempt in range(_ATTEMPTS):
             if monotonic() > deadline and (found or attempt):
                 return tuple(found), best if found else None
@@ -192,11 +247,6 @@ def trials_of(
             if not found:
                 return (), best
     return tuple(found), best
-
-
-def _changed(plant: NumericPlant, name: str, factor: Fraction) -> Fraction:
-    nominal = plant.values[name]
-    return nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
 
 
 def _record(
@@ -213,16 +263,16 @@ def _record(
     if seed % 4 >= 2:  # a plant without inputs moves only if it does not begin at rest
         start |= {state.signal: Fraction(3 + k, 2 + k) for k, state in enumerate(network.states)}
     try:
-        record = simulate(network, values, inputs, plant.sample_time, start, n)
+        record = simulate_frames(network, values, inputs, plant.sample_time, start, n)
     except StructureError:
         return None
     true = {name: record[signal][n - 1 - frame] for name, (signal, frame) in problem.signals.items()}
     true |= {name: values[name] for name in network.parameters} | {SAMPLE_TIME: plant.sample_time}
-    known = without(true, problem.unknown)
+    known = {name: value for name, value in true.items() if name not in problem.unknown}
     return ProofData(known=known, true=true, scales=_scales(problem, known, true))
 
 
-def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Value]) -> dict[str, float]:
+def _scales(problem: Problem, known: Mapping[str, Real], true: Mapping[str, Real]) -> dict[str, float]:
     """Give for each target that is 0 the sum of the sizes of what each known value brings to it, to first order."""
     zero = [name for name in problem.targets if not true[name]]
     if not zero:
@@ -235,9 +285,3 @@ def _scales(problem: Problem, known: Mapping[str, Value], true: Mapping[str, Val
     except np.linalg.LinAlgError:
         return {}
     return {name: float(parts[problem.unknown.index(name)]) for name in zero}
-
-
-def without(values: Mapping[str, Value], names_: Iterable[str]) -> dict[str, Value]:
-    """Give a mapping without some names."""
-    dropped = set(names_)
-    return {name: value for name, value in values.items() if name not in dropped}

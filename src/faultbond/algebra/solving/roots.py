@@ -3,7 +3,7 @@
 Where that is no way, Newton's method from several starts, which finds roots near the start only.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import exp, inf, isfinite
@@ -11,17 +11,32 @@ from random import Random
 from time import monotonic
 
 from faultbond.algebra.solving.backward_euler import misfit, newton
-from faultbond.algebra.solving.branches import Branch, cases, name_functions
-from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, eliminate
-from faultbond.algebra.solving.polynomial import Polynomial, Space, TooLargeError, by_power, space_of
-from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem, without
-from faultbond.algebra.solving.rational import NotRationalError, quotient, specialise
+from faultbond.algebra.solving.branches import (
+    Branch,
+    Given,
+    NoClosedFormError,
+    System,
+    cases,
+    name_functions,
+    order_systems,
+    positive_at,
+)
+from faultbond.algebra.solving.elimination import ReducedSystem, SingularError, reduce_system
+from faultbond.algebra.solving.polynomial import (
+    NotRationalError,
+    Space,
+    TooLargeError,
+    by_power,
+    image,
+    quotient,
+    space_of,
+    specialise,
+)
+from faultbond.algebra.solving.problem import TOLERANCE, Block, Problem
 from faultbond.algebra.solving.symbols import real_roots
-from faultbond.algebra.solving.systems import Given, NoClosedFormError, Ordered, System, order_systems
-from faultbond.equations.numeric import Value, evaluate
-from faultbond.model.expression import Expression, names
+from faultbond.equations.numeric import Real, numeric_value
 
-Values = dict[str, Value]
+Reals = dict[str, Real]
 
 N_STARTS = 20
 START_SPREAD = 0.7  # of the logarithm of a start
@@ -38,7 +53,7 @@ class Count:
     degree: None where Newton's method was used. complete: whether every case was looked at.
     """
 
-    roots: tuple[Values, ...]
+    roots: tuple[Reals, ...]
     degree: int | None
     complete: bool = True
 
@@ -46,7 +61,7 @@ class Count:
 @dataclass(slots=True)
 class _Walk:
     problem: Problem
-    guess: Mapping[str, Value]
+    guess: Mapping[str, Real]
     deadline: float
     number: int = 0
     by_newton: bool = False
@@ -58,7 +73,7 @@ class _Walk:
         return f"{word}:{self.number}"
 
 
-def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str, Value], seconds: float = inf) -> Count:
+def find_roots(problem: Problem, known: Mapping[str, Real], guess: Mapping[str, Real], seconds: float = inf) -> Count:
     """Give all real values of the unknowns that satisfy the equations on given samples.
 
     Parameters
@@ -69,7 +84,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
     seconds : after which no further root is looked for
     """
     walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
-    paths: list[Values] = [{name: _fraction(value) for name, value in without(known, problem.unknown).items()}]
+    paths: list[Reals] = [{name: _fraction(value) for name, value in known.items() if name not in problem.unknown}]
     total = 1
     for block in problem.blocks:
         further = [_through(walk, block, values) for values in paths]
@@ -77,7 +92,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
         paths = [values for found, _ in further for values in found]
         walk.cut |= len(paths) > MAX_PATHS
         paths = paths[:MAX_PATHS]
-    roots: list[Values] = []
+    roots: list[Reals] = []
     for values in paths:
         root = {name: values[name] for name in problem.unknown}
         if problem.is_met(_floats(values)) and not any(_same(root, other) for other in roots):
@@ -86,7 +101,7 @@ def find_roots(problem: Problem, known: Mapping[str, Value], guess: Mapping[str,
     return Count(roots=tuple(roots), degree=degree, complete=not walk.cut)
 
 
-def _fraction(value: Value) -> Fraction:
+def _fraction(value: Real) -> Fraction:
     """Give a number as a fraction, rounded where it is long."""
     value = Fraction(value)
     excess = value.denominator.bit_length() - _BITS
@@ -96,21 +111,22 @@ def _fraction(value: Value) -> Fraction:
     return Fraction(round(value * digits), digits)
 
 
-def _floats(values: Mapping[str, Value]) -> dict[str, Value]:
+def _floats(values: Mapping[str, Real]) -> dict[str, Real]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _same(one: Values, two: Values) -> bool:
+def _same(one: Reals, two: Reals) -> bool:
     return all(abs(float(value - two[name])) <= SAME * abs(float(value)) for name, value in one.items())
 
 
-def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], int]:
+def _through(walk: _Walk, block: Block, values: Reals) -> tuple[list[Reals], int]:
     """Give all continuations of one path through a block, and the number of algebraic roots on their own branch."""
     unknown = frozenset(block.unknown)
-    found: list[Values] = []
+    prefer = positive_at({**walk.guess, **values})
+    found: list[Reals] = []
     highest = 0
     try:
-        for number, case in enumerate(cases(block.residuals, unknown, {}, _as_it_is, _prefer(walk, values))):
+        for number, case in enumerate(cases(block.residuals, unknown, {}, str, prefer)):
             if number == MAX_PATHS:
                 walk.cut = True
                 break
@@ -127,96 +143,66 @@ def _through(walk: _Walk, block: Block, values: Values) -> tuple[list[Values], i
     return found, highest
 
 
-def _as_it_is(name: str) -> str:
-    return name
-
-
-def _prefer(walk: _Walk, values: Values) -> Callable[[Expression], bool]:
-    """Whether an expression is positive at the guess."""
-    everything = {**walk.guess, **values}
-
-    def positive(expression: Expression) -> bool:
-        return not set(names(expression)) <= everything.keys() or not evaluate(expression, everything) < 0
-
-    return positive
-
-
-def _case_roots(walk: _Walk, block: Block, case: Branch, values: Values) -> tuple[list[Values], int]:
-    """Give the roots in one case; none where it is singular."""
+def _case_roots(walk: _Walk, block: Block, case: Branch, values: Reals) -> tuple[list[Reals], int]:
+    """Give the roots in one case, and the number of algebraic ones; none where it is singular."""
+    paths, total = [values], 1
     try:
-        ordered = order_systems(case, block.unknown, walk.fresh)
-        return _ordered_roots(walk, block, ordered, values)
+        for part in order_systems(case, block.unknown, walk.fresh).parts:
+            if isinstance(part, Given):
+                done = [{**path, part.name: numeric_value(part.value, path)} for path in paths]
+                paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
+            else:
+                further = [_system_roots(walk, part, block.parameters, path) for path in paths]
+                total *= max((degree for _, degree in further), default=0)
+                paths = [path for found, _ in further for path in found]
     except SingularError:
         return [], 0
-
-
-def _ordered_roots(walk: _Walk, block: Block, ordered: Ordered, values: Values) -> tuple[list[Values], int]:
-    paths, total = [values], 1
-    for part in ordered.parts:
-        if isinstance(part, Given):
-            done = [{**path, part.name: evaluate(part.value, path)} for path in paths]
-            paths = [{**path, part.name: _fraction(path[part.name])} for path in done if isfinite(path[part.name])]
-            continue
-        further = [_system_roots(walk, part, block.parameters, path) for path in paths]
-        total *= max((degree for _, degree in further), default=0)
-        paths = [path for found, _ in further for path in found]
     return paths, total
 
 
-def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], values: Values) -> tuple[list[Values], int]:
+def _system_roots(walk: _Walk, system: System, parameters: frozenset[str], values: Reals) -> tuple[list[Reals], int]:
     every = space_of(dict.fromkeys((*system.unknown, *values)))
     into = space_of(system.unknown)
     fractions = {name: Fraction(value) for name, value in values.items()}
-    polynomials = [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals]
-    signals = [name for name in system.unknown if name not in parameters]
-    reduced = eliminate(
-        polynomials, signals, [name for name in system.unknown if name in parameters], into, walk.deadline
+    reduced = reduce_system(
+        [specialise(quotient(residual, every)[0], every, fractions, into) for residual in system.residuals],
+        [name for name in system.unknown if name not in parameters],
+        [name for name in system.unknown if name in parameters],
+        into,
+        walk.deadline,
     )
-    lasts, degree = _last_roots(reduced, into)
-    return [found for last in lasts if (found := _back(reduced, into, {**values, **last})) is not None], degree
-
-
-def _last_roots(reduced: ReducedSystem, space: Space) -> tuple[list[Values], int]:
-    if not reduced.rest:
-        return [{}], 1
+    lasts: list[dict[str, Fraction]] = [{}]
+    degree = 1
     if len(reduced.rest) > 1:
         raise NoClosedFormError("more than one unknown is left")
-    (name,), (polynomial,) = reduced.unknown, reduced.rest
-    parts = by_power(polynomial, name, space)
-    degree = max(parts)
-    if degree > MAX_DEGREE:
-        raise TooLargeError
-    coefficients = [parts.get(power, {}).get(0, 0) for power in range(degree, -1, -1)]
-    repeated = max(min(parts) - 1, 0)  # of the root 0; a division by the unknown as a rule
-    return [{name: root} for root in real_roots(coefficients)], degree - repeated
+    if reduced.rest:
+        (name,), (polynomial,) = reduced.unknown, reduced.rest
+        parts = by_power(polynomial, name, into)
+        degree = max(parts)
+        if degree > MAX_DEGREE:
+            raise TooLargeError
+        coefficients = [int(parts[power].LC) if power in parts else 0 for power in range(degree, -1, -1)]
+        lasts = [{name: root} for root in real_roots(coefficients)]
+        degree -= max(min(parts) - 1, 0)  # repeated roots 0, of a division by the unknown as a rule
+    return [{**values, **found} for last in lasts if (found := _back(reduced, into, last)) is not None], degree
 
 
-def _back(reduced: ReducedSystem, space: Space, values: Values) -> Values | None:
+def _back(reduced: ReducedSystem, space: Space, last: Mapping[str, Fraction]) -> dict[str, Fraction] | None:
     """Compute the eliminated unknowns; None where a denominator is zero."""
-    found = dict(values)
+    found = dict(last)
     for pivot in reversed(reduced.pivots):
-        below = _value(pivot.denominator, space, found)
+        above, below = (sum(image(item, space, found).values()) for item in (pivot.numerator, pivot.denominator))
         if not below:
             return None
-        found[pivot.unknown] = _fraction(_value(pivot.numerator, space, found) / below)
+        found[pivot.unknown] = _fraction(Fraction(above) / below)
     return found
 
 
-def _value(polynomial: Polynomial, space: Space, values: Mapping[str, Value]) -> Fraction:
-    total = Fraction(0)
-    for monomial, coefficient in polynomial.items():
-        term = Fraction(coefficient)
-        for name, power in space.powers(monomial).items():
-            term *= Fraction(values[name]) ** power
-        total += term
-    return total
-
-
-def _newton_roots(walk: _Walk, block: Block, values: Values) -> list[Values]:
+def _newton_roots(walk: _Walk, block: Block, values: Reals) -> list[Reals]:
     """Start near the guess, and at multiples of it; every start that ends somewhere new gives a root."""
     rng = Random(0)  # noqa: S311 - starting points, no secret
     known = _floats(values)
-    roots: list[Values] = []
+    roots: list[Reals] = []
     for attempt in range(N_STARTS):
         if monotonic() > walk.deadline:
             break

@@ -13,7 +13,7 @@ from typing import Any
 
 from faultbond.algebra.solving.branches import Condition
 from faultbond.equations.inversion import substitute
-from faultbond.equations.numeric import Value, evaluate, is_nan
+from faultbond.equations.numeric import Real, is_nan, numeric_value
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, walk
 
 VERSION = 2  # of the method; a cached solution of another version is not used
@@ -40,7 +40,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Root:
-    """One closed form of all targets: the last lines give them. conditions: where it holds."""
+    """One closed form of all targets: the last lines give them. conditions: where it conditions_hold."""
 
     lines: tuple[Line, ...]
     conditions: tuple[Condition, ...] = ()
@@ -80,13 +80,8 @@ class Solution:
     singular: tuple[Singular, ...] = ()
     remarks: tuple[str, ...] = ()
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether there is a closed form."""
-        return bool(self.roots)
 
-
-def evaluate_root(root: Root, values: Mapping[str, Value]) -> dict[str, Value]:
+def evaluate_root(root: Root, values: Mapping[str, Real]) -> dict[str, Real]:
     """Give every name of a closed form its value, exactly where all values are fractions and roots are of squares.
 
     Parameters
@@ -96,25 +91,25 @@ def evaluate_root(root: Root, values: Mapping[str, Value]) -> dict[str, Value]:
     """
     known = dict(values)
     for line in root.lines:
-        known[line.name] = evaluate(line.value, known)
+        known[line.name] = numeric_value(line.value, known)
     return {line.name: known[line.name] for line in root.lines}
 
 
-def holds(root: Root, values: Mapping[str, Value]) -> bool:
+def conditions_hold(root: Root, values: Mapping[str, Real]) -> bool:
     """Whether the conditions of a root hold for its values among others."""
     for condition in root.conditions:
-        value = evaluate(condition.expression, values)
+        value = numeric_value(condition.expression, values)
         if not (value > 0 or (value == 0 and not condition.strict)):
             return False
     return True
 
 
-def solve_samples(solution: Solution, values: Mapping[str, Value]) -> tuple[dict[str, Value], ...]:
+def solve_samples(solution: Solution, values: Mapping[str, Real]) -> tuple[dict[str, Real], ...]:
     """Give the targets by each closed form whose conditions hold and that has a value."""
     found = []
     for root in solution.roots:
         result = evaluate_root(root, values)
-        if holds(root, {**values, **result}) and not any(is_nan(result[name]) for name in solution.targets):
+        if conditions_hold(root, {**values, **result}) and not any(is_nan(result[name]) for name in solution.targets):
             found.append({name: result[name] for name in solution.targets})
     return tuple(found)
 

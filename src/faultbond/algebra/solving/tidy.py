@@ -25,17 +25,17 @@ def negative(expression: Expression) -> Expression:
     return Negative(expression)
 
 
-def replaced(expression: Expression, old: Expression, new: Expression) -> Expression:
-    """Give an expression with every part that equals `old` replaced."""
+def replace_part(expression: Expression, old: Expression, new: Expression) -> Expression:
+    """Give an expression with every part that equals `old` replace_part."""
     if expression == old:
         return new
     match expression:
         case Negative(operand):
-            return Negative(replaced(operand, old, new))
+            return Negative(replace_part(operand, old, new))
         case Binary(operator, left, right):
-            return Binary(operator, replaced(left, old, new), replaced(right, old, new))
+            return Binary(operator, replace_part(left, old, new), replace_part(right, old, new))
         case Call(function, arguments):
-            return Call(function, tuple(replaced(argument, old, new) for argument in arguments))
+            return Call(function, tuple(replace_part(argument, old, new) for argument in arguments))
     return expression
 
 

@@ -23,7 +23,7 @@ from faultbond.thesis.offline.functions import (
     state_signals,
 )
 from faultbond.thesis.offline.sides import MISFIT, Side, independent_relations, side_of
-from faultbond.thesis.offline.tapes import compile_batch, compile_torn
+from faultbond.thesis.offline.tape_writer import compile_batch, compile_torn
 from faultbond.thesis.online.plan import ClassicPlan, Programs, Sides
 from faultbond.thesis.online.settings import Erratum, Settings
 from faultbond.types import TimeGrid

@@ -12,7 +12,7 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes import questions
 from faultbond.algebra.routes.matched import alternatives, find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant
-from faultbond.algebra.solving.printing import to_one_line
+from faultbond.algebra.solving.formula import to_one_line
 from faultbond.algebra.solving.problem import name_of
 from faultbond.algebra.solving.solution import Root
 from faultbond.algebra.solving.solve import SolvingLimits, solve

@@ -1,0 +1,1 @@
+"""What several benchmarks use: plants and their runs, tables and pages, clocks, published models."""

@@ -1,0 +1,1 @@
+"""How often is it right, and does it keep what it promises? Simulated plants, for docs/trust.md and docs/figures.md."""

@@ -1,0 +1,204 @@
+"""The most probable values: Fisher's scoring with damping, from several places where the hill is folded.
+
+Each step solves (information + prior + damping) step = slope; the damping rises until the step leads higher. Source:
+Levenberg 1944, Marquardt 1963; Ljung 1999, section 10.2.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from faultbond.arrays import BoolArray, FloatArray
+from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.samples import HealthyRecording
+
+TURNS = 60  # steps at most
+PATIENCE = 10  # rises of the damping in a row
+SETTLED = 1e-4  # nats that the next step would still bring
+SOFT, STIFF = 1e-2, 1e2  # damping below which a step is nearly Newton's; the largest a step begins with
+POOR, FAIR = 0.25, 0.75  # of the promise kept: the damping rises below, and falls above
+LEAST_DAMPING = 1e-7
+LONGEST = 1.5  # step of a logarithm at most
+START_PRIOR = 1e3  # sd of a free start, in its unit; it only keeps what does not show where it is
+NOISE_ROUNDS = 4
+SHAKES = 4  # rounds, where a climb is stuck
+PLACES = 6  # tried in each
+SHORT = 6  # steps from each
+SHAKEN = 0.3  # standard errors by which they are away
+NEAR = 30.0  # nats below, from where it is worth to climb
+WORTH = 0.05  # nats; less is no higher place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Summit:
+    """Where a climb ended.
+
+    posterior: logarithm of likelihood and prior; precision (m, m): information and prior; settled: whether it stands
+    still; steps: evaluations used.
+    """
+
+    point: FitPoint
+    evaluation: Evaluation
+    posterior: float
+    precision: FloatArray
+    settled: bool
+    steps: int
+
+
+def ascend(
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    prior: FloatArray,
+    *,
+    anchor: FloatArray | None = None,
+) -> Summit:
+    """Climb from a point.
+
+    A law with `max` or `abs` folds the hill: on a fold the slope leads nowhere although it is not zero. So a climb that
+    is stuck goes on from places around, as far away as the values are uncertain, as long as that leads higher.
+
+    Parameters
+    ----------
+    plant, records : what is fitted to what
+    begin : where to start
+    prior : sd of each unknown about its nominal value, (n,)
+    anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
+    """
+    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
+    now = _straight(hill, hill.at(begin), TURNS)
+    rng = np.random.default_rng(len(prior))
+    for _ in range(SHAKES):
+        if now.settled or not np.isfinite(now.posterior):
+            break
+        best = now
+        for _ in range(PLACES):
+            trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
+            if trial.posterior > now.posterior - NEAR:
+                trial = _straight(hill, trial, SHORT)
+            best = max(best, trial, key=lambda item: item.posterior)
+        worse = best.posterior - now.posterior < WORTH
+        now = replace(best if worse else _straight(hill, best, TURNS), settled=worse)
+    return replace(now, steps=hill.calls)
+
+
+def _straight(hill: "_Hill", now: Summit, most: int) -> Summit:
+    """Climb as the slope leads, so many steps at most."""
+    damping = 1e-3
+    for _ in range(most):
+        if not np.isfinite(now.posterior):
+            break
+        slope, damping = hill.slope(now), min(damping, STIFF)
+        free = ~hill.held(now, slope)
+        for _ in range(PATIENCE):
+            move, promise = hill.move(now, slope, free, damping)
+            if promise <= SETTLED and damping <= SOFT:
+                return replace(now, settled=True)
+            trial = hill.at(hill.moved(now.point, move))
+            gain = trial.posterior - now.posterior
+            if gain > 0.0:
+                break
+            damping *= 8.0
+        else:
+            break
+        kept = gain / max(float(move @ slope - 0.5 * move @ now.precision @ move), 1e-300)  # of what was foretold
+        if kept < POOR:
+            damping *= 4.0
+        elif kept > FAIR:
+            damping = max(damping / 8.0, LEAST_DAMPING)
+        now = trial
+    return replace(now, settled=False)
+
+
+class _Hill:
+    """The posterior over the unknowns and what recordings have for themselves."""
+
+    def __init__(
+        self, plant: FittedPlant, records: Sequence[HealthyRecording], anchor: FloatArray, prior: FloatArray
+    ) -> None:
+        self.plant, self.records, self.anchor = plant, records, anchor
+        self.n, self.calls = len(prior), 0
+        n_own = anchor.size
+        self.weight = 1.0 / np.concatenate([prior, np.full(n_own, START_PRIOR)]) ** 2
+        self.logarithmic = np.concatenate([plant.unknowns.logarithmic, np.zeros(n_own, dtype=bool)])
+        self.plain: BoolArray = np.ones(self.n + n_own, dtype=bool)  # parameters and starts; the others are noise
+        self.plain[plant.unknowns.n_theta : self.n] = False
+
+    def away(self, point: FitPoint) -> FloatArray:
+        """Give how far a point lies from what was known, in units of the unknowns."""
+        starts = ((point.starts - self.anchor) / point.sizes).ravel()
+        return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
+
+    def at(self, point: FitPoint) -> Summit:
+        self.calls += 1
+        found = evaluate_likelihood(self.plant, self.records, point)
+        return Summit(
+            point=point,
+            evaluation=found,
+            posterior=found.value - 0.5 * float(np.sum(self.weight * self.away(point) ** 2)),
+            precision=found.information + np.diag(self.weight),
+            settled=False,
+            steps=self.calls,
+        )
+
+    def slope(self, now: Summit) -> FloatArray:
+        return now.evaluation.score - self.weight * self.away(now.point)
+
+    def held(self, now: Summit, slope: FloatArray) -> BoolArray:
+        """Whether an unknown stands at the end of its range and would leave it."""
+        unknowns, values = self.plant.unknowns, now.point.values
+        stuck: BoolArray = np.zeros(len(slope), dtype=bool)
+        stuck[: self.n] = ((values >= unknowns.upper) & (slope[: self.n] > 0)) | (
+            (values <= unknowns.lower) & (slope[: self.n] < 0)
+        )
+        return stuck
+
+    def move(self, now: Summit, slope: FloatArray, free: BoolArray, damping: float) -> tuple[FloatArray, float]:
+        """Give the step, and what it would bring if the hill were as it looks from here."""
+        step = np.zeros(len(slope))
+        scale = np.sqrt(np.maximum(np.diag(now.precision), 1e-300))[free]
+        matrix = now.precision[np.ix_(free, free)] / np.outer(scale, scale)
+        matrix[np.diag_indices_from(matrix)] += damping
+        step[free] = np.linalg.lstsq(matrix, slope[free] / scale, rcond=None)[0] / scale
+        longest = np.max(np.abs(step[self.logarithmic]), initial=0.0)
+        return step * min(1.0, LONGEST / max(longest, 1e-300)), 0.5 * float(step @ slope)
+
+    def random_move(self, now: Summit, rng: np.random.Generator) -> FloatArray:
+        """Give a move of parameters and starts about as long as they are uncertain."""
+        precision = now.precision[np.ix_(self.plain, self.plain)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(precision), 1e-300))
+        values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
+        spread = vectors @ (rng.standard_normal(len(scale)) / np.sqrt(np.maximum(values, 1e-9)))
+        move = np.zeros(len(self.plain))
+        move[self.plain] = SHAKEN * scale * spread
+        return move
+
+    def moved(self, point: FitPoint, move: FloatArray) -> FitPoint:
+        unknowns = self.plant.unknowns
+        starts = point.starts + move[self.n :].reshape(point.starts.shape) * point.sizes
+        return replace(
+            point, values=np.clip(point.values + move[: self.n], unknowns.lower, unknowns.upper), starts=starts
+        )
+
+
+def spread_noise(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FitPoint:
+    """Give the point with the noise of the sensors as large as what the plant leaves unexplained there.
+
+    Far from the truth the declared noise would make a hill of cliffs.
+    """
+    unknowns, n_p = plant.unknowns, plant.layout.n_p
+    places = {int(place): k for k, place in enumerate(unknowns.places)}
+    for _ in range(NOISE_ROUNDS):
+        found = [score_recording(plant, record, point, r) for r, record in enumerate(records)]
+        if not all(np.isfinite(item.value) and item.innovations.size for item in found):
+            return point
+        ratios = np.nanmean(np.concatenate([item.standardised**2 for item in found]), axis=0)
+        values = point.values.copy()
+        for j, ratio in enumerate(ratios):
+            if n_p + j in places and np.isfinite(ratio):
+                values[places[n_p + j]] += 0.5 * np.log(np.clip(ratio, 1e-4, 1e12))
+        point = replace(point, values=np.clip(values, unknowns.lower, unknowns.upper))
+        if np.all(np.abs(np.log(ratios)) < 0.1):
+            break
+    return point

@@ -1,0 +1,313 @@
+"""What a fit found: as records, as text for people, and as a model file."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from faultbond.contract.json_records import Record
+from faultbond.errors import ModelError
+from faultbond.fit.identification import Fit
+from faultbond.fit.outcome import Estimate, NoiseFound, Silence, estimates_of, noises_of, residual_sizes, silences_of
+from faultbond.model.dump import dump_model
+from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
+from faultbond.model.rewrite import NewParameter, NewSize, rewrite
+from faultbond.model.text import parse_model
+from faultbond.report.console import headline, lines, table, title, under
+from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
+
+_ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
+AT_MOST = 0.999  # of what is declared; a slow error is not found larger
+_CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
+HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "accuracy", "from the data")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fitted:
+    """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell."""
+
+    graph: BondGraph
+    found: Fit
+    version: str
+    estimates: tuple[Estimate, ...]
+    noises: tuple[NoiseFound, ...]
+    silences: tuple[Silence, ...]
+
+    def model_text(self, text: str) -> str:
+        """Give the text of the model file with what was found.
+
+        Raises
+        ------
+        ModelError
+            Where the text that came out does not read back as the fitted model.
+        """
+        changed = [item for item in self.noises if item.to_declare != item.declared]
+        sizes = [
+            NewSize(name=item.name, times=item.to_declare / item.declared, slow=isinstance(item.of, SlowError))
+            for item in changed
+        ]
+        what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
+        remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
+        parameters = [_new_parameter(item) for item in self.estimates]
+        written = rewrite(text, self.graph, parameters, sizes, remark)
+        self._compare(parse_model(written, file=self.graph.file))
+        return written
+
+    def _compare(self, read: BondGraph) -> None:
+        """Refuse a text that says anything but what was found."""
+        graph, refusal = self.graph, f"{self.graph.file}: what was found cannot be written into it"
+        for item in self.estimates:
+            back = read.parameter(item.parameter.name)
+            value = 0.0 if _stays_zero(item) else item.value
+            if abs(back.nominal - value) > _CLOSE * item.accuracy or back.accuracy < 0.99 * item.accuracy:
+                raise ModelError(f"{graph.file}: what was found of {back.name} cannot be written into it")
+        wanted = {item.name: item.to_declare for item in self.noises if isinstance(item.of, Sensor)}
+        for sensor in read.sensors:
+            if abs(sensor.noise - wanted.get(sensor.name, sensor.noise)) > _CLOSE * sensor.noise:
+                raise ModelError(f"{graph.file}: the noise found of {sensor.name} cannot be written into it")
+        old = ("parameters", "sensors", "slow_errors", "defaults")
+        if dump_model(replace(read, **{name: getattr(graph, name) for name in old})) != dump_model(graph):
+            raise ModelError(f"{refusal} without changing the rest")
+
+
+def fitted_model(graph: BondGraph, found: Fit, version: str) -> Fitted:
+    """Give what a fit means for its model."""
+    return Fitted(
+        graph=graph,
+        found=found,
+        version=version,
+        estimates=estimates_of(found),
+        noises=noises_of(found, graph),
+        silences=silences_of(found),
+    )
+
+
+def _stays_zero(item: Estimate) -> bool:
+    """Whether a nominal value of 0 agrees with the data."""
+    return item.parameter.nominal == 0.0 and abs(item.value) <= _ZERO * item.sd
+
+
+def _new_parameter(item: Estimate) -> NewParameter:
+    """Give what is to be written of a parameter; a nominal value of 0 stays where the data agree with it."""
+    parameter, unit = item.parameter, item.parameter.unit
+    if _stays_zero(item):
+        size = _joined(_up(math.hypot(item.accuracy, item.value) / unit.factor), unit)
+        return NewParameter(name=parameter.name, nominal=_joined("0", unit), others=(("accuracy", size),))
+    digits = min(max(math.ceil(math.log10(abs(item.value) / item.accuracy)) + 3, 3), 15) if item.accuracy > 0 else 15
+    nominal = _joined(f"{unit.from_si(item.value):.{digits}g}", unit)
+    others = [("accuracy", _accuracy_text(item, in_unit=abs(item.value) < item.accuracy))]
+    if parameter.nominal == 0.0 and math.isinf(parameter.lower) and math.isinf(parameter.upper):
+        others.append(("range", "any"))
+    return NewParameter(name=parameter.name, nominal=nominal, others=tuple(others))
+
+
+def _accuracy_text(item: Estimate, *, in_unit: bool = False) -> str:
+    """Give an accuracy in per cent of the value; in its unit where that is asked for, or nothing is known to be 0."""
+    if in_unit or item.parameter.nominal == 0.0:
+        return _joined(_up(item.accuracy / item.parameter.unit.factor), item.parameter.unit)
+    return f"{_up(100.0 * item.accuracy / abs(item.value))} %"
+
+
+def _up(value: float) -> str:
+    """Write a standard deviation with two digits, rounded up."""
+    place = math.floor(math.log10(value)) - 1 if value > 0.0 else 0
+    return f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"
+
+
+def _joined(number: str, unit: Unit) -> str:
+    return f"{number} {unit.text}".rstrip()
+
+
+def fit_record(fitted: Fitted, output: Path | None) -> Record:
+    """Give the record of a fit; SI."""
+    found, graph = fitted.found, fitted.graph
+    sensors = [item.name for item in graph.sensors]
+    recordings = [
+        {
+            "recording": record.name,
+            "samples": len(record.time),
+            "readings": record.readings,
+            "first": float(record.time[0]),
+            "last": float(record.time[-1]),
+            "prediction_error": dict(zip(sensors, map(float, innovation), strict=True)),
+            "simulation_error": dict(zip(sensors, map(float, simulation), strict=True)),
+        }
+        for record, (innovation, simulation) in zip(found.records, residual_sizes(found), strict=True)
+    ]
+    parameters = [
+        {
+            "name": item.parameter.name,
+            "component": item.parameter.owner,
+            "nominal": item.parameter.nominal,
+            "estimate": item.value,
+            "sd": item.sd,
+            "sd_from_data_alone": item.alone,
+            "inflation": item.inflation,
+            "accuracy": item.accuracy,
+            "determined": item.determined,
+            "at_end_of_range": item.at_end,
+        }
+        for item in fitted.estimates
+    ]
+    return {
+        "record": "fit",
+        "model": graph.name,
+        "model_sha256": graph.sha256,
+        "version": fitted.version,
+        "output": None if output is None else str(output),
+        "recordings": recordings,
+        "parameters": parameters,
+        "noise": [
+            {"name": item.name, "kind": kind, "declared": item.declared, "found": item.found, "sd": item.sd}
+            for item in fitted.noises
+            for kind in ("sensor" if isinstance(item.of, Sensor) else "slow_error",)
+        ],
+        "whiteness": [
+            {
+                "sensor": item.sensor,
+                "white": item.white,
+                "p": item.p,
+                "statistic": item.statistic,
+                "lags": item.lags,
+                "spread": item.spread,
+                "mean": item.mean,
+                "correlation": [float(value) for value in item.correlation],
+                "words": item.words,
+            }
+            for item in found.whiteness
+        ],
+        "alike": [dict(item.changes) for item in fitted.silences],
+        "widened": {
+            item.name: float(times) for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
+        },
+        "log_likelihood": found.summit.evaluation.value,
+        "log_likelihood_before": found.before,
+        "changes": [asdict(item) for item in found.changes],
+        "wild": found.wild,
+        "starts": found.starts,
+        "reached": found.reached,
+        "settled": found.summit.settled,
+    }
+
+
+def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
+    """Print what a fit found; a console that is no terminal gets `console.PLAIN_WIDTH` columns.
+
+    output: the model file that was written, if any.
+    """
+    graph, found = fitted.graph, fitted.found
+    headline(console, graph.name, graph.file)
+    data = under("recordings", [recording_text(item.name, item.time) for item in found.records])
+    if wide := [f"{name} {times:.1f} times" for name, times in found.contradicted.items()]:
+        told = f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
+        data.append(("accuracies", told))
+    if found.wild:
+        data.append(("left out", f"{found.wild} readings far off all others"))
+    if found.starts > 1:
+        data.append(("search", f"{found.reached} of {found.starts} starts end at the same values"))
+    lines(console, data)
+    if fitted.estimates:
+        title(console, "Parameters")
+        table(console, HEADER, [parameter_row(item) for item in fitted.estimates])
+        lines(console, remarks(fitted))
+    title(console, "Noise and what is left")
+    table(console, ("sensor", "declared noise", "found ± sd", "unit", "what is left"), list(noise_rows(fitted)))
+    lines(console, list(size_lines(fitted)))
+    console.print()
+    style = "bold green" if found.summit.settled else "bold yellow"
+    console.print(Text(fit_verdict(fitted), style=style))
+    if output is not None:
+        console.print(Text(f"Model written: {output}", style="bold"))
+
+
+def parameter_row(item: Estimate) -> tuple[str, ...]:
+    """Give the cells of a parameter, as `HEADER` names them."""
+    parameter, unit = item.parameter, item.parameter.unit
+    value, sd = unit.from_si(item.value), unit.difference_from_si(item.sd)
+    return (
+        parameter.name,
+        parameter.owner,
+        figure(unit.from_si(parameter.nominal)).number(),
+        figure(value, sd).both(),
+        unit_text(unit.text),
+        change_text(parameter.nominal, item.value, item.sd),
+        _accuracy_text(item),
+        "at the end of its range" if item.at_end else "yes" if item.determined else "not alone",
+    )
+
+
+def remarks(fitted: Fitted) -> list[tuple[str, str]]:
+    """Say what the parameters' table does not: combinations that do not show, and wider errors."""
+    told = under("looks alike", [_silence_text(item) for item in fitted.silences])
+    if fitted.found.changes:
+        first = fitted.found.changes[0]
+        names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
+        about = f"about {clock_text(first.time)}. Is it healthy?"
+        told.append(("not steady", f"{names}; most of all {first.parameter}, {about}"))
+    most = max((item.inflation for item in fitted.estimates), default=0.0)
+    if most > 1.1:
+        wider = f"up to {most:.1f} times that of a right model: the data ask for other values at other times"
+        told.append(("± sd", wider))
+    return told
+
+
+def _silence_text(item: Silence) -> str:
+    """Say which parameters change together unseen."""
+    parts = [f"{name} {100 * part:+.{0 if abs(part) >= 0.01 else 1}f} %" for name, part in item.changes]
+    text = ", ".join(parts).replace("-", MINUS)
+    return f"{text}: the data do not tell" if len(parts) == 1 else f"{text} together: the sensors do not show it"
+
+
+def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
+    """Give the cells of each sensor and slow error: name, declared and found size, unit, what is left."""
+    tests = {item.sensor: item.words for item in fitted.found.whiteness}
+    for item in fitted.noises:
+        is_sensor = isinstance(item.of, Sensor)
+        unit = item.of.unit if is_sensor or item.of.unit.text else Unit("SI")
+        if isinstance(item.of, SlowError) and item.of.relative:
+            unit = Unit("%", 0.01)
+        declared = figure(item.declared / unit.factor, digits=3).number()
+        both = figure(item.found / unit.factor, item.sd / unit.factor).both()
+        if item.found > AT_MOST * item.declared and not is_sensor:
+            both = f"{declared} or more"
+        elif not item.is_known:
+            both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
+        name = item.name if is_sensor else f"slow error of {item.name}"
+        yield name, declared, both, unit_text(unit.text), tests[item.name] if is_sensor else ""
+
+
+def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
+    """Say how far model and readings are apart, from sample to sample and over the whole recording."""
+    sizes = residual_sizes(fitted.found)
+    for label, kind in (("one sample ahead", 0), ("simulated", 1)):
+        texts = []
+        for k, sensor in enumerate(fitted.graph.sensors):
+            size = max(float(item[kind][k]) for item in sizes) / sensor.unit.factor
+            texts.append(f"{sensor.name} {_joined(f'{size:.3g}', sensor.unit)}")
+        yield label, f"off by {', '.join(texts)} (root of the mean square)"
+
+
+def fit_verdict(fitted: Fitted) -> str:
+    """Say in a sentence what came of it."""
+    found = fitted.found
+    if not found.summit.settled:
+        return "The search did not come to rest; values may still move. State better nominal values or fix some."
+    bad = [item.parameter.name for item in fitted.estimates if not item.determined]
+    good = [item.parameter.name for item in fitted.estimates if item.determined]
+    slow = [item.sensor for item in found.whiteness if not item.white]
+    parts = []
+    if good:
+        parts.append(f"The data fix {join(good)}")
+    if bad:
+        alone = "themselves" if len(bad) > 1 else "itself"
+        parts.append(f"{'but not' if good else 'The data do not fix'} {join(bad)} by {alone}")
+    first = ", ".join(parts) + "." if parts else "Noise alone was fitted."
+    second = (
+        f" What is left of {join(slow)} is not white: see `faultbond check --data`."
+        if slow
+        else " What is left is white."
+    )
+    return first + second

@@ -1,0 +1,446 @@
+"""What was understood of a model: names, causality, states, loops, and every number in force; as record and text."""
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+
+from rich.console import Console
+
+from faultbond.contract import lanes
+from faultbond.contract.json_records import Record
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
+from faultbond.equations.sequence import Loop
+from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
+from faultbond.model.expression import rename
+from faultbond.model.graph import BondGraph, Check, Component, Input, Parameter, Relation, Sensor, Unit
+from faultbond.model.parser import to_text
+from faultbond.report.console import headline, lines, table, title
+from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
+from faultbond.report.verdict import step_text, unfalsifiable_text
+from faultbond.runtime import monitor, onsets, packing, ranking, trail, unseen
+from faultbond.synthesis.specify import PROCESS_NOISE
+from faultbond.types import CheckKind, TimeGrid
+
+METHOD = "ROS2 (a Rosenbrock method): second order, L-stable; an input is held over its step"
+THRESHOLDS = {
+    "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
+    "cusum_limit": "CUSUM: limit at which it alarms",
+    "fast_drift": "fast CUSUM: part of a standard deviation taken off each sample",
+    "fast_limit": "fast CUSUM: limit at which it alarms; so high that it does not, unless a time is promised",
+    "scatter_ratio": "sum of the scatter: noise that it looks for, times as large as declared",
+    "scatter_limit": "sum of the scatter: limit at which it alarms, nats",
+    "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
+    "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
+    "bank_bound": "largest innovation that counts after the alarm, standard deviations",
+    "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
+    "cost_per_suspect": "cost of each suspect of a set, nats",
+    "cost_per_sensor": "cost of a sensor as the suspect, nats",
+    "group_nats": "sets closer to the best than this are not told apart, nats",
+    "blank_factor": "noise variance of a sensor while an input settles, times",
+    "warm_up_samples": "samples without alarms at the start, with those of the model's warm-up",
+    "history_samples": "samples kept to look back for the onset",
+}
+SETTINGS = {  # value and meaning of the numbers of the method beside its thresholds
+    "start_samples": (monitor.START_SAMPLES, "samples gathered to solve an unknown start"),
+    "diagnosis_every": (monitor.DIAGNOSIS_EVERY, "samples from one diagnosis to the next"),
+    "change_memory": (packing.CHANGE_MEMORY, "changes of an input add up over, s"),
+    "start_patience": (
+        monitor.START_PATIENCE,
+        "samples for which a sensor without any value holds up the start, at most",
+    ),
+    "first_renewal": (
+        monitor.RENEWALS[0],
+        "samples from the alarm to the first new beginning of each hypothesis from what it has found",
+    ),
+    "last_renewal": (monitor.RENEWALS[-1], "samples from the alarm to the last such beginning"),
+    "onset_dense": (onsets.DENSE, "samples before the alarm of which each is tried as onset"),
+    "onset_ratio": (onsets.RATIO, "ratio of the distances from the alarm of neighbouring onsets further back"),
+    "onset_many": (onsets.MANY, "numbers in the covariances of all filters from which on fewer onsets are tried"),
+    "wild": (trail.WILD, "standard deviations of an innovation beyond which its sample is tried as onset, too"),
+    "process_noise": (PROCESS_NOISE, "sd added to a state each sample, noises of the sensor that shows it best"),
+    "gap": (
+        packing.GAP,
+        "samples without any value, and three times the usual number, after which the states are uncertain",
+    ),
+    "unknown_gap": (packing.UNKNOWN_GAP, "samples that a gap of unknown length counts as"),
+    "gap_far": (unseen.FAR, "samples of a gap after which a state may be wherever it has been"),
+    "unseen_longest": (unseen.LONGEST, "samples at most for which a missing input counts as having moved"),
+    "unseen_lost": (unseen.LOST, "samples without an input that usually is told, from which on no sum grows"),
+    "input_rarely": (unseen.RARELY, "part of the samples in which an input is told that is not only logged at changes"),
+    "first_start": (lanes.FIRST_START, "first starting value of a suspect, nominals; each next one is twice as large"),
+    "start_spread": (lanes.START_SPREAD, "standard deviation of a start, starts"),
+    "reach": (lanes.REACH, "starting values lie within this many `change` of nominal"),
+    "coarse_from": (lanes.COARSE_FROM, "sets of this size and more use two starts for each suspect"),
+    "many_lanes": (lanes.MANY_LANES, "filters beyond which pairs too use two starts for each suspect"),
+    "max_candidates": (ranking.MAX_CANDIDATES, "candidates given in a record, at most"),
+    "max_substeps": (MAX_SUBSTEPS, "substeps of a sample, at most"),
+    "newton_steps": (NEWTON_STEPS, "Newton steps for a loop without closed form"),
+    "sqrt_width": (SQRT_WIDTH, "smoothing of sqrt(x) at 0, of the size of its terms"),
+    "root_width": (ROOT_WIDTH, "smoothing of a square law solved for its flow at 0, of the size of its terms"),
+}
+LABELS = 18  # columns left of the texts of a section
+SET_NAMES = {1: "single", 2: "pair", 3: "triple"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inventory:
+    """A model, its equations, the contract with its engine, and the engine in words."""
+
+    graph: BondGraph
+    model: StepModel
+    spec: EngineSpec
+    engine: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopFound:
+    """An algebraic loop: the signals in it, the components that own its laws, and how it is solved."""
+
+    signals: tuple[str, ...]
+    components: tuple[str, ...]
+    solution: str
+
+
+def loops_of(model: StepModel) -> tuple[LoopFound, ...]:
+    """Give the algebraic loops of a model."""
+    implicit = set(model.plant.implicit)
+    found = []
+    for loop in (part for part in model.plant.steps if isinstance(part, Loop)):
+        if loop.closed is not None:
+            solution = "closed form"
+        elif implicit & set(loop.tears):
+            solution = f"{NEWTON_STEPS} Newton steps from the last solution"
+        else:
+            solution = "linear, solved by elimination"
+        signals = (*loop.tears, *(part.signal for part in loop.inner))
+        found.append(LoopFound(signals=signals, components=tuple(dict.fromkeys(loop.owners)), solution=solution))
+    return tuple(found)
+
+
+def settings_of(spec: EngineSpec) -> dict[str, tuple[float, str]]:
+    """Give the numbers of the method that a model file does not state, by name: value and meaning."""
+    thresholds = {name: (value, THRESHOLDS[name]) for name, value in asdict(spec.thresholds).items()}
+    return thresholds | SETTINGS
+
+
+def check_record(seen: Inventory) -> Record:
+    """Give all that `check` knows as one record; SI units, percent stays percent."""
+    graph, spec = seen.graph, seen.spec
+    return {
+        "record": "check",
+        "model": graph.name,
+        "file": graph.file,
+        "model_sha256": spec.model_sha256,
+        "version": spec.version,
+        "sample_time": graph.sample_time,
+        "max_faults": graph.max_faults,
+        "warm_up": graph.warm_up,
+        "time_between_false_alarms": graph.time_between_false_alarms,
+        **_structure_record(seen),
+        "inputs": [
+            {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
+            | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
+            for item, known in zip(graph.inputs, spec.inputs, strict=True)
+        ],
+        "sensors": [
+            {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
+            | {"noise": item.noise, "range": [item.lower, item.upper], "suspect": item.suspect}
+            | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
+            for item, known in zip(graph.sensors, spec.outputs, strict=True)
+        ],
+        "slow_errors": [
+            {"signal": error.target, "sd": error.sd, "relative": error.relative, "memory": error.memory}
+            | {"alarms": known.alarms, "after": list(error.after), "each": error.each}
+            for error, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
+        ],
+        "checks": [
+            {
+                "name": item.name,
+                "kind": item.kind.value,
+                "reads": None if item.reads is None else to_text(item.reads),
+                "unit": item.unit.text,
+                "noise": item.noise,
+                "move": item.move,
+                "cost": item.cost,
+            }
+            for item in graph.checks
+        ],
+        "discretisation": {"method": METHOD, "substeps": seen.model.substeps},
+        "hypotheses": {str(size): number for size, number in _set_sizes(spec).items()},
+        "explain_anything": [[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
+        "filters": lanes.plan_lanes(spec).n_lanes,
+        "engine": seen.engine,
+        "settings": {name: value for name, (value, _) in settings_of(spec).items()},
+        "defaults": [{"what": what, "value": value} for what, value in graph.defaults],
+    }
+
+
+def _structure_record(seen: Inventory) -> Record:
+    """Give what the plant consists of, how it is joined, and what follows: strokes, causality, states, loops."""
+    graph, model, spec = seen.graph, seen.model, seen.spec
+    causality = model.plant.causality
+    strokes = dict(causality.strokes)
+    starts = [None if x.start_sd is None else {"mean": x.start_mean, "sd": x.start_sd} for x in spec.states]
+    return {
+        "components": [
+            {"name": item.name, "type": item.type.value, "laws": [_law_text(item, law) for law in item.laws]}
+            | {"parameters": list(item.parameters)}
+            for item in graph.components
+        ],
+        "parameters": [
+            {"name": item.name, "component": item.owner, "unit": item.unit.text, "nominal": item.nominal}
+            | {"accuracy": item.accuracy, "change": item.change, "range": [item.lower, item.upper]}
+            | {"limits": list(item.limits), "suspect": item.suspect}
+            for item in graph.parameters
+        ],
+        "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.constants],
+        "junctions": [{"name": item.name, "type": item.type.value} for item in graph.junctions],
+        "lines": _lines_of(graph),
+        "bonds": [{"tail": bond.tail, "head": bond.head, "stroke": strokes[k]} for k, bond in enumerate(graph.bonds)],
+        "causality": {
+            "integral": list(causality.integral),
+            "derivative": list(causality.derivative),
+            "free": list(causality.free),
+        },
+        "states": [
+            {"name": store.name, "filtered_as": coordinate, "start": start}
+            for store, coordinate, start in zip(model.plant.network.states, model.states, starts, strict=True)
+        ],
+        "loops": [
+            {"signals": list(loop.signals), "components": list(loop.components), "solution": loop.solution}
+            for loop in loops_of(model)
+        ],
+    }
+
+
+def _lines_of(graph: BondGraph) -> dict[str, int]:
+    """Give the line of the model file at which each component and junction stands; 0 for a model made in Python."""
+    return {item.name: item.line for item in graph.components} | {item.name: item.line for item in graph.junctions}
+
+
+def _law_text(component: Component, law: Relation) -> str:
+    """Give a law as in the model file: own signals without the component's name."""
+
+    def short(name: str) -> str:
+        return name.removeprefix(f"{component.name}.")
+
+    return f"{to_text(rename(law.left, short))} = {to_text(rename(law.right, short))}"
+
+
+def _set_sizes(spec: EngineSpec) -> dict[int, int]:
+    """Give the number of hypotheses by the number of suspects in them."""
+    sizes = [len(chosen) for chosen in spec.hypotheses]
+    return {size: sizes.count(size) for size in sorted(set(sizes))}
+
+
+def print_check(console: Console, seen: Inventory) -> None:
+    """Print what was understood of a model; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+    headline(console, seen.graph.name, seen.graph.file)
+    _print_plant(console, seen.graph)
+    _print_structure(console, seen)
+    _print_signals(console, seen)
+    _print_method(console, seen)
+    title(console, "Defaults in force: what the model file does not state")
+    lines(console, seen.graph.defaults)
+    if seen.graph.grid is not TimeGrid.NONE:
+        title(console, "Settings of the method")
+        lines(console, [(f"{value:g}", meaning) for value, meaning in settings_of(seen.spec).values()])
+
+
+def _print_plant(console: Console, graph: BondGraph) -> None:
+    title(console, "Components")
+    rows = []
+    for item in graph.components:
+        laws = "\n".join(_law_text(item, law) for law in item.laws)
+        rows.append((item.name, item.type.value if item.suspect else f"{item.type.value}, trusted", laws))
+    table(console, ("name", "type", "law"), rows)
+    if graph.parameters or not graph.is_block_network:
+        title(console, "Parameters")
+        header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
+        table(console, header, [_parameter_row(item) for item in graph.parameters])
+    if graph.constants:
+        constants = [f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants]
+        lines(console, [("constants", ", ".join(constants))])
+    limited = [item for item in graph.parameters if item.limits]
+    if limited:
+        limits = [f"{item.name} {' or '.join(_value(item.unit, end) for end in item.limits)}" for item in limited]
+        lines(console, [("drifts matter at", "; ".join(limits))])
+
+
+def _parameter_row(item: Parameter) -> tuple[str, ...]:
+    unit = item.unit
+    nominal = figure(unit.from_si(item.nominal)).number()
+    healthy, faulty = (figure(unit.difference_from_si(sd), digits=3).number() for sd in (item.accuracy, item.change))
+    shown = faulty if item.suspect else "trusted"
+    return item.name, item.owner, nominal, healthy, shown, _reach(item), unit_text(unit.text)
+
+
+def _reach(item: Parameter | Sensor) -> str:
+    lower, upper = (figure(item.unit.from_si(end)).number() for end in (item.lower, item.upper))
+    match (math.isfinite(item.lower), math.isfinite(item.upper)):
+        case (True, True):
+            return f"{lower} to {upper}"
+        case (True, False):
+            return f"{lower} or more"
+        case (False, True):
+            return f"{upper} or less"
+    return "any"
+
+
+def _value(unit: Unit, si: float) -> str:
+    return with_unit(unit.from_si(si), unit.text)
+
+
+def _spread(unit: Unit, si: float) -> str:
+    return with_unit(unit.difference_from_si(si), unit.text) if si else "none"
+
+
+def _print_structure(console: Console, seen: Inventory) -> None:
+    graph, causality = seen.graph, seen.model.plant.causality
+    loops = [
+        f"{', '.join(item.signals)} by {_located(item.components, graph)}: {item.solution}"
+        for item in loops_of(seen.model)
+    ]
+    memory = [
+        ("states", "\n".join(_states(seen)) or "none: the plant has no memory"),
+        ("loops", "\n".join(loops) or "none"),
+    ]
+    if graph.is_block_network:
+        title(console, "Signals")
+        suspects = ", ".join(graph.suspect_blocks) or "the parameters"
+        signals = _wrapped(graph.block_signals, console.width - LABELS)
+        lines(console, [("signals", signals), ("suspects", suspects), *memory])
+        return
+    strokes = dict(causality.strokes)
+    bonds = [
+        f"{bond.tail} {'->|' if strokes[k] == bond.head else '|->'} {bond.head}" for k, bond in enumerate(graph.bonds)
+    ]
+    title(console, "Bonds and causality")
+    lines(
+        console,
+        [
+            ("junctions", ", ".join(f"{item.name} ({item.type.value})" for item in graph.junctions) or "none"),
+            ("bonds", _wrapped(bonds, console.width - LABELS)),
+            ("", "-> counts power positive; | stands where the effort arrives, the flow at the other end"),
+            ("integral", _located(causality.integral, graph)),
+            ("derivative", _located(causality.derivative, graph)),
+            ("chosen freely", _located(causality.free, graph)),
+            *memory,
+        ],
+    )
+
+
+def _located(parts: Iterable[str], graph: BondGraph) -> str:
+    """Name parts, each with its line in the model file."""
+    lines = _lines_of(graph)
+    return ", ".join(f"{name} (line {lines[name]})" if lines.get(name) else name for name in parts) or "none"
+
+
+def _wrapped(items: Iterable[str], width: int) -> str:
+    """Put items in lines, none of them broken."""
+    whole = ", ".join(item.replace(" ", NO_BREAK) for item in items)
+    return textwrap.fill(whole, max(width, 1), break_long_words=False, break_on_hyphens=False).replace(NO_BREAK, " ")
+
+
+def _states(seen: Inventory) -> Iterator[str]:
+    starts = {item.name: item.start for item in seen.graph.components if item.start is not None}
+    for store, coordinate in zip(seen.model.plant.network.states, seen.model.states, strict=True):
+        start = starts.get(store.component or "")
+        known = "solved from the first samples" if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
+        estimated = "" if coordinate == store.name else f", estimated as {coordinate}"
+        yield f"{store.name}{estimated}; start: {known}"
+
+
+def _print_signals(console: Console, seen: Inventory) -> None:
+    graph, spec = seen.graph, seen.spec
+    title(console, "Inputs")
+    inputs = []
+    for item, known in zip(graph.inputs, spec.inputs, strict=True):
+        steps = [_spread(item.unit, known.step)] if known.step else []
+        steps += [f"{100 * known.step_part:g} % of the largest value"] if known.step_part else []
+        unit, noise = unit_text(item.unit.text), _spread(item.unit, item.noise)
+        inputs.append((item.name, item.column, unit, noise, duration_text(item.settling), " and ".join(steps)))
+    if inputs:
+        header = ("name", "column", "unit", "noise (sd)", "settling", "a step is more than")
+        shown = 4 if graph.grid is TimeGrid.NONE else len(header)  # without time nothing settles
+        table(console, header[:shown], [row[:shown] for row in inputs])
+    else:
+        lines(console, [("", "none")])
+    title(console, "Sensors")
+    sensors = []
+    for sensor, output in zip(graph.sensors, spec.outputs, strict=True):
+        unit, noise = unit_text(sensor.unit.text), _spread(sensor.unit, sensor.noise)
+        direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
+        sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
+    table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
+    lines(console, list(_instruments(graph)))
+    if graph.slow_errors:
+        title(console, "Slow errors")
+        rows = []
+        for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
+            known_unit = error.unit if error.unit.text else Unit("SI")
+            size = f"{100 * error.sd:g} %" if error.relative else _spread(known_unit, error.sd)
+            size += f", more after a change of {', '.join(error.after)}" if error.after else ""
+            rows.append((error.target, size, duration_text(error.memory), "yes" if slow.alarms else "no"))
+        table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
+    if graph.checks:
+        title(console, "Checks by hand")
+        table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])
+
+
+def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:
+    """Give what is known of sensors and inputs as instruments."""
+    ranges = [
+        f"{item.name} {_reach(item)} {unit_text(item.unit.text)}"
+        for item in graph.sensors
+        if math.isfinite(item.lower) or math.isfinite(item.upper)
+    ]
+    if ranges:
+        yield "range", "; ".join(ranges)
+    if graph.grid is not TimeGrid.NONE:
+        instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
+        trusted = [item.name for item in instruments if not item.suspect]
+        some = ", ".join(trusted) or "none: each may fail"
+        yield "trusted", "all inputs and sensors" if len(trusted) == len(instruments) else some
+
+
+def _check_row(item: Check, graph: BondGraph) -> tuple[str, str, str]:
+    match item.kind:
+        case CheckKind.COMPONENT:
+            what = "look at it"
+        case CheckKind.INPUT:
+            unit = graph.input(item.name).unit
+            what = "move it" if item.move is None else f"move it by {_spread(unit, item.move)}"
+        case CheckKind.SIGNAL:
+            reads = "" if item.reads is None else to_text(item.reads)
+            what = f"measure {reads}, noise (sd) {_spread(item.unit, item.noise)}"
+    return item.name, what, f"{item.cost:g}"
+
+
+def _print_method(console: Console, seen: Inventory) -> None:
+    graph, spec = seen.graph, seen.spec
+    if graph.grid is TimeGrid.NONE:
+        title(console, "Observations")
+        sets = f"the smallest sets, of at most {with_noun(graph.max_faults, 'suspect')}"
+        lines(console, [("rows", "each is an observation by itself"), ("hypotheses", sets)])
+        return
+    promised = graph.time_between_false_alarms
+    substeps = f"{seen.model.substeps} steps a sample" if seen.model.substeps > 1 else "one step a sample"
+    sets = " and ".join(
+        with_noun(number, SET_NAMES.get(size, f"set of {size}")) for size, number in _set_sizes(spec).items()
+    )
+    title(console, "Engine")
+    lines(
+        console,
+        [
+            ("sampled", step_text(graph)),
+            ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
+            *([("false alarms", f"one in {duration_text(promised)} at most, on average")] if promised else []),
+            ("in time", f"{METHOD}; {substeps}"),
+            ("hypotheses", f"{sets or 'none'}; {lanes.plan_lanes(spec).n_lanes} filters after an alarm"),
+            *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),
+            ("runs as", seen.engine),
+        ],
+    )

@@ -1,0 +1,73 @@
+"""What `check` says of instruments, limits, false alarms and checks by hand."""
+
+import io
+import json
+
+import pytest
+from rich.console import Console
+
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.model.text import parse_model
+from faultbond.report.inventory import Inventory, check_record, print_check
+from faultbond.synthesis.specify import build_spec
+
+MODEL = """\
+name: vessel
+sample_time: 1 s
+inputs: {Q: {unit: l/min, suspect: no}}
+components:
+  pump: {type: Sf, law: f = G*Q, parameters: {G: 1}}
+  vessel: {type: C, law: e = q/A, parameters: {A: 0.2 m^2}}
+  outlet: {type: R, law: f = K*sqrt(e), parameters: {K: {nominal: 1e-4 m^2.5/s, limit: [5e-5, 2e-4 m^2.5/s]}}}
+junctions: {node: 0}
+bonds: [pump -> node -> vessel, node -> outlet]
+sensors: {level: {reads: vessel.e, unit: cm, noise: 2 mm, range: [0, inf]}}
+"""
+MORE = """\
+time_between_false_alarms: 30 days
+checks: {outlet: 20, Q: {move: 2 l/min}, jug: {reads: outlet.f, unit: l/min, noise: 0.1 l/min}}
+"""
+
+
+@pytest.fixture(scope="module", params=["", MORE])
+def seen(request: pytest.FixtureRequest) -> tuple[str, Inventory]:
+    """The vessel without and with checks and a promise."""
+    graph = parse_model(MODEL + request.param)
+    model = build_step_model(build_plant(graph))
+    return request.param, Inventory(graph=graph, model=model, spec=build_spec(model), engine="none")
+
+
+def printed(seen: Inventory) -> str:
+    """Give the listing with single spaces."""
+    target = io.StringIO()
+    print_check(Console(file=target), seen)
+    return " ".join(target.getvalue().split())
+
+
+def test_instruments_and_limits(seen: tuple[str, Inventory]) -> None:
+    """The listing names trusted instruments, measuring ranges and limits in the units of the file."""
+    text = printed(seen[1])
+    assert "trusted Q" in text
+    assert "range level 0 or more cm" in text
+    assert "drifts matter at K 5e-5 m^2.5/s or 2e-4 m^2.5/s" in text
+
+
+def test_promise_and_checks(seen: tuple[str, Inventory]) -> None:
+    """The promised time and the checks with their costs are listed where they are stated, and only there."""
+    more, inventory = seen
+    text = printed(inventory)
+    words = ["false alarms one in 30 d", "outlet look at it 20", "Q move it by 2 l/min 1"]
+    words += ["jug measure outlet.f, noise (sd) 0.1 l/min 1"]
+    assert [word in text for word in words] == [bool(more)] * 4
+
+
+def test_record(seen: tuple[str, Inventory]) -> None:
+    """The record has the same in SI."""
+    more, inventory = seen
+    record = json.loads(json.dumps(check_record(inventory)))
+    assert record["inputs"][0]["suspect"] is False
+    assert (record["sensors"][0]["suspect"], record["sensors"][0]["range"]) == (True, [0.0, float("inf")])
+    assert [item["limits"] for item in record["parameters"]] == [[], [], [5e-5, 2e-4]]
+    assert record["time_between_false_alarms"] == (30 * 86400 if more else None)
+    assert [item["kind"] for item in record["checks"]] == (["component", "input", "signal"] if more else [])
