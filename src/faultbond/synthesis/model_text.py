@@ -25,7 +25,7 @@ def core_text(spec: EngineSpec, model: StepModel) -> str:
     spec : what a lane holds
     model : the plant in discrete time, with an error of every input
     """
-    place = files("faultbond.core")
+    place = files("faultbond").joinpath("core")
     texts = {name: place.joinpath(name).read_text(encoding="utf-8") for name in CORE}
     ordered = [*(texts[name] for name in CORE[:3]), model_text(spec, model), *(texts[name] for name in CORE[3:])]
     lines = (line for text in ordered for line in text.splitlines() if not line.startswith('#include "'))
