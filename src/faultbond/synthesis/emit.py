@@ -1,4 +1,4 @@
-"""C text of a filter graph: one statement per operation, eight lanes at a time.
+"""C text of a graph: one statement per operation, eight lanes at a time.
 
 Values that depend on the sample only stay scalars, the rest are vectors of eight doubles (GCC and Clang vector
 extension), so the same text runs eight hypotheses, or eight assets, per call.
