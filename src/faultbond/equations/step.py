@@ -40,6 +40,8 @@ class StepModel:
     nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
+    What these are made of, where the implicit signals z are solved: rates(v, u, z) -> (rates, slope by v) and
+    readings(v, u, z) -> (y, slope by v). newton_step(v, u, z) -> (Newton's step of z, square of what is left to solve).
     prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
@@ -55,6 +57,8 @@ class StepModel:
     rates: ca.Function
     prediction: Callable[[], ca.Function]
     measure: ca.Function
+    readings: ca.Function
+    newton_step: ca.Function
     substeps: int
     states: tuple[str, ...]
     contents: ca.Function  # (x, theta) -> stored quantities
@@ -113,6 +117,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         rates=rates,
         prediction=cache(lambda: _predict(rates, newton, arguments, n_x, substeps)),
         measure=measure,
+        readings=readings_,
+        newton_step=_newton_step(gap, arguments),
         substeps=substeps,
         states=tuple(
             co.name if co is not None else state.name
@@ -187,8 +193,7 @@ def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     v, u, z = arguments
     if not z.numel():
         return ca.Function("newton", arguments, [z, 0])
-    full = -eliminate(ca.jacobian(gap, z), gap)
-    step = ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)])
+    step = _newton_step(gap, arguments)
     size = ca.Function("gap_size", arguments, [ca.sumsqr(gap)])
     current = z
     for _ in range(NEWTON_STEPS):
@@ -202,6 +207,13 @@ def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
         current = kept
     left = ca.norm_1(step(v, u, current)[0])  # not norm_inf: that of nan is 0
     return ca.Function("newton", arguments, [current, left], {"cse": True})
+
+
+def _newton_step(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
+    """Give Newton's step of z towards gap = 0, and the square of the gap."""
+    z = arguments[2]
+    full = -eliminate(ca.jacobian(gap, z), gap) if z.numel() else z
+    return ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)], {"cse": True})
 
 
 def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_x: int, substeps: int) -> ca.Function:

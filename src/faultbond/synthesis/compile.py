@@ -19,7 +19,17 @@ from pathlib import Path
 
 from faultbond.errors import CacheError, GenerationError
 
-FLAGS = ("-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-std=gnu11", "-w")
+FLAGS = (
+    "-O2",
+    "-funroll-loops",
+    "-march=native",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-shared",
+    "-fPIC",
+    "-std=gnu11",
+    "-w",
+)
 _TIMEOUT = 600.0
 _CHECKSUM = 32  # bytes at the end of a library, behind what the loader reads
 

@@ -1,10 +1,10 @@
-"""C text of a filter graph: one statement per operation, eight lanes at a time.
+"""C text of a graph: one statement per operation, eight lanes at a time.
 
 Values that depend on the sample only stay scalars, the rest are vectors of eight doubles (GCC and Clang vector
 extension), so the same text runs eight hypotheses, or eight assets, per call.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from string import Template
 
@@ -50,7 +50,9 @@ def emit_filter(function: ca.Function, template: str) -> str:
     GenerationError
         Where the graph holds an operation that has no C form here.
     """
-    parts, n_kept = _parts(list(_statements(function)))
+    parts, n_kept = _parts(
+        list(statements(function, {"lane": True, "sample": False}, {"next": True, "innovation": True}))
+    )
     calls = "\n".join(f"    part_{k}(lane, sample, next, innovation, kept);" for k in range(len(parts)))
     return Template(template).substitute(
         lanes=LANES,
@@ -72,29 +74,48 @@ class Statement:
     uses: tuple[str, ...]
     text: str
 
+    @property
+    def line(self) -> str:
+        """The statement as a line of C."""
+        return self.text if self.defines is None else _definition(self.defines, self.wide, self.text)
 
-def _statements(function: ca.Function) -> Iterator[Statement]:
+
+def statements(function: ca.Function, inputs: Mapping[str, bool], outputs: Mapping[str, bool]) -> Iterator[Statement]:
+    """Give the operations of a function as C, in order.
+
+    Parameters
+    ----------
+    function : of columns of numbers
+    inputs : the names of its arguments in C, and which of them are lanes
+    outputs : the names of its results, and which of them are lanes; others must not depend on any
+
+    Raises
+    ------
+    GenerationError
+        Where the graph holds an operation that has no C form here.
+    """
+    names, results_of = list(inputs.items()), list(outputs.items())
     value: dict[int, str] = {}  # work slot -> C name
     vector: dict[str, bool] = {}
-    outputs = ("next", "innovation")
     for k in range(function.n_instructions()):
         operation = _NAMES[function.instruction_id(k)]
-        inputs, results = function.instruction_input(k), function.instruction_output(k)
+        operands, results = function.instruction_input(k), function.instruction_output(k)
         if operation == "OP_INPUT":
-            name = f"{'lane' if inputs[0] == 0 else 'sample'}[{inputs[1]}]"
-            value[results[0]], vector[name] = name, inputs[0] == 0
+            argument, wide = names[operands[0]]
+            name = f"{argument}[{operands[1]}]"
+            value[results[0]], vector[name] = name, wide
         elif operation == "OP_CONST":
-            number = float(function.instruction_constant(k))
-            name = f"({number!r})" if number < 0 else repr(number)
+            name = literal(float(function.instruction_constant(k)))
             value[results[0]], vector[name] = name, False
         elif operation == "OP_OUTPUT":
-            name = value[inputs[0]]
-            text = name if vector[name] else f"broadcast({name})"
-            yield Statement(None, True, (name,), f"{outputs[results[0]]}[{results[1]}] = {text};")
+            name = value[operands[0]]
+            result, wide = results_of[results[0]]
+            text = name if vector[name] or not wide else f"broadcast({name})"
+            yield Statement(None, True, (name,), f"{result}[{results[1]}] = {text};")
         elif operation == "OP_ASSIGN":
-            value[results[0]] = value[inputs[0]]
+            value[results[0]] = value[operands[0]]
         else:
-            arguments = [value[slot] for slot in inputs]
+            arguments = [value[slot] for slot in operands]
             wide = any(vector[name] for name in arguments)
             name = f"v{k}"
             yield Statement(name, wide, tuple(arguments), _term(operation, arguments, vector, wide))
@@ -124,10 +145,7 @@ def _parts(statements: list[Statement]) -> tuple[list[list[str]], int]:
                     _definition(name, wide[name], f"kept[{place[name]}]{'' if wide[name] else '[0]'}")
                     for name in fetched
                 ),
-                *(
-                    item.text if item.defines is None else _definition(item.defines, item.wide, item.text)
-                    for item in chunk
-                ),
+                *(item.line for item in chunk),
                 *(f"kept[{place[name]}] = {name if wide[name] else f'broadcast({name})'};" for name in kept if name),
             ]
         )
@@ -168,3 +186,9 @@ def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: b
         return f"{call}({', '.join(arguments)})"
     wrapped = (name if vector[name] else f"broadcast({name})" for name in arguments)
     return f"v_{call}({', '.join(wrapped)})"
+
+
+def literal(number: float) -> str:
+    """Give a number as C; the same number when it is read back."""
+    text = repr(float(number)).replace("inf", "INFINITY").replace("nan", "NAN")
+    return f"({text})" if number < 0 else text

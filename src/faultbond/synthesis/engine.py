@@ -1,7 +1,6 @@
 """From a bond graph to a specification and a running engine."""
 
 from concurrent.futures import ThreadPoolExecutor
-from importlib.resources import files
 from itertools import repeat
 
 from faultbond.contract.spec import Engine, EngineSpec
@@ -11,9 +10,9 @@ from faultbond.errors import GenerationError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.library import load_engine
 from faultbond.synthesis.compile import compile_library, find_compiler
-from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.filter import build_filter
 from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.model_text import core_text
 from faultbond.synthesis.specify import build_spec
 
 
@@ -33,19 +32,21 @@ def build_engine(graph: BondGraph, *, compiled: bool = True) -> tuple[EngineSpec
     plant = build_plant(graph)
     model = build_step_model(plant)
     spec = build_spec(model)
-    plain = build_filter(spec, model)
-    slot = build_filter(spec.slotted, build_step_model(plant, all_inputs=True))
+    wide = build_step_model(plant, all_inputs=True)
     compiler = find_compiler() if compiled else None
     if compiler is None:
-        return spec, VirtualMachine(plain, VirtualMachine(slot))
-    template = files("faultbond.synthesis").joinpath("engine.c.in").read_text()
-    sources = [emit_filter(function, template) for function in (plain, slot)]
+        return spec, _interpreted(spec, model, wide)
+    sources = [core_text(layout, wide) for layout in (spec, spec.slotted)]
     try:
         with ThreadPoolExecutor() as pool:
             libraries = list(pool.map(compile_library, sources, repeat(compiler)))
     except GenerationError:
-        return spec, VirtualMachine(plain, VirtualMachine(slot))  # a broken compiler is as good as none
+        return spec, _interpreted(spec, model, wide)  # a broken compiler is as good as none
     n_innovations = 2 * len(spec.outputs)
     command = " ".join(compiler)
     second = load_engine(libraries[1], n_innovations, command)
     return spec, load_engine(libraries[0], n_innovations, command, second)
+
+
+def _interpreted(spec: EngineSpec, model: StepModel, wide: StepModel) -> VirtualMachine:
+    return VirtualMachine(build_filter(spec, model), VirtualMachine(build_filter(spec.slotted, wide)))

@@ -1,4 +1,4 @@
-"""One sample of the joint filter as a CasADi SX graph: the single source of every engine.
+"""One sample of the joint filter as a CasADi SX graph, for machines without a compiler, and to check the core by.
 
 Extended Kalman filter over [states, slow errors, parameter factors, input noise]. Covariance as a packed triangle (it
 cannot become asymmetric), measurements one at a time (no matrix inverse), a second measurement iteration where the

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from faultbond.equations.evaluate import evaluate
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.errors import GenerationError
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.parser import parse_expression
@@ -20,7 +22,7 @@ from faultbond.runtime.library import LANES, load_engine
 from faultbond.synthesis.compile import compile_library, find_compiler
 from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.engine import build_model
-from faultbond.synthesis.filter import build_filter
+from faultbond.synthesis.model_text import core_text
 from faultbond.synthesis.specify import build_spec
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -46,8 +48,8 @@ needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compil
 
 def text_of(name: str) -> str:
     """C text of a built-in plant."""
-    model = build_model(load_model(EXAMPLES / name / "model.yaml"))
-    return emit_filter(build_filter(build_spec(model), model), TEMPLATE)
+    plant = build_plant(load_model(EXAMPLES / name / "model.yaml"))
+    return core_text(build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True))
 
 
 def test_same_model_same_text() -> None:
@@ -77,8 +79,8 @@ def test_text_depends_on_the_model() -> None:
     assert text != text_of("rlc")
     assert f"#define N_NUMBERS {spec.n_numbers}\n" in text
     assert f"#define N_SAMPLE {spec.n_sample}\n" in text
-    assert f"#define N_INNOVATIONS {2 * len(spec.outputs)}\n" in text
-    assert f"#define LANES {LANES}\n" in text
+    assert f"#define N_OUTPUTS {len(spec.outputs)}\n" in text
+    assert f"#define FB_LANES {LANES} " in text
 
 
 def graph_of(texts: tuple[str, ...], *, slopes: bool) -> ca.Function:

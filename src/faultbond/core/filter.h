@@ -1,0 +1,287 @@
+/* One sample of the joint filter: z = [states, slow errors, parameters, slot (size, rate), input noise].
+
+   Extended Kalman filter; covariance as a packed triangle, which cannot become asymmetric; measurements one at a time,
+   so that no matrix is inverted. A lane holds z, the triangle, the implicit signals, the roles of the slot, and the
+   logarithm of its likelihood. Lanes without a slot have N_SLOT 0 and no roles. */
+#ifndef FB_FILTER_H
+#define FB_FILTER_H
+
+#include "integrate.h"
+
+#define AT_SLOW N_STATES
+#define AT_PARAMETERS (AT_SLOW + N_SLOW)
+#define AT_SLOT (AT_PARAMETERS + N_PARAMETERS)
+#define AT_NOISE (AT_SLOT + N_SLOT)
+#define N_JOINT (AT_NOISE + N_NOISY)
+#define N_PACKED (N_JOINT * (N_JOINT + 1) / 2)
+#define AT_COVARIANCE N_JOINT
+#define AT_IMPLICIT (N_JOINT + N_PACKED)
+#define AT_ROLES (AT_IMPLICIT + N_IMPLICIT)
+#define AT_LIKELIHOOD (N_NUMBERS - 1)
+#define PLACE(i, j) ((i) * N_JOINT - (i) * ((i) - 1) / 2 + (j) - (i)) /* of i <= j in the triangle */
+
+#define NO_BOUND 1e6   /* standard deviations */
+#define SAYS_MUCH 0.1  /* variance of what a sensor is expected to read, in that of its noise */
+#define LOG_2_PI 1.8378770664093453
+
+typedef struct {
+    lanes y[N_OUTPUTS];             /* readings expected */
+    lanes slope[N_OUTPUTS][N_JOINT]; /* by z; columns OUT_PLACE only */
+    lanes cross[N_OUTPUTS][N_JOINT]; /* covariance times slope */
+} Expected;
+
+/* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs. */
+static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, lanes *FB_RESTRICT v)
+{
+    for (int i = 0; i < AT_SLOT; i++) v[i] = z[i];
+    for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] = broadcast(0.0);
+#if N_SLOT > 0
+    for (int k = 0; k < N_PARAMETERS; k++)
+        v[AT_PARAMETERS + k] = clamp(z[AT_PARAMETERS + k] + lane[ROLE_THETA + k] * z[AT_SLOT], LOWER[k], UPPER[k]);
+    for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT];
+#else
+    (void)lane;
+#endif
+    for (int k = 0; k < N_NOISY; k++) v[AT_SLOT + NOISY[k]] += z[AT_NOISE + k];
+}
+
+/* Add a slope by column c of v to a row of slopes by z. */
+static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, lanes *FB_RESTRICT row)
+{
+    if (c < AT_SLOT) row[c] = slope;
+#if N_SLOT > 0
+    if (c >= AT_SLOT) row[AT_SLOT] += slope * lane[ROLE_INPUT + c - AT_SLOT];
+    else if (c >= AT_PARAMETERS) row[AT_SLOT] += slope * lane[ROLE_THETA + c - AT_PARAMETERS];
+#else
+    (void)lane;
+#endif
+    if (N_NOISY > 0 && c >= AT_SLOT && NOISE_OF_INPUT[c - AT_SLOT] >= 0)
+        row[AT_NOISE + NOISE_OF_INPUT[c - AT_SLOT]] = slope;
+}
+
+/* Covariance of the states after a step with slopes `a` by z: A P A' and A P with the rest, which is still as before. */
+static void spread_states(lanes *FB_RESTRICT p, lanes a[FB_ROOM(N_STATES)][N_JOINT], const double *FB_RESTRICT sample)
+{
+    lanes t[FB_ROOM(N_STATES)][N_JOINT]; /* A P */
+    for (int i = 0; i < N_STATES; i++)
+        for (int j = 0; j < N_JOINT; j++) {
+            lanes sum = broadcast(0.0);
+            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) sum += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
+            t[i][j] = sum;
+        }
+    for (int i = 0; i < N_STATES; i++) {
+        for (int j = i; j < N_STATES; j++) {
+            lanes sum = broadcast(0.0);
+            for (int e = STATE_ROW[j]; e < STATE_ROW[j + 1]; e++) sum += t[i][STATE_PLACE[e]] * a[j][STATE_PLACE[e]];
+            p[PLACE(i, j)] = sum;
+        }
+        const double gap = sample[SAMPLE_GAP + i];
+        p[PLACE(i, i)] += (sample[SAMPLE_DT] > 0.0 ? STATE_VARIANCE[i] : 0.0) + gap * gap;
+        for (int j = N_STATES; j < N_JOINT; j++) p[PLACE(i, j)] = t[i][j];
+    }
+}
+
+/* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew. */
+static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample)
+{
+    lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
+    const double dt = sample[SAMPLE_DT];
+    for (int k = 0; k < N_SLOW; k++) {
+        const int i = AT_SLOW + k;
+        const double decay = exp(-dt / SLOW_MEMORY[k]);
+        for (int j = 0; j < i; j++) p[PLACE(j, i)] *= decay;
+        p[PLACE(i, i)] *= decay * decay;
+        p[PLACE(i, i)] += SLOW_VARIANCE[k] * (1.0 - decay * decay) + sample[SAMPLE_KICK + k];
+        for (int j = i + 1; j < N_JOINT; j++) p[PLACE(i, j)] *= decay;
+        lane[i] *= decay;
+    }
+#if N_SLOT > 0
+    const int size = AT_SLOT, rate = AT_SLOT + 1;
+    for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
+    p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
+    p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];
+    p[PLACE(rate, rate)] += lane[ROLE_WANDER] * dt;
+    lane[size] += dt * lane[rate];
+#endif
+    for (int k = 0; k < N_NOISY; k++) {
+        const int i = AT_NOISE + k;
+        for (int j = 0; j < i; j++) p[PLACE(j, i)] = broadcast(0.0);
+        p[PLACE(i, i)] = broadcast(INPUT_VARIANCE[k]);
+        lane[i] = broadcast(0.0);
+    }
+}
+
+/* From the sample before to this one: z and covariance move on. The input was held at `u_before`. */
+static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Step *FB_RESTRICT step)
+{
+    lanes v[N_V], a[FB_ROOM(N_STATES)][N_JOINT];
+    joint_to_model(lane, lane, v);
+    integrate(v, sample + SAMPLE_U_BEFORE, sample[SAMPLE_DT], lane + AT_IMPLICIT, step);
+    for (int i = 0; i < N_STATES; i++) {
+        for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) add_by_z(lane, REACH_COLUMN[e], WIDE(step->slope[i][REACH_COLUMN[e]]), a[i]);
+        lane[i] = v[i];
+    }
+    spread_states(lane + AT_COVARIANCE, a, sample);
+    spread_rest(lane, sample);
+}
+
+/* Noise variance of a sensor; while it is blanked, whatever noise it has is nothing. */
+static inline lanes noise_of(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int j)
+{
+    const double declared = OUTPUT_VARIANCE[j] * sample[SAMPLE_SCALE + j];
+#if N_SLOT > 0
+    if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return declared * lane[ROLE_NOISE + j];
+#else
+    (void)lane;
+#endif
+    return broadcast(declared);
+}
+
+/* Slope of sensor j along a vector. */
+static inline lanes along(const lanes *FB_RESTRICT slope, const lanes *FB_RESTRICT vector, int j)
+{
+    lanes sum = broadcast(0.0);
+    for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += slope[OUT_PLACE[e]] * vector[OUT_PLACE[e]];
+    return sum;
+}
+
+/* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */
+static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const double *FB_RESTRICT sample,
+                   lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
+{
+    lanes v[N_V], slopes[FB_ROOM(N_READING_SLOPES)];
+    joint_to_model(lane, z, v);
+    solve_implicit(v, sample + SAMPLE_U, implicit);
+    model_readings(v, sample + SAMPLE_U, implicit, found->y, slopes);
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        lanes *FB_RESTRICT row = found->slope[j];
+        for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] = broadcast(0.0);
+        for (int e = READING_ROW[j]; e < READING_ROW[j + 1]; e++) add_by_z(lane, READING_COLUMN[e], slopes[e], row);
+#if N_SLOT > 0
+        const lanes plain = found->y[j], factor = lane[ROLE_READS + j] + lane[ROLE_GAIN + j] * z[AT_SLOT];
+        for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] *= factor;
+        row[AT_SLOT] += lane[ROLE_BIAS + j] + lane[ROLE_GAIN + j] * plain;
+        found->y[j] = plain * factor + lane[ROLE_BIAS + j] * z[AT_SLOT];
+#endif
+        const lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
+        for (int i = 0; i < N_JOINT; i++) {
+            lanes sum = broadcast(0.0);
+            for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += p[SYMMETRIC[OUT_PLACE[e]][i]] * row[OUT_PLACE[e]];
+            found->cross[j][i] = sum;
+        }
+    }
+}
+
+/* Scalar updates with all sensors, one after the other: how z moves, and the covariance after them, p_next (may be the
+   lane's own; NULL: it is not asked for). Gives the gain in log-likelihood where that is `counted`. Missing sensors have
+   use 0.
+
+   Once warm, the healthy lane learns from an innovation only up to a bound (Huber's): a fault, or a wild value, must not
+   drag it along before the alarm. Lanes of the bank have a wide bound, beyond which likelihoods do not fall any more: one
+   reading that nothing explains must not decide between them. The covariance is written once, at the end. */
+static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expected *FB_RESTRICT found,
+                    lanes *FB_RESTRICT shift, lanes *p_next, int counted)
+{
+    const lanes *p = lane + AT_COVARIANCE;
+    const double bound = sample[SAMPLE_BOUND] > 0.0 ? sample[SAMPLE_BOUND] : NO_BOUND;
+    lanes weight[N_OUTPUTS][N_JOINT], gained = broadcast(0.0);
+    for (int i = 0; i < N_JOINT; i++) shift[i] = broadcast(0.0);
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        lanes *FB_RESTRICT cross = found->cross[j];
+        for (int k = 0; k < j; k++) { /* what the sensors before have told already */
+            const lanes told = along(found->slope[j], found->cross[k], j);
+            for (int i = 0; i < N_JOINT; i++) cross[i] -= weight[k][i] * told;
+        }
+        const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
+        const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
+        const double use = sample[SAMPLE_USE + j], nis = sample[SAMPLE_NIS + j], usual = nis > 0.0 ? nis : 1.0;
+        const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
+        const lanes step = v_fmin(v_fmax(innovation, -most), most);
+        for (int i = 0; i < N_JOINT; i++) {
+            weight[j][i] = cross[i] * (use * inverse);
+            shift[i] += weight[j][i] * step;
+        }
+        if (!counted) continue;
+        /* In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit. */
+        const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
+        const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
+        gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / fmax(usual, 1.0);
+    }
+    for (int i = 0; p_next && i < N_JOINT; i++)
+        for (int k = i; k < N_JOINT; k++) {
+            lanes left = p[PLACE(i, k)];
+            for (int j = 0; j < N_OUTPUTS; j++) left -= weight[j][i] * found->cross[j][k];
+            p_next[PLACE(i, k)] = left;
+        }
+    return gained;
+}
+
+/* z after a shift, parameters within their range. */
+static void shifted(const lanes *FB_RESTRICT z, const lanes *FB_RESTRICT shift, lanes *FB_RESTRICT to)
+{
+    for (int i = 0; i < N_JOINT; i++) to[i] = z[i] + shift[i];
+    for (int k = 0; k < N_PARAMETERS; k++) to[AT_PARAMETERS + k] = clamp(to[AT_PARAMETERS + k], LOWER[k], UPPER[k]);
+}
+
+/* Differences and variances of each sensor by itself, as the detector wants them; tells where the sample says much: the
+   variance of what is expected of a sensor that is used, in that of its noise. */
+static mask innovate(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, const Expected *FB_RESTRICT found,
+                      lanes *FB_RESTRICT innovations)
+{
+    lanes foretold = broadcast(0.0);
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        const lanes noise = noise_of(lane, sample, j), variance = along(found->slope[j], found->cross[j], j) + noise;
+        innovations[j] = sample[SAMPLE_Y + j] - found->y[j];
+        innovations[N_OUTPUTS + j] = variance;
+        foretold = v_fmax(foretold, sample[SAMPLE_USE + j] * (variance - (1.0 + SAYS_MUCH) * noise));
+    }
+    return foretold > 0.0;
+}
+
+/* Update a second time, linearised at the parameters and the slot of the first result, where `again` is true. `guess`,
+   `p_guess`: the first result; the former is changed, the latter NULL where no lane keeps it. The states are taken where
+   they were predicted. */
+static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, mask again, lanes *FB_RESTRICT guess,
+                         const lanes *FB_RESTRICT p_guess)
+{
+    lanes middle[N_JOINT], apart[N_JOINT], shift[N_JOINT], second[N_JOINT], p_second[N_PACKED];
+    lanes better[FB_ROOM(N_IMPLICIT)];
+    Expected found;
+    for (int i = 0; i < N_JOINT; i++) {
+        middle[i] = i >= AT_PARAMETERS && i < AT_NOISE ? guess[i] : lane[i];
+        apart[i] = lane[i] - middle[i];
+    }
+    memcpy(better, lane + AT_IMPLICIT, sizeof better);
+    expect(lane, middle, sample, better, &found);
+    for (int j = 0; j < N_OUTPUTS; j++) found.y[j] += along(found.slope[j], apart, j);
+    update(lane, sample, &found, shift, p_guess ? p_second : lane + AT_COVARIANCE, 0);
+    shifted(lane, shift, second);
+    for (int i = 0; i < N_JOINT; i++) guess[i] = choose(again, second[i], guess[i]);
+    for (int i = 0; p_guess && i < N_PACKED; i++) lane[AT_COVARIANCE + i] = choose(again, p_second[i], p_guess[i]);
+    for (int k = 0; k < N_IMPLICIT; k++) lane[AT_IMPLICIT + k] = choose(again, better[k], lane[AT_IMPLICIT + k]);
+}
+
+/* Take one sample into eight lanes: predict, compare, update.
+
+   Where the readings are not linear, lanes of the bank (`again`) update a second time, if the sample says much. If it
+   says little, the first result differs from the mean by little but noise: slopes taken there go with the noise they are
+   to weigh, and thousands of such samples drag the estimates away. The healthy lane never does: after a fault the first
+   result lies far off, and a second update would explain any fault away. */
+static void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
+                        Step *FB_RESTRICT step)
+{
+    lanes shift[N_JOINT], guess[N_JOINT], p_guess[N_PACKED];
+    Expected found;
+    predict(lane, sample, step);
+    expect(lane, lane, sample, lane + AT_IMPLICIT, &found);
+    const mask says_much = innovate(lane, sample, &found, innovations);
+    const int again = !READINGS_ARE_LINEAR && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
+    lanes *p_first = !again ? lane + AT_COVARIANCE : !all_of(says_much) ? p_guess : NULL;
+    lane[AT_LIKELIHOOD] += update(lane, sample, &found, shift, p_first, 1);
+    shifted(lane, shift, guess);
+    if (again) update_again(lane, sample, says_much, guess, p_first);
+    memcpy(lane, guess, sizeof guess);
+}
+
+#endif

@@ -1,0 +1,204 @@
+/* One step in time: implicit signals by Newton's method, states by ROS2, and their slopes by everything else.
+
+   The model gives (all of one moment, for the vector v = [states, slow errors, parameters, errors of the inputs]):
+     model_newton(v, u, z, step, misfit)   Newton's step of the implicit signals z, and the square of what is left
+     model_misfit(v, u, z, misfit)         the square alone
+     model_rates(v, u, z, rates, slopes)   rates of the states, and their slopes by v, those that are not zero
+     model_readings(v, u, z, y, slopes)    readings of the sensors, and their slopes by v
+
+   Tables: RATE_ROW[i] .. RATE_ROW[i + 1] are the places of row i in `slopes`, RATE_COLUMN their columns in v. A state
+   feels the columns REACH_COLUMN[REACH_ROW[i] ..] in the course of a step. LOWER_ROW, LOWER_PLACE: the rows below the
+   diagonal that column k has entries in once the columns before it are eliminated; UPPER_ROW, UPPER_PLACE: the columns
+   right of the diagonal that row k has. */
+#ifndef FB_INTEGRATE_H
+#define FB_INTEGRATE_H
+
+#include "maths.h"
+
+#define NEWTON_STEPS 10
+#define GAMMA (1.0 - 1.0 / FB_SQRT2)
+
+
+
+/* Solve the implicit signals z in place. Each step tries parts and multiples of Newton's step and keeps the best: parts,
+   since an exponential is overshot from its flat side, and multiples, since from its steep side Newton's step is ever
+   the same small one. Where nothing moves any more, nothing will. */
+static void solve_implicit(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u, lanes *FB_RESTRICT z)
+{
+#if N_IMPLICIT > 0
+    static const double parts[] = {1.0 / 64, 1.0 / 16, 1.0 / 4, 1.0, 4.0, 16.0, 64.0};
+    for (int k = 0; k < NEWTON_STEPS; k++) {
+        lanes move[N_IMPLICIT], trial[N_IMPLICIT], kept[N_IMPLICIT], best, misfit;
+        mask moved = (mask)(broadcast(0.0) > 1.0);
+        model_newton(v, u, z, move, &best);
+        memcpy(kept, z, sizeof kept);
+        for (unsigned p = 0; p < sizeof parts / sizeof parts[0]; p++) {
+            for (int i = 0; i < N_IMPLICIT; i++) trial[i] = z[i] + parts[p] * move[i];
+            model_misfit(v, u, trial, &misfit);
+            const mask better = misfit <= best; /* false where it is no number: a wild step is never kept */
+            for (int i = 0; i < N_IMPLICIT; i++) kept[i] = choose(better, trial[i], kept[i]);
+            best = choose(better, misfit, best);
+        }
+        for (int i = 0; i < N_IMPLICIT; i++) {
+            moved = moved | (kept[i] != z[i]);
+            z[i] = kept[i];
+        }
+        if (!any_of(moved)) break;
+    }
+#else
+    (void)v, (void)u, (void)z;
+#endif
+}
+
+/* Where the laws are linear, slopes are the same in all lanes. */
+#if RATES_ARE_LINEAR
+typedef double steep;
+#define STEEP(a) (a)
+#define WIDE(a) broadcast(a)
+#else
+typedef lanes steep;
+#define STEEP(a) broadcast(a)
+#define WIDE(a) (a)
+#endif
+
+/* Bring I - step * (slopes by the states) to triangular form: factors below its diagonal, its inverse on it. */
+static void factorise(const steep *FB_RESTRICT slopes, double step, steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)])
+{
+    for (int i = 0; i < N_STATES; i++) {
+        for (int j = 0; j < N_STATES; j++) m[i][j] = STEEP(i == j ? 1.0 : 0.0);
+        for (int e = RATE_ROW[i]; e < RATE_ROW[i + 1]; e++)
+            if (RATE_COLUMN[e] < N_STATES) m[i][RATE_COLUMN[e]] -= step * slopes[e];
+    }
+    for (int k = 0; k < N_STATES; k++) {
+        m[k][k] = 1.0 / m[k][k];
+        for (int below = LOWER_ROW[k]; below < LOWER_ROW[k + 1]; below++) {
+            const int i = LOWER_PLACE[below];
+            m[i][k] *= m[k][k];
+            for (int e = UPPER_ROW[k]; e < UPPER_ROW[k + 1]; e++) m[i][UPPER_PLACE[e]] -= m[i][k] * m[k][UPPER_PLACE[e]];
+        }
+    }
+}
+
+/* Solve in place for rates. */
+static void solve_rates(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], lanes *FB_RESTRICT rate)
+{
+    for (int k = 0; k < N_STATES; k++)
+        for (int e = LOWER_ROW[k]; e < LOWER_ROW[k + 1]; e++) rate[LOWER_PLACE[e]] -= m[LOWER_PLACE[e]][k] * rate[k];
+    for (int k = N_STATES - 1; k >= 0; k--) {
+        for (int e = UPPER_ROW[k]; e < UPPER_ROW[k + 1]; e++) rate[k] -= m[k][UPPER_PLACE[e]] * rate[UPPER_PLACE[e]];
+        rate[k] *= m[k][k];
+    }
+}
+
+/* Take a multiple of a row of slopes off another one, in the columns that it has. */
+static inline void subtract(steep *FB_RESTRICT slope, steep factor, const steep *FB_RESTRICT of, int row)
+{
+    for (int e = REACH_ROW[row]; e < REACH_ROW[row + 1]; e++) slope[REACH_COLUMN[e]] -= factor * of[REACH_COLUMN[e]];
+}
+
+/* Solve in place for the slopes of rates, in the columns that each state feels. */
+static void solve_slopes(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], steep slope[FB_ROOM(N_STATES)][N_V])
+{
+    for (int k = 0; k < N_STATES; k++)
+        for (int e = LOWER_ROW[k]; e < LOWER_ROW[k + 1]; e++) {
+            const int i = LOWER_PLACE[e];
+            subtract(slope[i], m[i][k], slope[k], k);
+        }
+    for (int k = N_STATES - 1; k >= 0; k--) {
+        for (int e = UPPER_ROW[k]; e < UPPER_ROW[k + 1]; e++) {
+            const int j = UPPER_PLACE[e];
+            subtract(slope[k], m[k][j], slope[j], j);
+        }
+        for (int e = REACH_ROW[k]; e < REACH_ROW[k + 1]; e++) slope[k][REACH_COLUMN[e]] *= m[k][k];
+    }
+}
+
+/* Slopes of the rates by v at the start of the step, of which the states now have the slopes `by`. */
+static void chain(const steep *FB_RESTRICT slopes, steep by[FB_ROOM(N_STATES)][N_V],
+                  steep result[FB_ROOM(N_STATES)][N_V])
+{
+    for (int i = 0; i < N_STATES; i++) {
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) result[i][REACH_COLUMN[e]] = STEEP(0.0);
+        for (int e = RATE_ROW[i]; e < RATE_ROW[i + 1]; e++) {
+            const int c = RATE_COLUMN[e];
+            if (c >= N_STATES) {
+                result[i][c] += slopes[e];
+                continue;
+            }
+            for (int r = REACH_ROW[c]; r < REACH_ROW[c + 1]; r++)
+                result[i][REACH_COLUMN[r]] += slopes[e] * by[c][REACH_COLUMN[r]];
+        }
+    }
+}
+
+/* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
+typedef struct {
+    double dt;                             /* of the step that `m` and `slope` are of; nan: of none yet */
+    steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
+    steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
+    steep k1[FB_ROOM(N_STATES)][N_V];      /* slopes of the rates of both stages, */
+    steep k2[FB_ROOM(N_STATES)][N_V];
+    steep middle[FB_ROOM(N_STATES)][N_V];  /* and of the states between them */
+} Step;
+
+/* Slopes of the second stage, and those of the states after a part of the step. */
+static void end_slopes(const steep *FB_RESTRICT slopes, double h, Step *FB_RESTRICT step)
+{
+    chain(slopes, step->middle, step->k2);
+    for (int i = 0; i < N_STATES; i++)
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++)
+            step->k2[i][REACH_COLUMN[e]] -= 2.0 * step->k1[i][REACH_COLUMN[e]];
+    solve_slopes(step->m, step->k2);
+    for (int i = 0; i < N_STATES; i++)
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) {
+            const int c = REACH_COLUMN[e];
+            step->slope[i][c] += h * (1.5 * step->k1[i][c] + 0.5 * step->k2[i][c]);
+        }
+}
+
+/* Slopes of the first stage, and those of the states between both. */
+static void begin_slopes(const steep *FB_RESTRICT slopes, double h, Step *FB_RESTRICT step)
+{
+    factorise(slopes, GAMMA * h, step->m);
+    chain(slopes, step->slope, step->k1);
+    solve_slopes(step->m, step->k1);
+    for (int i = 0; i < N_STATES; i++)
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) {
+            const int c = REACH_COLUMN[e];
+            step->middle[i][c] = step->slope[i][c] + h * step->k1[i][c];
+        }
+}
+
+/* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant.
+   Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Changes v (its states), z and
+   `step`. */
+static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, double dt, lanes *FB_RESTRICT z,
+                      Step *FB_RESTRICT step)
+{
+    const double h = dt / SUBSTEPS;
+    const int anew = !RATES_ARE_LINEAR || dt != step->dt;
+    lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)];
+    steep slopes[FB_ROOM(N_RATE_SLOPES)];
+    step->dt = dt;
+    for (int i = 0; anew && i < N_STATES; i++)
+        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++)
+            step->slope[i][REACH_COLUMN[e]] = STEEP(REACH_COLUMN[e] == i ? 1.0 : 0.0);
+    for (int part = 0; part < SUBSTEPS; part++) {
+        solve_implicit(v, u, z);
+        model_rates(v, u, z, first, slopes);
+        if (anew) begin_slopes(slopes, h, step);
+        solve_rates(step->m, first);
+        for (int i = 0; i < N_STATES; i++) {
+            x[i] = v[i];
+            v[i] = x[i] + h * first[i];
+        }
+        solve_implicit(v, u, z);
+        model_rates(v, u, z, second, slopes);
+        if (anew) end_slopes(slopes, h, step);
+        for (int i = 0; i < N_STATES; i++) second[i] -= 2.0 * first[i];
+        solve_rates(step->m, second);
+        for (int i = 0; i < N_STATES; i++) v[i] = x[i] + h * (1.5 * first[i] + 0.5 * second[i]);
+    }
+}
+
+#endif

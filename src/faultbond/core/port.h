@@ -1,0 +1,22 @@
+/* What the compiler is asked for: pointers that do not overlap, and how many lanes are computed at a time. */
+#ifndef FB_PORT_H
+#define FB_PORT_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifndef FB_LANES
+#define FB_LANES 8 /* 1, 2, 4 or 8 */
+#endif
+
+#if defined(__cplusplus)
+#define FB_RESTRICT __restrict
+#else
+#define FB_RESTRICT restrict
+#endif
+
+/* An array needs an entry, also where a model has none of its kind. */
+#define FB_ROOM(n) ((n) > 0 ? (n) : 1)
+
+#endif
