@@ -12,8 +12,6 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 Equations = Sequence[Sequence[int]]
 
@@ -51,7 +49,7 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     (Models of more than 20 000 entries are matched in C without this preference.)
     """
     if sum(map(len, equations)) > _LARGE:
-        return match_any(equations, n_variables)
+        return _match_large(equations, n_variables)
     matched = [*start, *[-1] * (n_variables - len(start))]
     held = holdings(equations, matched)
     lost: set[int] = set()  # variables from which no path leads to a free one, now and later
@@ -67,8 +65,10 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     return tuple(matched)
 
 
-def match_any(equations: Equations, n_variables: int) -> tuple[int, ...]:
-    """Give for each variable the equation that determines it, or -1: as many as possible, none preferred; in C."""
+def _match_large(equations: Equations, n_variables: int) -> tuple[int, ...]:
+    from scipy.sparse import csr_array  # noqa: PLC0415 - slow to load, and models of common size do without
+    from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415
+
     starts = np.cumsum([0, *map(len, equations)])
     entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
     table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))
@@ -237,7 +237,9 @@ def blocks(
                 if calls:
                     low[calls[-1][0]] = min(low[calls[-1][0]], low[equation])
                 if low[equation] == order[equation]:
-                    start = stack.index(equation)
+                    start = len(stack) - 1
+                    while stack[start] != equation:
+                        start -= 1
                     found.append(tuple(sorted(stack[start:])))
                     waiting.difference_update(stack[start:])
                     del stack[start:]
