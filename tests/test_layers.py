@@ -1,6 +1,7 @@
 """The shape of the package: who may import whom, where, and how long things may be."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -175,6 +176,16 @@ def test_no_package_is_empty(package: Path) -> None:
     files = {path.name for path in package.glob("*.py")}
     assert "__init__.py" in files
     assert len(files) > 1 or any(child.is_dir() for child in package.glob("[a-z]*"))
+
+
+@pytest.mark.parametrize("package", sorted({path.parent for path in MODULES} - {SOURCE}), ids=name_of)
+def test_packages_say_what_passes_through_them(package: Path) -> None:
+    """A package says what goes in, what comes out, and in which order its modules are read; these are there."""
+    text = ast.get_docstring(tree_of(package / "__init__.py")) or ""
+    assert [word for word in ("In: ", "Out: ", "Read ") if word not in text] == []
+    named = re.findall(r"`([a-z_]+)`", text.partition("Read ")[2])
+    assert named
+    assert [name for name in named if not ((package / f"{name}.py").exists() or (package / name).is_dir())] == []
 
 
 @pytest.mark.parametrize("path", [path for path in MODULES if path.name == "__init__.py"], ids=name_of)

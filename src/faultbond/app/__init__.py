@@ -1,4 +1,8 @@
-"""What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them."""
+"""What each verb does, by composing the layers below. Large libraries are loaded when a verb needs them.
+
+In: what the command line was told, as `wishes`. Out: files, records and text, and the verdict that the exit code tells.
+Read `any_run`, `plant_run`, `course`, `method_face`, `methods`, `kept_run`, `decision`; then a module a verb.
+"""
 
 from typing import TYPE_CHECKING
 
