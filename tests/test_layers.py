@@ -22,7 +22,6 @@ RUNTIME_NEEDS = {"numpy"}
 LATE_IMPORTS = (
     ("model", "pint"),
     ("io", "pyarrow"),
-    ("equations", "scipy"),  # for models of more than common size
     ("synthesis", "casadi"),
     ("app", "faultbond.analysis"),  # loads casadi and sympy
     ("app", "faultbond.app.answers"),  # loads sympy

@@ -128,7 +128,7 @@ def test_earlier_equations_are_preferred(equations: Rows) -> None:
 @given(rows)
 def test_large_models_are_matched_as_well(equations: Rows) -> None:
     """The matching for large models is a largest one too."""
-    matched = matching._match_large(equations, N_VARIABLES)
+    matched = matching.match_any(equations, N_VARIABLES)
     assert valid(equations, matched)
     assert sum(e >= 0 for e in matched) == rank(tuple(sorted(equations)))
 

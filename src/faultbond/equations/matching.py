@@ -12,6 +12,8 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 Equations = Sequence[Sequence[int]]
 
@@ -49,7 +51,7 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     (Models of more than 20 000 entries are matched in C without this preference.)
     """
     if sum(map(len, equations)) > _LARGE:
-        return _match_large(equations, n_variables)
+        return match_any(equations, n_variables)
     matched = [*start, *[-1] * (n_variables - len(start))]
     held = holdings(equations, matched)
     lost: set[int] = set()  # variables from which no path leads to a free one, now and later
@@ -65,10 +67,8 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
     return tuple(matched)
 
 
-def _match_large(equations: Equations, n_variables: int) -> tuple[int, ...]:
-    from scipy.sparse import csr_array  # noqa: PLC0415 - slow to load, and models of common size do without
-    from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415
-
+def match_any(equations: Equations, n_variables: int) -> tuple[int, ...]:
+    """Give for each variable the equation that determines it, or -1: as many as possible, none preferred; in C."""
     starts = np.cumsum([0, *map(len, equations)])
     entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
     table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))
