@@ -53,8 +53,7 @@ static const int SYMMETRIC[6][6] = {
     {5, 10, 14, 17, 19, 20}};
 static const int RATE_ROW[] = {0, 4};
 static const int RATE_COLUMN[] = {0, 1, 2, 3};
-static const int REACH_ROW[] = {0, 4};
-static const int REACH_COLUMN[] = {0, 1, 2, 3};
+#define REACHES_ALL 1
 static const int LOWER_ROW[] = {0, 0};
 static const int LOWER_PLACE[] = {0};
 static const int UPPER_ROW[] = {0, 0};

@@ -23,12 +23,23 @@
 #define NO_BOUND 1e6   /* standard deviations */
 #define SAYS_MUCH 0.1  /* variance of what a sensor is expected to read, in that of its noise */
 #define LOG_2_PI 1.8378770664093453
+#define MANY_OUTPUTS (N_OUTPUTS > 4)
 
 typedef struct {
     lanes y[N_OUTPUTS];             /* readings expected */
     lanes slope[N_OUTPUTS][N_JOINT]; /* by z; columns OUT_PLACE only */
     lanes cross[N_OUTPUTS][N_JOINT]; /* covariance times slope */
 } Expected;
+
+/* Memory of a sample, apart from the stack where it is large. */
+typedef struct {
+    Step step;
+    lanes a[FB_ROOM(N_STATES)][N_JOINT]; /* slopes of the states by z */
+    lanes t[FB_ROOM(N_STATES)][N_JOINT]; /* these times the covariance */
+    Expected first, second;
+    lanes p_first[N_PACKED], p_second[N_PACKED];
+    lanes lane[N_NUMBERS], innovations[2 * N_OUTPUTS];
+} Work;
 
 /* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs. */
 static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, lanes *FB_RESTRICT v)
@@ -59,16 +70,20 @@ static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, l
         row[AT_NOISE + NOISE_OF_INPUT[c - AT_SLOT]] = slope;
 }
 
-/* Covariance of the states after a step with slopes `a` by z: A P A' and A P with the rest, which is still as before. */
-static void spread_states(lanes *FB_RESTRICT p, lanes a[FB_ROOM(N_STATES)][N_JOINT], const double *FB_RESTRICT sample)
+/* Covariance of the states after a step with slopes A by z: A P A' and A P with the rest, which is still as before. */
+static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT], lanes (*FB_RESTRICT t)[N_JOINT],
+                          const double *FB_RESTRICT sample)
 {
-    lanes t[FB_ROOM(N_STATES)][N_JOINT]; /* A P */
     for (int i = 0; i < N_STATES; i++)
-        for (int j = 0; j < N_JOINT; j++) {
-            lanes sum = broadcast(0.0);
-            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) sum += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
-            t[i][j] = sum;
-        }
+        for (int j = 0; j < N_JOINT; j++) t[i][j] = broadcast(0.0);
+    for (int j = 0; j < N_JOINT; j++)
+#if REACHES_ALL /* then all rows have the same places, and each entry of P is fetched once */
+        for (int e = 0; e < STATE_ROW[1]; e++)
+            for (int i = 0; i < N_STATES; i++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
+#else
+        for (int i = 0; i < N_STATES; i++)
+            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
+#endif
     for (int i = 0; i < N_STATES; i++) {
         for (int j = i; j < N_STATES; j++) {
             lanes sum = broadcast(0.0);
@@ -112,17 +127,17 @@ static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sampl
 }
 
 /* From the sample before to this one: z and covariance move on. The input was held at `u_before`. */
-static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Step *FB_RESTRICT step)
+static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Work *FB_RESTRICT work)
 {
-    lanes v[N_V], a[FB_ROOM(N_STATES)][N_JOINT];
+    lanes v[N_V];
     joint_to_model(lane, lane, v);
-    integrate(v, sample + SAMPLE_U_BEFORE, sample[SAMPLE_DT], lane + AT_IMPLICIT, step);
+    integrate(v, sample + SAMPLE_U_BEFORE, sample[SAMPLE_DT], lane + AT_IMPLICIT, &work->step);
     for (int i = 0; i < N_STATES; i++) {
-        for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) add_by_z(lane, REACH_COLUMN[e], WIDE(step->slope[i][REACH_COLUMN[e]]), a[i]);
+        for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
+        FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);
         lane[i] = v[i];
     }
-    spread_states(lane + AT_COVARIANCE, a, sample);
+    spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
     spread_rest(lane, sample);
 }
 
@@ -146,6 +161,27 @@ static inline lanes along(const lanes *FB_RESTRICT slope, const lanes *FB_RESTRI
     return sum;
 }
 
+/* Covariance times the slope of sensor j. */
+static inline void times(int j, const lanes *FB_RESTRICT p, const lanes *FB_RESTRICT slope, lanes *FB_RESTRICT cross)
+{
+    for (int i = 0; i < N_JOINT; i++) {
+        lanes sum = broadcast(0.0);
+        for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += p[SYMMETRIC[OUT_PLACE[e]][i]] * slope[OUT_PLACE[e]];
+        cross[i] = sum;
+    }
+}
+
+/* What n sensors have told, taken off a covariance; `to` may be `from`. */
+static inline void take_off(const lanes *from, lanes weight[][N_JOINT], lanes cross[][N_JOINT], int n, lanes *to)
+{
+    for (int i = 0; i < N_JOINT; i++)
+        for (int k = i; k < N_JOINT; k++) {
+            lanes left = from[PLACE(i, k)];
+            for (int j = 0; j < n; j++) left -= weight[j][i] * cross[j][k];
+            to[PLACE(i, k)] = left;
+        }
+}
+
 /* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */
 static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const double *FB_RESTRICT sample,
                    lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
@@ -164,12 +200,7 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
         row[AT_SLOT] += lane[ROLE_BIAS + j] + lane[ROLE_GAIN + j] * plain;
         found->y[j] = plain * factor + lane[ROLE_BIAS + j] * z[AT_SLOT];
 #endif
-        const lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
-        for (int i = 0; i < N_JOINT; i++) {
-            lanes sum = broadcast(0.0);
-            for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += p[SYMMETRIC[OUT_PLACE[e]][i]] * row[OUT_PLACE[e]];
-            found->cross[j][i] = sum;
-        }
+        times(j, lane + AT_COVARIANCE, row, found->cross[j]);
     }
 }
 
@@ -179,17 +210,20 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
 
    Once warm, the healthy lane learns from an innovation only up to a bound (Huber's): a fault, or a wild value, must not
    drag it along before the alarm. Lanes of the bank have a wide bound, beyond which likelihoods do not fall any more: one
-   reading that nothing explains must not decide between them. The covariance is written once, at the end. */
+   reading that nothing explains must not decide between them.
+
+   The covariance is written once, at the end. Of many sensors what each has told would add up to rounding errors of what
+   was not known before, so there it is written after each of them. */
 static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expected *FB_RESTRICT found,
                     lanes *FB_RESTRICT shift, lanes *p_next, int counted)
 {
-    const lanes *p = lane + AT_COVARIANCE;
     const double bound = sample[SAMPLE_BOUND] > 0.0 ? sample[SAMPLE_BOUND] : NO_BOUND;
     lanes weight[N_OUTPUTS][N_JOINT], gained = broadcast(0.0);
     for (int i = 0; i < N_JOINT; i++) shift[i] = broadcast(0.0);
     for (int j = 0; j < N_OUTPUTS; j++) {
         lanes *FB_RESTRICT cross = found->cross[j];
-        for (int k = 0; k < j; k++) { /* what the sensors before have told already */
+        if (MANY_OUTPUTS && j > 0) times(j, p_next, found->slope[j], cross);
+        for (int k = 0; !MANY_OUTPUTS && k < j; k++) { /* what the sensors before have told already */
             const lanes told = along(found->slope[j], found->cross[k], j);
             for (int i = 0; i < N_JOINT; i++) cross[i] -= weight[k][i] * told;
         }
@@ -202,18 +236,14 @@ static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expecte
             weight[j][i] = cross[i] * (use * inverse);
             shift[i] += weight[j][i] * step;
         }
+        if (MANY_OUTPUTS) take_off(j == 0 ? lane + AT_COVARIANCE : p_next, &weight[j], &found->cross[j], 1, p_next);
         if (!counted) continue;
         /* In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit. */
         const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
         const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
         gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / fmax(usual, 1.0);
     }
-    for (int i = 0; p_next && i < N_JOINT; i++)
-        for (int k = i; k < N_JOINT; k++) {
-            lanes left = p[PLACE(i, k)];
-            for (int j = 0; j < N_OUTPUTS; j++) left -= weight[j][i] * found->cross[j][k];
-            p_next[PLACE(i, k)] = left;
-        }
+    if (!MANY_OUTPUTS && p_next) take_off(lane + AT_COVARIANCE, weight, found->cross, N_OUTPUTS, p_next);
     return gained;
 }
 
@@ -234,53 +264,53 @@ static mask innovate(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sa
         const lanes noise = noise_of(lane, sample, j), variance = along(found->slope[j], found->cross[j], j) + noise;
         innovations[j] = sample[SAMPLE_Y + j] - found->y[j];
         innovations[N_OUTPUTS + j] = variance;
-        foretold = v_fmax(foretold, sample[SAMPLE_USE + j] * (variance - (1.0 + SAYS_MUCH) * noise));
+        foretold = v_fmax(sample[SAMPLE_USE + j] * (variance - (1.0 + SAYS_MUCH) * noise), foretold);
     }
     return foretold > 0.0;
 }
 
 /* Update a second time, linearised at the parameters and the slot of the first result, where `again` is true. `guess`,
-   `p_guess`: the first result; the former is changed, the latter NULL where no lane keeps it. The states are taken where
+   `p_first`: the first result; the former is changed, the latter NULL where no lane keeps it. The states are taken where
    they were predicted. */
 static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, mask again, lanes *FB_RESTRICT guess,
-                         const lanes *FB_RESTRICT p_guess)
+                         const lanes *FB_RESTRICT p_first, Work *FB_RESTRICT work)
 {
-    lanes middle[N_JOINT], apart[N_JOINT], shift[N_JOINT], second[N_JOINT], p_second[N_PACKED];
-    lanes better[FB_ROOM(N_IMPLICIT)];
-    Expected found;
+    lanes middle[N_JOINT], apart[N_JOINT], shift[N_JOINT], second[N_JOINT], better[FB_ROOM(N_IMPLICIT)];
+    Expected *FB_RESTRICT found = &work->second;
     for (int i = 0; i < N_JOINT; i++) {
         middle[i] = i >= AT_PARAMETERS && i < AT_NOISE ? guess[i] : lane[i];
         apart[i] = lane[i] - middle[i];
     }
-    memcpy(better, lane + AT_IMPLICIT, sizeof better);
-    expect(lane, middle, sample, better, &found);
-    for (int j = 0; j < N_OUTPUTS; j++) found.y[j] += along(found.slope[j], apart, j);
-    update(lane, sample, &found, shift, p_guess ? p_second : lane + AT_COVARIANCE, 0);
+    for (int k = 0; k < N_IMPLICIT; k++) better[k] = lane[AT_IMPLICIT + k];
+    expect(lane, middle, sample, better, found);
+    for (int j = 0; j < N_OUTPUTS; j++) found->y[j] += along(found->slope[j], apart, j);
+    update(lane, sample, found, shift, p_first ? work->p_second : lane + AT_COVARIANCE, 0);
     shifted(lane, shift, second);
     for (int i = 0; i < N_JOINT; i++) guess[i] = choose(again, second[i], guess[i]);
-    for (int i = 0; p_guess && i < N_PACKED; i++) lane[AT_COVARIANCE + i] = choose(again, p_second[i], p_guess[i]);
+    for (int i = 0; p_first && i < N_PACKED; i++)
+        lane[AT_COVARIANCE + i] = choose(again, work->p_second[i], p_first[i]);
     for (int k = 0; k < N_IMPLICIT; k++) lane[AT_IMPLICIT + k] = choose(again, better[k], lane[AT_IMPLICIT + k]);
 }
 
-/* Take one sample into eight lanes: predict, compare, update.
+/* Take one sample into FB_LANES lanes: predict, compare, update.
 
    Where the readings are not linear, lanes of the bank (`again`) update a second time, if the sample says much. If it
    says little, the first result differs from the mean by little but noise: slopes taken there go with the noise they are
    to weigh, and thousands of such samples drag the estimates away. The healthy lane never does: after a fault the first
    result lies far off, and a second update would explain any fault away. */
 static void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
-                        Step *FB_RESTRICT step)
+                        Work *FB_RESTRICT work)
 {
-    lanes shift[N_JOINT], guess[N_JOINT], p_guess[N_PACKED];
-    Expected found;
-    predict(lane, sample, step);
-    expect(lane, lane, sample, lane + AT_IMPLICIT, &found);
-    const mask says_much = innovate(lane, sample, &found, innovations);
+    lanes shift[N_JOINT], guess[N_JOINT];
+    Expected *FB_RESTRICT found = &work->first;
+    predict(lane, sample, work);
+    expect(lane, lane, sample, lane + AT_IMPLICIT, found);
+    const mask says_much = innovate(lane, sample, found, innovations);
     const int again = !READINGS_ARE_LINEAR && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
-    lanes *p_first = !again ? lane + AT_COVARIANCE : !all_of(says_much) ? p_guess : NULL;
-    lane[AT_LIKELIHOOD] += update(lane, sample, &found, shift, p_first, 1);
+    lanes *p_first = !again ? lane + AT_COVARIANCE : MANY_OUTPUTS || !all_of(says_much) ? work->p_first : NULL;
+    lane[AT_LIKELIHOOD] += update(lane, sample, found, shift, p_first, 1);
     shifted(lane, shift, guess);
-    if (again) update_again(lane, sample, says_much, guess, p_first);
+    if (again) update_again(lane, sample, says_much, guess, p_first, work);
     memcpy(lane, guess, sizeof guess);
 }
 

@@ -7,9 +7,9 @@
      model_readings(v, u, z, y, slopes)    readings of the sensors, and their slopes by v
 
    Tables: RATE_ROW[i] .. RATE_ROW[i + 1] are the places of row i in `slopes`, RATE_COLUMN their columns in v. A state
-   feels the columns REACH_COLUMN[REACH_ROW[i] ..] in the course of a step. LOWER_ROW, LOWER_PLACE: the rows below the
-   diagonal that column k has entries in once the columns before it are eliminated; UPPER_ROW, UPPER_PLACE: the columns
-   right of the diagonal that row k has. */
+   feels the columns REACH_COLUMN[REACH_ROW[i] ..] in the course of a step; where REACHES_ALL, every state feels all, and
+   there is no such table. LOWER_ROW, LOWER_PLACE: the rows below the diagonal that column k has entries in once the
+   columns before it are eliminated; UPPER_ROW, UPPER_PLACE: the columns right of the diagonal that row k has. */
 #ifndef FB_INTEGRATE_H
 #define FB_INTEGRATE_H
 
@@ -18,7 +18,13 @@
 #define NEWTON_STEPS 10
 #define GAMMA (1.0 - 1.0 / FB_SQRT2)
 
-
+/* The columns c of v that state i feels. What it does not feel is not touched: zero times a slope without end is none. */
+#if REACHES_ALL
+#define FOR_REACH(i, c) for (int c = 0; c < N_V; c++)
+#else
+#define FOR_REACH(i, c) \
+    for (int place_ = REACH_ROW[i], c; place_ < REACH_ROW[(i) + 1] && (c = REACH_COLUMN[place_], 1); place_++)
+#endif
 
 /* Solve the implicit signals z in place. Each step tries parts and multiples of Newton's step and keeps the best: parts,
    since an exponential is overshot from its flat side, and multiples, since from its steep side Newton's step is ever
@@ -62,7 +68,7 @@ typedef lanes steep;
 #endif
 
 /* Bring I - step * (slopes by the states) to triangular form: factors below its diagonal, its inverse on it. */
-static void factorise(const steep *FB_RESTRICT slopes, double step, steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)])
+static void factorise(const steep *FB_RESTRICT slopes, double step, steep (*FB_RESTRICT m)[FB_ROOM(N_STATES)])
 {
     for (int i = 0; i < N_STATES; i++) {
         for (int j = 0; j < N_STATES; j++) m[i][j] = STEEP(i == j ? 1.0 : 0.0);
@@ -80,7 +86,7 @@ static void factorise(const steep *FB_RESTRICT slopes, double step, steep m[FB_R
 }
 
 /* Solve in place for rates. */
-static void solve_rates(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], lanes *FB_RESTRICT rate)
+static void solve_rates(steep (*FB_RESTRICT m)[FB_ROOM(N_STATES)], lanes *FB_RESTRICT rate)
 {
     for (int k = 0; k < N_STATES; k++)
         for (int e = LOWER_ROW[k]; e < LOWER_ROW[k + 1]; e++) rate[LOWER_PLACE[e]] -= m[LOWER_PLACE[e]][k] * rate[k];
@@ -93,11 +99,12 @@ static void solve_rates(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], lanes *FB
 /* Take a multiple of a row of slopes off another one, in the columns that it has. */
 static inline void subtract(steep *FB_RESTRICT slope, steep factor, const steep *FB_RESTRICT of, int row)
 {
-    for (int e = REACH_ROW[row]; e < REACH_ROW[row + 1]; e++) slope[REACH_COLUMN[e]] -= factor * of[REACH_COLUMN[e]];
+    (void)row;
+    FOR_REACH (row, c) slope[c] -= factor * of[c];
 }
 
 /* Solve in place for the slopes of rates, in the columns that each state feels. */
-static void solve_slopes(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], steep slope[FB_ROOM(N_STATES)][N_V])
+static void solve_slopes(steep (*FB_RESTRICT m)[FB_ROOM(N_STATES)], steep (*FB_RESTRICT slope)[N_V])
 {
     for (int k = 0; k < N_STATES; k++)
         for (int e = LOWER_ROW[k]; e < LOWER_ROW[k + 1]; e++) {
@@ -109,26 +116,20 @@ static void solve_slopes(steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)], steep sl
             const int j = UPPER_PLACE[e];
             subtract(slope[k], m[k][j], slope[j], j);
         }
-        for (int e = REACH_ROW[k]; e < REACH_ROW[k + 1]; e++) slope[k][REACH_COLUMN[e]] *= m[k][k];
+        FOR_REACH (k, c) slope[k][c] *= m[k][k];
     }
 }
 
-/* Slopes of the rates by v at the start of the step, of which the states now have the slopes `by`. */
-static void chain(const steep *FB_RESTRICT slopes, steep by[FB_ROOM(N_STATES)][N_V],
-                  steep result[FB_ROOM(N_STATES)][N_V])
+/* Add the slopes of the rates by v at the start of the step, of which the states now have the slopes `by`. */
+static void chain(const steep *FB_RESTRICT slopes, steep (*FB_RESTRICT by)[N_V],
+                  steep (*FB_RESTRICT result)[N_V])
 {
-    for (int i = 0; i < N_STATES; i++) {
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) result[i][REACH_COLUMN[e]] = STEEP(0.0);
+    for (int i = 0; i < N_STATES; i++)
         for (int e = RATE_ROW[i]; e < RATE_ROW[i + 1]; e++) {
-            const int c = RATE_COLUMN[e];
-            if (c >= N_STATES) {
-                result[i][c] += slopes[e];
-                continue;
-            }
-            for (int r = REACH_ROW[c]; r < REACH_ROW[c + 1]; r++)
-                result[i][REACH_COLUMN[r]] += slopes[e] * by[c][REACH_COLUMN[r]];
+            const int column = RATE_COLUMN[e];
+            if (column >= N_STATES) result[i][column] += slopes[e];
+            else FOR_REACH (column, c) result[i][c] += slopes[e] * by[column][c];
         }
-    }
 }
 
 /* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
@@ -141,32 +142,31 @@ typedef struct {
     steep middle[FB_ROOM(N_STATES)][N_V];  /* and of the states between them */
 } Step;
 
+/* Slopes of the first stage, and those of the states between both. In the first part of a step the states have slopes
+   by themselves only. */
+static void begin_slopes(const steep *FB_RESTRICT slopes, double h, int first, Step *FB_RESTRICT step)
+{
+    factorise(slopes, GAMMA * h, step->m);
+    for (int i = 0; i < N_STATES; i++) {
+        FOR_REACH (i, c) step->k1[i][c] = STEEP(0.0);
+        for (int e = RATE_ROW[i]; first && e < RATE_ROW[i + 1]; e++) step->k1[i][RATE_COLUMN[e]] = slopes[e];
+    }
+    if (!first) chain(slopes, step->slope, step->k1);
+    solve_slopes(step->m, step->k1);
+    for (int i = 0; i < N_STATES; i++) {
+        if (first) FOR_REACH (i, c) step->slope[i][c] = STEEP(c == i ? 1.0 : 0.0);
+        FOR_REACH (i, c) step->middle[i][c] = step->slope[i][c] + h * step->k1[i][c];
+    }
+}
+
 /* Slopes of the second stage, and those of the states after a part of the step. */
 static void end_slopes(const steep *FB_RESTRICT slopes, double h, Step *FB_RESTRICT step)
 {
+    for (int i = 0; i < N_STATES; i++) FOR_REACH (i, c) step->k2[i][c] = -2.0 * step->k1[i][c];
     chain(slopes, step->middle, step->k2);
-    for (int i = 0; i < N_STATES; i++)
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++)
-            step->k2[i][REACH_COLUMN[e]] -= 2.0 * step->k1[i][REACH_COLUMN[e]];
     solve_slopes(step->m, step->k2);
     for (int i = 0; i < N_STATES; i++)
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) {
-            const int c = REACH_COLUMN[e];
-            step->slope[i][c] += h * (1.5 * step->k1[i][c] + 0.5 * step->k2[i][c]);
-        }
-}
-
-/* Slopes of the first stage, and those of the states between both. */
-static void begin_slopes(const steep *FB_RESTRICT slopes, double h, Step *FB_RESTRICT step)
-{
-    factorise(slopes, GAMMA * h, step->m);
-    chain(slopes, step->slope, step->k1);
-    solve_slopes(step->m, step->k1);
-    for (int i = 0; i < N_STATES; i++)
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++) {
-            const int c = REACH_COLUMN[e];
-            step->middle[i][c] = step->slope[i][c] + h * step->k1[i][c];
-        }
+        FOR_REACH (i, c) step->slope[i][c] += h * (1.5 * step->k1[i][c] + 0.5 * step->k2[i][c]);
 }
 
 /* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant.
@@ -180,13 +180,10 @@ static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, double 
     lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;
-    for (int i = 0; anew && i < N_STATES; i++)
-        for (int e = REACH_ROW[i]; e < REACH_ROW[i + 1]; e++)
-            step->slope[i][REACH_COLUMN[e]] = STEEP(REACH_COLUMN[e] == i ? 1.0 : 0.0);
     for (int part = 0; part < SUBSTEPS; part++) {
         solve_implicit(v, u, z);
         model_rates(v, u, z, first, slopes);
-        if (anew) begin_slopes(slopes, h, step);
+        if (anew) begin_slopes(slopes, h, part == 0, step);
         solve_rates(step->m, first);
         for (int i = 0; i < N_STATES; i++) {
             x[i] = v[i];

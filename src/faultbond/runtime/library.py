@@ -14,6 +14,7 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import GenerationError
 
 LANES = 8  # filters per call of the compiled step
+_ALIGNED = 64  # bytes, at which the memory of a call begins
 WORTH = 2_000_000  # numbers of lanes, taken over all samples, that are worth a thread: some 10 ms of work
 
 
@@ -25,6 +26,7 @@ class CompiledEngine:
     n_innovations: int
     compiler: str
     slot_engine: "CompiledEngine | None" = None
+    work_size: int = 0  # bytes of memory that a call needs beside the stack
 
     @property
     def slot(self) -> "CompiledEngine":
@@ -61,12 +63,14 @@ class CompiledEngine:
         numbers[:, :n] = lanes
         numbers[:, n:] = lanes[:, :1]  # spare lanes repeat the first
         innovations = np.empty((rows.shape[0], self.n_innovations, padded))
+        memory = np.empty(self.work_size + _ALIGNED, dtype=np.uint8) if self.work_size else None
         self.library.faultbond_advance(
             ctypes.c_int64(padded),
             ctypes.c_int64(rows.shape[0]),
             ctypes.c_void_p(rows.ctypes.data),
             ctypes.c_void_p(numbers.ctypes.data),
             ctypes.c_void_p(innovations.ctypes.data),
+            ctypes.c_void_p(memory.ctypes.data + -memory.ctypes.data % _ALIGNED if memory is not None else None),
         )
         return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
 
@@ -89,4 +93,5 @@ def load_engine(path: Path, n_innovations: int, compiler: str, slot: CompiledEng
     except OSError as problem:
         raise GenerationError(f"{path}: the compiled engine cannot be loaded ({problem}); remove it") from problem
     library.faultbond_advance.restype = None
-    return CompiledEngine(library, n_innovations, compiler, slot)
+    library.faultbond_work_size.restype = ctypes.c_int64
+    return CompiledEngine(library, n_innovations, compiler, slot, int(library.faultbond_work_size()))

@@ -318,7 +318,7 @@ def _unexplained(spec: EngineSpec, state: State, lane: int, *, followed: bool) -
     return Unexplained(
         signal=spec.outputs[signal].name,
         sd=float(sums[side, signal] / max(length, 1) + spec.thresholds.cusum_drift),
-        since=float(past.times[past.place(clock.index - min(length, len(past.rows) - 1))]),
+        since=float(past.times[past.place(min(clock.index - min(length, len(past.rows) - 1), past.last))]),
         until=clock.time,
     )
 

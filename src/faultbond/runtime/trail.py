@@ -21,7 +21,7 @@ class Past:
     table : (2 * depth, n_sample + n_numbers + 2)
         Packed sample, healthy lane after it, time (s), largest innovation (sd).
     end : where this past ends in it
-    written : where the longest past in it ends, shared by all of them
+    written : where the longest past in it ends, a cell that all of them share; one thread goes on with them at a time
     last : number of the last sample
     n_sample : numbers of a packed sample
     """
@@ -33,7 +33,7 @@ class Past:
     n_sample: int
 
     def place(self, number: int) -> int:
-        """Give the place of a sample in the rows, counted from their end, by its number."""
+        """Give the place of a sample in the rows, counted from their end; its number is at most that of the last."""
         return number - self.last - 1
 
     @property

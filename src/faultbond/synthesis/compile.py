@@ -20,8 +20,7 @@ from pathlib import Path
 from faultbond.errors import CacheError, GenerationError
 
 FLAGS = (
-    "-O2",
-    "-funroll-loops",
+    "-O3",
     "-march=native",
     "-fno-math-errno",
     "-fno-trapping-math",

@@ -122,7 +122,10 @@ def _state_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]], n_v: int
     reach = slopes | np.eye(n_x, n_v, dtype=bool)
     for k in range(n_x):  # Warshall: through each state in turn
         reach |= reach[:, k : k + 1] & reach[k]
-    yield from _rows("REACH", [np.flatnonzero(row) for row in reach], "COLUMN")
+    reaches_all = n_x > 0 and bool(reach.all())
+    yield f"#define REACHES_ALL {int(reaches_all)}"
+    if not reaches_all:
+        yield from _rows("REACH", [np.flatnonzero(row) for row in reach], "COLUMN")
     filled = slopes[:, :n_x] | np.eye(n_x, dtype=bool)
     for k in range(n_x):
         below = filled[:, k] & (np.arange(n_x) > k)

@@ -3,6 +3,7 @@
 import ctypes
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -13,7 +14,7 @@ from benchmarks.shared.ladders import ladder_text
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.slots import plan_slots
-from faultbond.contract.spec import EngineSpec
+from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model, parse_model
@@ -22,6 +23,7 @@ from faultbond.runtime.slotted import slot_lanes
 from faultbond.runtime.start import healthy_lane
 from faultbond.runtime.stepped import relinearised
 from faultbond.synthesis.compile import compile_library, find_compiler
+from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.model_text import core_text, model_text
 from faultbond.synthesis.specify import build_spec
 
@@ -42,6 +44,29 @@ components:
 junctions: {first: 1, node: 0, branch: 1}
 bonds: [source -> first, first -> series, first -> node, node -> cell, node -> branch, branch -> wire, branch -> lamp]
 sensors: {i: {reads: branch.f, unit: A, noise: 1 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
+"""
+NINE_SENSORS = """\
+name: two cells
+sample_time: 0.1 s
+inputs: {V: {unit: V, noise: 1 mV}}
+components:
+  source: {type: Se, law: e = V}
+  r1: {type: R, parameters: {R1: 10 ohm}}
+  c1: {type: C, parameters: {C1: 1 F}}
+  r2: {type: R, parameters: {R2: 10 ohm}}
+  c2: {type: C, parameters: {C2: 1 F}}
+junctions: {a: 1, n: 0, b: 1, m: 0}
+bonds: [source -> a, a -> r1, a -> n, n -> c1, n -> b, b -> r2, b -> m, m -> c2]
+sensors:
+  s0: {reads: a.f, unit: A, noise: 1 mA}
+  s1: {reads: n.e, unit: V, noise: 1 mV}
+  s2: {reads: m.e, unit: V, noise: 2 mV}
+  s3: {reads: b.f, unit: A, noise: 1 mA}
+  s4: {reads: r1.e, unit: V, noise: 1 mV}
+  s5: {reads: r2.e, unit: V, noise: 1 mV}
+  s6: {reads: n.e, unit: V, noise: 5 mV}
+  s7: {reads: c1.f, unit: A, noise: 1 mA}
+  s8: {reads: m.e, unit: V, noise: 1 mV}
 """
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("g++") is None, reason="no gcc")
@@ -83,7 +108,7 @@ def advanced(library: Path, spec: EngineSpec, lanes: FloatArray, samples: FloatA
     rows = np.ascontiguousarray(samples)
     counts = (ctypes.c_int64(padded.shape[1]), ctypes.c_int64(len(rows)))
     arrays = (ctypes.c_void_p(item.ctypes.data) for item in (rows, padded, innovations))
-    ctypes.CDLL(str(library)).faultbond_advance(*counts, *arrays)
+    ctypes.CDLL(str(library)).faultbond_advance(*counts, *arrays, None)
     return np.concatenate([padded, innovations.reshape(-1, padded.shape[1])])
 
 
@@ -153,6 +178,53 @@ def test_lanes_know_nothing_of_each_other() -> None:
     whole, shuffled = engine.advance(lanes, samples)[0], engine.advance(lanes[:, order], samples)[0]
     assert np.array_equal(whole[:, order], shuffled, equal_nan=True)
     assert np.array_equal(engine.advance(lanes[:, 5:6], samples)[0][:, 0], whole[:, 5], equal_nan=True)
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+def test_a_large_model_needs_no_large_stack() -> None:
+    """Eighty stores run in a thread with a stack of a megabyte; each sample needs many times as much memory."""
+    plant = build_plant(parse_model(ladder_text(80)))
+    spec, wide = build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True)
+    compiler = find_compiler()
+    assert compiler is not None
+    library = compile_library(core_text(spec, wide), compiler)
+    script = (
+        "import sys, threading, numpy as np\n"
+        "from pathlib import Path\n"
+        "from faultbond.runtime.library import load_engine\n"
+        "engine = load_engine(Path(sys.argv[1]), 2 * int(sys.argv[4]), 'cc')\n"
+        "lanes, samples = np.ones((int(sys.argv[2]), 8)), np.ones((2, int(sys.argv[3])))\n"
+        "def run(): print(engine.advance(lanes, samples)[0].shape[1], engine.work_size)\n"
+        "threading.stack_size(2**20)\n"
+        "thread = threading.Thread(target=run)\n"
+        "thread.start()\n"
+        "thread.join()\n"
+    )
+    sizes = [str(size) for size in (spec.n_numbers, spec.n_sample, len(spec.outputs))]
+    command = [sys.executable, "-c", script, str(library), *sizes]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    lanes, size = map(int, done.stdout.split())
+    assert lanes == 8
+    assert size > 2**20
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+def test_many_precise_sensors_tell_what_they_tell_one_by_one() -> None:
+    """From a start a hundred million times as wide as the noise, nine sensors end as in the filter that needs no C."""
+    graph = parse_model(NINE_SENSORS)
+    spec, engine = build_engine(graph)
+    _, machine = build_engine(graph, compiled=False)
+    samples, place = samples_of(spec, 40), spec.sample_fields
+    samples[:, place["u"]] = samples[:, place["u_before"]] = 1.0
+    samples[:, place["use"]] = samples[:, place["again"]] = samples[:, place["y"]] = 0.0
+    expected = -machine.advance(healthy_lane(spec, np.full(2, 0.5), np.eye(2) * 1e-20), samples)[1][:, :9, 0]
+    samples[:, place["y"]] = expected + spec.output_noise * np.random.default_rng(0).standard_normal((40, 9))
+    samples[:, place["use"]] = 1.0
+    lane = healthy_lane(spec, np.full(2, 0.5), np.eye(2) * 1e10)
+    one, two = engine.advance(lane, samples)[0], machine.advance(lane, samples)[0]
+    variances = [covariance_place(spec, k, k) for k in range(spec.n_joint)]
+    assert one[variances] == pytest.approx(two[variances], rel=0.01)
+    assert np.max(np.abs(one[: spec.n_joint] - two[: spec.n_joint]) / np.sqrt(two[variances])) < 0.02
 
 
 def test_the_text_grows_with_the_number_of_laws() -> None:
