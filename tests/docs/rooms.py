@@ -12,12 +12,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "shared"))
 from imports import LEVELS, MODULES, SOURCE, name_of, units_imported
 
 PICTURE = SOURCE.parents[1] / "docs" / "images" / "rooms.svg"
-GROUND = ("errors", "types", "arrays", "lazy", "starting", "__init__")
+GROUND = ("errors", "types", "arrays", "lazy", "interrupt", "__init__")
 ASIDE = {
     "report": 0.15,
     "thesis": 0.85,
     "contract": 0.8,
     "sets": 0.3,
+    "core": 0.55,
 }  # part of the width, where a room stands in the way
 WIDTH, ROW, HIGH, WIDE = 1000, 92, 46, 150
 INK, PALE = "#222222", "#9aa7b5"
@@ -26,9 +27,10 @@ INK, PALE = "#222222", "#9aa7b5"
 def drawn() -> str:
     """Give the picture as SVG."""
     arrows = {unit: targets - set(GROUND) for unit, targets in units_imported().items() if unit not in GROUND}
+    arrows["synthesis"], arrows["core"] = arrows["synthesis"] | {"core"}, set()  # its text is read, nobody imports it
     rows: dict[int, list[str]] = {}
     for unit in sorted(arrows):
-        rows.setdefault(LEVELS[unit], []).append(unit)
+        rows.setdefault(LEVELS.get(unit, 0), []).append(unit)
     levels = sorted(rows, reverse=True)
     height = ROW * len(levels)
     places = {
@@ -73,7 +75,9 @@ def _direct(targets: set[str], arrows: dict[str, set[str]]) -> set[str]:
 
 
 def _size(unit: str) -> str:
-    """Give how many modules a unit has."""
+    """Give how many modules a unit has; files of C of the core."""
+    if unit == "core":
+        return f"{sum(path.suffix in ('.c', '.h') for path in (SOURCE / unit).iterdir())} files of C"
     count = sum(name_of(path).removesuffix(".py").split("/")[0] == unit for path in MODULES if path.stem != "__init__")
     return f"{count} module{'s' * (count != 1)}"
 
