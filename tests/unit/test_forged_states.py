@@ -125,6 +125,16 @@ def test_samples_that_would_fill_the_memory(folder: Path, tmp_path: Path) -> Non
     assert goes_on(folder, tmp_path / "x") == 2
 
 
+def test_sums_that_begin_in_the_future(folder: Path) -> None:
+    """Sums of lanes that are said to begin long after the last sample are no internal error."""
+    saved = read_saved(folder / "bank").numbers
+    later = {"bank.misfit.since": 2.0**40, "bank.misfit.sums": 99.0}
+    forged = {**saved, **{name: np.full_like(saved[name], value) for name, value in later.items()}}
+    diagnosis = like(build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE), forged).finish()
+    assert diagnosis is not None
+    assert diagnosis.unexplained is not None
+
+
 def told(key: str, change: Callable[[Any], Any]) -> Callable[[dict[str, Any]], None]:
     """Give what changes a value of the JSON text, the last of the keys with points between."""
 

@@ -227,6 +227,21 @@ def test_many_precise_sensors_tell_what_they_tell_one_by_one() -> None:
     assert np.max(np.abs(one[: spec.n_joint] - two[: spec.n_joint]) / np.sqrt(two[variances])) < 0.02
 
 
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+def test_steps_of_different_length_in_a_linear_plant() -> None:
+    """What is worked out once for a length of step is so anew for another, and at the first sample of a block."""
+    graph = load_model(EXAMPLES / "three_tank" / "model.yaml")
+    spec, engine = build_engine(graph)
+    _, machine = build_engine(graph, compiled=False)
+    assert "#define RATES_ARE_LINEAR 1" in texts("three_tank")[1]
+    samples, n_x = samples_of(spec, 24), len(spec.states)
+    samples[:, spec.sample_fields["dt"]] *= np.resize([1.0, 0.3, 2.5, 2.5, 0.0, 1.0], (24, 1))
+    one = two = healthy_lane(spec, np.full(n_x, 0.5), np.diag(np.full(n_x, 0.1)))
+    for block in np.split(samples, 4):
+        one, two = engine.advance(one, block)[0], machine.advance(two, block)[0]
+        assert one == pytest.approx(two, rel=1e-8, abs=1e-10 * np.abs(two).max())
+
+
 def test_the_text_grows_with_the_number_of_laws() -> None:
     """Twice the sections of a ladder make twice the rates and readings; nothing is unrolled over pairs or triples."""
     lengths = []

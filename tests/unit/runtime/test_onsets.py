@@ -99,6 +99,12 @@ def test_bursts_begin_where_innovations_become_wild() -> None:
     assert found == tuple(place - state.clock.begun for place in sorted(wild)[-MOST_BURSTS:])
 
 
+def test_the_first_sample_of_a_trail_begins_no_burst() -> None:
+    """What was wild before the trail begins there in no place that a lane could begin at."""
+    assert bursts(np.array([9.0, 8.0, 0.0, 9.0, 9.0])) == (1, 3)
+    assert bursts(np.array([9.0, 0.0, 0.0])) == ()
+
+
 def test_a_trail_knows_where_the_alarm_was() -> None:
     """Cut when the bank begins again, it has samples of after the alarm, but looks for bursts before it only."""
     state, _ = run(SPEC, ENGINE, recorded("dc_motor", 260, Fault(parameter="K", factor=0.6, start=2.4)))
