@@ -6,12 +6,12 @@ extension), so the same text runs eight hypotheses, or eight assets, per call.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from string import Template
 
 import casadi as ca
 
 from faultbond.errors import GenerationError
-from faultbond.runtime.library import LANES
 
 PART_LENGTH = 1500  # statements in one C function; compilers take far longer than in proportion for more
 
@@ -55,7 +55,7 @@ def emit_filter(function: ca.Function, template: str) -> str:
     )
     calls = "\n".join(f"    part_{k}(lane, sample, next, innovation, kept);" for k in range(len(parts)))
     return Template(template).substitute(
-        lanes=LANES,
+        lanes=core_files("port.h", "lanes.h", "maths.h"),
         n_numbers=function.numel_in(0),
         n_sample=function.numel_in(1),
         n_innovations=function.numel_out(1),
@@ -63,6 +63,13 @@ def emit_filter(function: ca.Function, template: str) -> str:
         parts="\n".join(_part(k, statements) for k, statements in enumerate(parts)),
         calls=calls,
     )
+
+
+def core_files(*names: str) -> str:
+    """Give files of the core as one text; each needs those before it only."""
+    place = files("faultbond").joinpath("core")
+    lines = (line for name in names for line in place.joinpath(name).read_text(encoding="utf-8").splitlines())
+    return "\n".join(line for line in lines if not line.startswith('#include "')) + "\n"
 
 
 @dataclass(frozen=True, slots=True)

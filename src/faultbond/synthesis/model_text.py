@@ -4,7 +4,6 @@ All else, one sample of a filter, is written once in `faultbond/core`; this text
 """
 
 from collections.abc import Iterable, Sequence
-from importlib.resources import files
 
 import casadi as ca
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
-from faultbond.synthesis.emit import literal, statements
+from faultbond.synthesis.emit import core_files, literal, statements
 
 CORE = ("port.h", "lanes.h", "maths.h", "integrate.h", "filter.h", "core.c")  # in the order in which each needs others
 
@@ -25,11 +24,7 @@ def core_text(spec: EngineSpec, model: StepModel) -> str:
     spec : what a lane holds
     model : the plant in discrete time, with an error of every input
     """
-    place = files("faultbond").joinpath("core")
-    texts = {name: place.joinpath(name).read_text(encoding="utf-8") for name in CORE}
-    ordered = [*(texts[name] for name in CORE[:3]), model_text(spec, model), *(texts[name] for name in CORE[3:])]
-    lines = (line for text in ordered for line in text.splitlines() if not line.startswith('#include "'))
-    return "\n".join(lines) + "\n"
+    return core_files(*CORE[:3]) + model_text(spec, model) + core_files(*CORE[3:])
 
 
 def model_text(spec: EngineSpec, model: StepModel) -> str:
