@@ -33,22 +33,18 @@ from faultbond.app.methods import build_method
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, History
 from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.samples import Report, Sample, Samples, Status
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.io.grid import Row
 from faultbond.io.recording import Columns, columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import Notation
-from faultbond.runtime.drifting import drifting
-from faultbond.runtime.slotted import slot_lanes
-from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.state import Sample, Status
-from faultbond.runtime.stepped import suspect_lanes
+from faultbond.runtime.core import Core
 from faultbond.simulate import Fault
 from faultbond.synthesis import probe
-from faultbond.synthesis.compile import find_compiler
-from faultbond.synthesis.engine import build_engine
-from faultbond.types import EngineChoice, Method
+from faultbond.types import Method
+from lanes import slot_lanes, suspect_lanes
 from made import plant, recorded
 
 MOTOR = ("dc_motor_current", 250, Fault(parameter="K", factor=0.6, start=2.4))
@@ -87,7 +83,7 @@ def built_once() -> Iterator[None]:
 
 def watcher(method: Method, run: Run, saved: Any = None) -> Watcher:
     """Give a method at work on a plant."""
-    return build_method(plant(run[0])[0], method, EngineChoice.AUTO, saved)
+    return build_method(plant(run[0])[0], method, saved)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +96,17 @@ class Whole:
     alarm: int
 
 
+def said(at_work: Watcher, sample: Sample) -> Report:
+    """Pass one sample through a method."""
+    time, dt = np.array([sample.time]), np.array([sample.dt])
+    return at_work.take(Samples(time=time, dt=dt, u=sample.u[None], y=sample.y[None])).last
+
+
 def watched(at_work: Watcher, samples: Sequence[Sample]) -> Whole:
     """Pass samples through a method."""
     reports, saved, alarm = [], [dict(at_work.save())], -1
     for k, sample in enumerate(samples):
-        report = at_work.step(sample)
+        report = said(at_work, sample)
         reports.append(told(report))
         saved.append(dict(at_work.save()))
         alarm = k if alarm < 0 and report.detection is not None else alarm
@@ -139,7 +141,7 @@ def test_a_method_is_pure(method: Method, run: Run) -> None:
     for k, sample in enumerate(recorded(*run)):
         saved, given = dict(at_work.save()), told(sample)
         kept = told(saved)
-        at_work.step(sample)
+        said(at_work, sample)
         assert told(saved) == kept, k
         assert told(sample) == given, k
 
@@ -168,7 +170,7 @@ def test_a_method_goes_on_where_it_was_saved(method: Method, run: Run) -> None:
             with np.load(file) as saved:
                 at_work = watcher(method, run, dict(saved))
             assert told(dict(at_work.save())) == told(expected.saved[k]), k
-        assert told(at_work.step(sample)) == expected.reports[k], k
+        assert told(said(at_work, sample)) == expected.reports[k], k
     assert told((at_work.finish(), dict(at_work.save()))) == expected.end
 
 
@@ -194,7 +196,7 @@ def test_a_method_bears_missing_values(method: Method, hole: str) -> None:
     for first, count in ((0, 1), (5, 30), (80, 1), (90, 30), (before.alarm, 1), (before.alarm + 4, 30)):
         at_work = watcher(method, MOTOR, before.saved[first])
         spoilt = [HOLES[hole](item) for item in samples[first : first + count]]
-        reports = [at_work.step(item) for item in (*spoilt, *samples[first + count : first + count + 12])]
+        reports = [said(at_work, item) for item in (*spoilt, *samples[first + count : first + count + 12])]
         at_work.finish()
         if first >= 80:
             after, usual = at_work.save(), before.saved[min(first + count + 12, len(samples))]
@@ -213,7 +215,7 @@ def test_a_method_bears_a_sensor_that_is_never_there(method: Method) -> None:
         for item in recorded(*MOTOR)[:100]:
             y = item.y.copy()
             y[gone] = np.nan
-            assert at_work.step(replace(item, y=y)).detection is None
+            assert said(at_work, replace(item, y=y)).detection is None
         assert at_work.finish() is None
 
 
@@ -225,8 +227,8 @@ def test_order_of_the_columns_does_not_matter_to_a_method(method: Method, run: R
     """
     graph, expected = plant(run[0])[0], whole(method, run)
     turned = replace(graph, inputs=graph.inputs[::-1], sensors=graph.sensors[::-1])
-    one, two = watcher(method, run, expected.saved[-1]), build_method(turned, method, EngineChoice.AUTO)
-    reports = [two.step(replace(item, u=item.u[::-1].copy(), y=item.y[::-1].copy())) for item in recorded(*run)]
+    one, two = watcher(method, run, expected.saved[-1]), build_method(turned, method)
+    reports = [said(two, replace(item, u=item.u[::-1].copy(), y=item.y[::-1].copy())) for item in recorded(*run)]
     assert next(k for k, report in enumerate(reports) if report.detection is not None) == expected.alarm
     assert probabilities(two.finish()) == pytest.approx(probabilities(one.finish()), abs=1e-3)
 
@@ -254,22 +256,17 @@ def engine_classes() -> set[type]:
 
 
 @cache
-def engines() -> dict[str, Engine]:
+def engines() -> dict[str, Core]:
     """Give an engine of each class that can be made here."""
-    graph, spec, _ = plant(MOTOR[0])
-    rates, wander = np.zeros(len(spec.parameters)), np.zeros(len(spec.parameters))
-    rates[0], wander[0] = 0.01, 0.001
-    made = [build_engine(graph, compiled=compiled)[1] for compiled in (True, False)]
-    return {type(item).__name__: item for item in (*made, drifting(spec, made[0], rates, wander))}
+    made = plant(MOTOR[0])[2]
+    return {type(made).__name__: made}
 
 
 ENGINES = [(name, slot) for name in sorted(kind.__name__ for kind in engine_classes()) for slot in (False, True)]
 
 
 def stand(name: str, slot: bool) -> tuple[EngineSpec, Engine, FloatArray, FloatArray]:
-    """Give specification, engine, lanes and 40 samples; without a compiler there is one engine only."""
-    if name not in engines() and find_compiler() is None:
-        pytest.skip("no C compiler on this machine")
+    """Give specification, engine, lanes and 40 samples."""
     _, spec, _ = plant(MOTOR[0])
     samples, place, n_x = np.zeros((40, spec.n_sample)), spec.sample_fields, len(spec.states)
     for k, item in enumerate(recorded(*MOTOR)[:40]):
@@ -277,12 +274,12 @@ def stand(name: str, slot: bool) -> tuple[EngineSpec, Engine, FloatArray, FloatA
         samples[k, place["u_before"]] = recorded(*MOTOR)[max(k - 1, 0)].u
     samples[:, place["use"]] = np.random.default_rng(1).random((40, len(spec.outputs))) > 0.2
     samples[:, place["scale"]] = 1.0
-    healthy = healthy_lane(spec, np.zeros(n_x), np.eye(n_x))
+    healthy = engines()[name].healthy_lane(np.zeros(n_x), np.eye(n_x))
     if not slot:
         lanes = np.concatenate([healthy, suspect_lanes(spec, plan_lanes(spec), healthy[:, 0])[:, :4]], axis=1)
         return spec, engines()[name], lanes, samples
     peak = np.abs(samples[:, place["u"]]).max(axis=0)
-    lanes = slot_lanes(spec, plan_slots(spec), range(5), healthy[:, 0], samples[:1], peak)
+    lanes = slot_lanes(spec, plan_slots(spec), range(5), healthy[:, 0], peak, samples[0, place["y"]])
     return spec.slotted, engines()[name].slot, lanes, samples
 
 
@@ -574,8 +571,8 @@ def spoil(value: object) -> None:
 
 def test_everything_of_a_kind_was_found() -> None:
     """The lists above are not empty by mistake: what is known to be there is in them."""
-    assert {kind.__name__ for kind in engine_classes()} == {"CompiledEngine", "Drifting", "VirtualMachine"}
-    assert set(engines()) == {kind.__name__ for kind in engine_classes()} or find_compiler() is None
+    assert {kind.__name__ for kind in engine_classes()} == {"Core"}
+    assert set(engines()) == {kind.__name__ for kind in engine_classes()}
     assert set(tellers()) == {"print_diagnosis", "render_report", "verdict_sentence"}
     assert set(records()) == {"detection_record", "diagnosis_record", "decision_record"}
     assert {method for method, _ in RUNS} == set(Method)

@@ -29,9 +29,10 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import FaultbondError, StructureError
+from faultbond.model.document import is_circuit
 from faultbond.model.logic import GateSet, LogicNetwork, Scenario
 from faultbond.networks.logic.diagnoses import explains, minimum_diagnoses
-from faultbond.networks.logic.dxc import is_circuit, read_circuit, read_scenario
+from faultbond.networks.logic.dxc import read_circuit, read_scenario
 
 CHUNK = 1024  # rows of the answer scored at once
 

@@ -25,12 +25,14 @@ from filterpy.kalman import ExtendedKalmanFilter
 from benchmarks.shared.play import EPSILON, passed, samples
 from benchmarks.trust.figures import Watched
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
-from faultbond.contract.spec import Engine, EngineSpec, unpack
+from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.equations.step import StepModel
-from faultbond.runtime.monitor import DIAGNOSIS_EVERY, START_SAMPLES
+from faultbond.runtime.core import Core
 from faultbond.simulate import Simulation
 
+START_SAMPLES, DIAGNOSIS_EVERY = (round(core_settings()[name]) for name in ("START_SAMPLES", "DIAGNOSIS_EVERY"))
 CHANGE_PART = 0.25  # sd of a suspected parameter, of its declared change
 
 
@@ -85,7 +87,7 @@ def watch(
     model: StepModel,
     limit: float,
     spec: EngineSpec,
-    engine: Engine,
+    core: Core,
     recording: Simulation,
     onset: float | None,
     until: float,
@@ -96,13 +98,13 @@ def watch(
     ----------
     model : the step model of the specification
     limit : of the CUSUM
-    spec, engine : what is tested, and what solves the start
+    spec, core : what is tested, and what solves the start
     recording : what is watched
     onset : moment of the fault, s; None: there is none
     until : how long the bank runs after the alarm, s
     """
     readings = readings_of(spec, recording)
-    start = start_of(spec, engine, recording)
+    start = start_of(spec, core, recording)
     alarm = wait(model, spec, readings, start, limit)
     before = alarm.peaks if onset is None else alarm.peaks[recording.time[: alarm.peaks.size] < onset]
     cusum = float(before.max(initial=0.0))
@@ -275,10 +277,10 @@ def readings_of(spec: EngineSpec, recording: Simulation) -> list[Reading]:
     return made
 
 
-def start_of(spec: EngineSpec, engine: Engine, recording: Simulation) -> Snapshot:
+def start_of(spec: EngineSpec, core: Core, recording: Simulation) -> Snapshot:
     """Give the healthy filter after the first samples, as our monitor finds it."""
-    state = passed(spec, engine, samples(recording)[:START_SAMPLES])
-    lane, loops = state.healthy.lane[:, 0], spec.n_joint + spec.n_packed
+    monitor = passed(core, samples(recording)[:START_SAMPLES])
+    lane, loops = monitor.numbers("healthy.lane"), spec.n_joint + spec.n_packed
     return Snapshot(
         mean=lane[: spec.n_joint],
         covariance=unpack(spec, lane[spec.covariance_slice]),

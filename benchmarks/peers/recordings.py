@@ -20,13 +20,13 @@ from benchmarks.shared.play import watched
 from faultbond.app.rows import sample_of
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection, Diagnosis
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.spec import EngineSpec
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import State, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.engine import build_engine
 
 RECORDINGS = {  # example folder: recordings in FAULTBOND_DATA
@@ -38,30 +38,31 @@ RECORDINGS = {  # example folder: recordings in FAULTBOND_DATA
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rig:
-    """A model with its engine."""
+    """A model with its core."""
 
     graph: BondGraph
     spec: EngineSpec
-    engine: Engine
+    core: Core
 
     def read(self, recording: Path) -> tuple[GridPoint, ...]:
         """Read a recording on the grid of samples."""
         return tuple(on_grid(read_rows(recording, columns_of(self.graph)), Grid(self.spec.sample_time)))
 
-    def watch(self, points: Sequence[GridPoint], state: State | None = None, *, to_alarm: bool = False) -> "Outcome":
-        """Pass points through the monitor, up to the alarm only if so asked."""
-        state = init(self.spec) if state is None else state
+    def watch(
+        self, points: Sequence[GridPoint], monitor: Monitor | None = None, *, to_alarm: bool = False
+    ) -> "Outcome":
+        """Pass points through a monitor, a new one if none is given, up to the alarm only if so asked."""
+        monitor = Monitor(self.core) if monitor is None else monitor
         detection, diagnoses = None, []
         cusum, slow = np.zeros(len(self.spec.outputs)), np.zeros(len(self.spec.slow_errors))
-        for _, after, report in watched(self.spec, self.engine, map(sample_of, points), state):
-            state = after
+        for _, _, report in watched(monitor, map(sample_of, points)):
             if detection is None:
                 cusum, slow = np.fmax(cusum, report.cusum), np.fmax(slow, np.abs(report.slow))
             detection = detection or report.detection
             diagnoses += [report.diagnosis] if report.diagnosis is not None else []
             if to_alarm and detection is not None:
                 break
-        last = finish(self.spec, state)
+        last = monitor.finish()
         if last is not None and (not diagnoses or diagnoses[-1].time < last.time):
             diagnoses.append(last)
         return Outcome(detection=detection, diagnoses=tuple(diagnoses), cusum=cusum, slow=slow)
@@ -83,10 +84,10 @@ class Outcome:
 
 
 def build_rig(model: Path) -> Rig:
-    """Build the engine of a model."""
+    """Build the core of a model."""
     graph = load_model(model)
-    spec, engine = build_engine(graph)
-    return Rig(graph=graph, spec=spec, engine=engine)
+    spec, core = build_engine(graph)
+    return Rig(graph=graph, spec=spec, core=core)
 
 
 def data_folder() -> Path | None:

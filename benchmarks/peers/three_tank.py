@@ -23,8 +23,7 @@ from benchmarks.shared.plants import case
 from benchmarks.shared.play import EPSILON, engine_of, samples, watched
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Diagnosis
-from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import init
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Simulation
 
 # Median delays, s, after the start of the ramp: the residuals of the toolbox, measured with 20 seeds of another stream.
@@ -69,15 +68,13 @@ def record(fault: str, seed: int, rows: int = ROWS) -> Simulation:
 
 def watch(recording: Simulation) -> tuple[float | None, tuple[str, ...], tuple[str, ...]]:
     """Give the alarm of faultbond, and its groups when the ramp ends and at the end."""
-    spec, engine = engine_of("three_tank")
-    state, alarm, early = init(spec), None, None
-    for sample, after, report in watched(spec, engine, samples(recording)):
-        state = after
+    monitor, alarm, early = Monitor(engine_of("three_tank")[1]), None, None
+    for sample, _, report in watched(monitor, samples(recording)):
         if report.detection is not None and alarm is None:
             alarm = report.detection.time
         if report.diagnosis is not None and sample.time < END + EPSILON:
             early = report.diagnosis
-    return alarm, _group(early), _group(finish(spec, state))
+    return alarm, _group(early), _group(monitor.finish())
 
 
 def _group(diagnosis: Diagnosis | None) -> tuple[str, ...]:

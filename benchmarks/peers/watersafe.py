@@ -23,7 +23,7 @@ from benchmarks.shared.play import watched
 from faultbond.app.rows import sample_of
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.io.grid import GridPoint
-from faultbond.runtime.state import init
+from faultbond.runtime.monitor import Monitor
 
 MODELS = EXAMPLES / "watersafe"
 OUTLETS = ("VA_C1", "VA_C2", "VA_C3", "VA_C4")
@@ -154,13 +154,13 @@ def healthy(rig: Rig, points: Sequence[GridPoint]) -> Iterator[Cells]:
 def hidden(rig: Rig, points: Sequence[GridPoint], switchings: Sequence[Switching]) -> Iterator[Hidden]:
     """Hide each switching of an outlet valve from the model, one at a time."""
     firsts = {rows_of(points, item.time).start for item in switchings}
-    passing = enumerate(watched(rig.spec, rig.engine, map(sample_of, points)), start=1)
-    before = {0: init(rig.spec)} | {row: state for row, (_, state, _) in passing if row in firsts}
+    passing = enumerate(watched(Monitor(rig.core), map(sample_of, points)), start=1)
+    before = {0: Monitor(rig.core)} | {row: monitor.copy() for row, (_, monitor, _) in passing if row in firsts}
     for item in switchings:
         again = (other.time for other in switchings if other.valve == item.valve and other.time > item.time)
         rows = rows_of(points, item.time, min(item.time + HIDDEN, next(again, np.inf)))
         changed = hide(rig, points, f"demand{item.tank}", rows)
-        yield _hidden(item, rig.watch(changed, before[rows.start]))
+        yield _hidden(item, rig.watch(changed, before[rows.start].copy()))
 
 
 def hide(rig: Rig, points: Sequence[GridPoint], name: str, rows: slice) -> tuple[GridPoint, ...]:

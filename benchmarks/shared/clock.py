@@ -9,7 +9,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
+from benchmarks.shared.play import core_with
 from faultbond.contract.spec import EngineSpec
+from faultbond.model.graph import BondGraph
+from faultbond.runtime.core import Core
 
 CACHE = "FAULTBOND_CACHE"
 
@@ -29,8 +32,12 @@ def timed_program(*words: str, folder: str, settings: Mapping[str, str] | None =
     return first, time.perf_counter() - begin
 
 
-def alarmed_at_once(spec: EngineSpec) -> EngineSpec:
-    """Give a specification whose limit is passed by the first sample after warm-up, so that the bank begins there."""
+def alarmed_at_once(graph: BondGraph) -> Core:
+    """Give a core whose limit is passed by the first sample after warm-up, so that the bank begins there."""
+    return core_with(graph, _without_limit)
+
+
+def _without_limit(spec: EngineSpec) -> EngineSpec:
     return replace(spec, thresholds=replace(spec.thresholds, cusum_limit=-1.0))
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.compile import compiler_title, find_compiler
 
 HELP = {
     "seeds": "number of seeds (default %(default)s)",
@@ -123,7 +123,7 @@ def machine() -> str:
             f"{_processor()}, {os.cpu_count()} cores",
             f"{platform.system()} {platform.machine()}",
             f"Python {platform.python_version()}",
-            "no compiler" if compiler is None else f"compiler {Path(compiler[0]).name}",
+            "no compiler" if compiler is None else f"compiler {Path(compiler_title(compiler)).name}",
         )
     )
 

@@ -2,25 +2,26 @@
 
     python -m benchmarks.speed.large_bank [--markdown FILE]
 
-Six tanks in a row with three sensors; a pipe is restricted. Each sample takes a call of `step`, whose wall time is what
+Six tanks in a row with three sensors; a pipe is restricted. Each sample is a call of `step`, whose wall time is what
 counts here. How long samples would wait if ten of them came each second is worked out from that.
 """
 
 import time
 from collections.abc import Sequence
+from functools import cache
 from itertools import accumulate
 
 import numpy as np
 
 from benchmarks.shared.ladders import six_tanks
 from benchmarks.shared.page import arguments, note, publish
-from benchmarks.shared.play import samples
+from benchmarks.shared.play import passed, samples
+from benchmarks.speed.alone import n_filters
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import EngineSpec
+from faultbond.contract.samples import Sample
 from faultbond.model.text import parse_model
-from faultbond.runtime.bank import no_bank
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
 
@@ -36,21 +37,42 @@ def main(argv: Sequence[str] | None = None) -> None:
     publish("speed.large_bank", chosen, note(), (("what", "got"), table(*play())))
 
 
-def play() -> tuple[EngineSpec, FloatArray, int]:
-    """Pass the samples of a run with a fault through the monitor; give what each took, s, and which had the alarm."""
+def play() -> tuple[Monitor, FloatArray]:
+    """Pass the samples of a run with a fault through a monitor; give it, and what each sample took, s."""
+    core, given = _plant()
+    monitor, taken = Monitor(core), []
+    for sample in given:
+        begin = time.perf_counter()
+        monitor.step(sample)
+        taken.append(time.perf_counter() - begin)
+    _alarm(monitor)
+    return monitor, np.array(taken)
+
+
+def diagnosing(count: int) -> tuple[Monitor, list[Sample]]:
+    """Give a monitor that diagnoses, the last `count` samples before the end of the run to come, and these samples."""
+    core, given = _plant()
+    monitor = passed(core, given[:-count])
+    _alarm(monitor)
+    return monitor, given[-count:]
+
+
+@cache
+def _plant() -> tuple[Core, list[Sample]]:
+    """Give the core and a run with a fault."""
     graph = parse_model(f"{six_tanks()}max_faults: 3\n")
-    spec, engine = build_engine(graph)
     moments: FloatArray = np.arange(ROWS, dtype=np.float64)
     opening = np.where(moments // 200.0 % 2 == 0, 40.0, 60.0)
     recording = simulate(graph, Inputs(time=moments, values=opening[:, None]), [FAULT], seed=SEED)
-    state, taken = init(spec), []
-    for sample in samples(recording):
-        begin = time.perf_counter()
-        state, _ = step(spec, engine, state, sample)
-        taken.append(time.perf_counter() - begin)
-    if state.clock.alarm < 0:
+    return build_engine(graph)[1], samples(recording)
+
+
+def _alarm(monitor: Monitor) -> int:
+    """Give the sample of the alarm."""
+    alarm = int(monitor.number("clock.alarm"))
+    if alarm < 0:
         raise RuntimeError("no alarm was raised, so nothing was measured")
-    return spec, np.array(taken), state.clock.alarm
+    return alarm
 
 
 def waits(taken: FloatArray, period: float) -> FloatArray:
@@ -60,13 +82,14 @@ def waits(taken: FloatArray, period: float) -> FloatArray:
     return np.array(list(ends)[1:], dtype=np.float64) - arrived
 
 
-def table(spec: EngineSpec, taken: FloatArray, alarm: int) -> list[tuple[str, str]]:
+def table(monitor: Monitor, taken: FloatArray) -> list[tuple[str, str]]:
     """Give the lines of the table; taken : (n_samples,), s."""
+    spec, alarm = monitor.spec, _alarm(monitor)
     late, before, after = waits(taken, PERIOD), taken[spec.thresholds.warm_up_samples : alarm], taken[alarm + 1 :]
     counts = f"{len(spec.parameters)}; {len(spec.hypotheses)}; {len(spec.reserve)}"
     return [
         ("parameters; sets tested from the alarm on; in reserve", counts),
-        ("filters", f"{len(no_bank(spec).likelihoods)}"),
+        ("filters", f"{n_filters(monitor)}"),
         ("a sample before the alarm, median", f"{1e3 * np.median(before):.2g} ms"),
         ("a sample after the alarm, median", f"{1e3 * np.median(after):.2g} ms"),
         ("the sample of the alarm", f"{taken[alarm]:.2g} s"),

@@ -1,9 +1,8 @@
 """How fast the monitor and the bank are: every example, and ladders of growing size.
 
-    python -m benchmarks.speed [--markdown FILE]
+    python -m benchmarks.speed.monitor [--markdown FILE]
 
-Processor time per sample, so that other work on the machine counts as little as possible. The last columns compare
-with the same filter graph in CasADi's virtual machine, measured in the same run.
+Processor time per sample, so that other work on the machine counts as little as possible.
 """
 
 import time
@@ -14,47 +13,43 @@ import numpy as np
 from benchmarks.shared.clock import alarmed_at_once, fresh_cache
 from benchmarks.shared.page import arguments, note, publish
 from benchmarks.shared.plants import case, graph_of
-from benchmarks.shared.play import passed, samples
+from benchmarks.shared.play import engine_of, passed, samples
+from benchmarks.shared.turns import turns
+from benchmarks.speed.alone import filters_alone, n_filters
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.samples import Sample, Status
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.bank import Bank, advance_bank, no_bank
-from faultbond.runtime.monitor import step
-from faultbond.runtime.packing import trusted
-from faultbond.runtime.state import Sample, Status, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Inputs, simulate, sines
 from faultbond.synthesis.engine import build_engine
 
 FOLDERS = ("tank", "dc_motor", "dc_motor_current", "rlc", "rc")
 SECTIONS = range(2, 9)
 SEED = 600
-WATCHED, DIAGNOSED = 2000, 1000  # samples timed; fewer on the virtual machine
-SLOWER = 10
-MACHINE_SAMPLES = 8
+WATCHED, DIAGNOSED = 2000, 1000  # samples timed
+ALONE, ROUNDS = 50, 9  # samples that the filters of a bank alone take, and how often
 LADDER_SAMPLES = 200
-LATENCY_HEADER = "example | hypotheses | lanes | watching, median | 99 % | with bank, median | 99 % | bank alone"
-LATENCY_HEADER += " | virtual machine, watching | bank"
-LADDER_HEADER = "components | states | hypotheses | lanes | engine built in | bank per sample"
-LADDER_HEADER += " | hypotheses per second | virtual machine"
+LATENCY_HEADER = "example | hypotheses | lanes | watching, median | 99 % | with bank, median | 99 % | filters alone"
+LADDER_HEADER = "components | states | hypotheses | lanes | engine built in | filters per sample"
+LADDER_HEADER += " | hypotheses per second"
 
 
 def latency(folder: str) -> tuple[str, ...]:
-    """Measure an example: median and 99 % of `step` before and after an alarm, median of the bank alone, and ratios."""
+    """Measure an example: median and 99 % of `step` before and after an alarm, median of its filters alone."""
     graph = graph_of(folder)
-    spec, compiled = build_engine(graph)
-    _, virtual = build_engine(graph, compiled=False)
+    spec, core = engine_of(folder)
     rows = spec.thresholds.warm_up_samples + 1 + WATCHED
     given = samples(case(folder, SEED, seconds=rows * (graph.sample_time or 1.0)).recording)
-    watching = _latencies(spec, compiled, given, Status.WATCHING)
-    slow = _latencies(spec, virtual, given[: spec.thresholds.warm_up_samples + WATCHED // SLOWER], Status.WATCHING)
-    diagnosing = _latencies(alarmed_at_once(spec), compiled, given[:-DIAGNOSED], Status.DIAGNOSING)
-    bank, ratio = _bank(spec, (compiled, virtual), given)
+    alarmed = alarmed_at_once(graph)
+    watching = _latencies(core, given, Status.WATCHING)
+    diagnosing = _latencies(alarmed, given[:-DIAGNOSED], Status.DIAGNOSING)
+    bank = passed(alarmed, given[:-DIAGNOSED])
     times = [value for taken in (watching, diagnosing) for value in (np.median(taken), np.quantile(taken, 0.99))]
     return (
-        *(folder, str(spec.n_hypotheses), str(len(no_bank(spec).likelihoods))),
-        *(_micro(float(value)) for value in (*times, bank)),
-        *(f"x{np.median(slow) / np.median(watching):.1f}", f"x{ratio:.0f}"),
+        *(folder, str(spec.n_hypotheses), str(n_filters(bank))),
+        *(_micro(float(value)) for value in (*times, _filters(bank))),
     )
 
 
@@ -63,15 +58,15 @@ def ladder(sections: int) -> tuple[str, ...]:
     graph = _ladder_graph(sections)
     with fresh_cache():
         begin = time.perf_counter()
-        spec, compiled = build_engine(graph)
+        spec, _ = build_engine(graph)
         built = time.perf_counter() - begin
-    _, virtual = build_engine(graph, compiled=False)
     moments: FloatArray = np.arange(LADDER_SAMPLES, dtype=np.float64) * (graph.sample_time or 1.0)
     voltage = sines(moments, [(5.0, 0.1, 0.0), (2.0, 0.5, 1.0)])
     given = samples(simulate(graph, Inputs(time=moments, values=voltage[:, None]), seed=SEED))
-    bank, ratio = _bank(spec, (compiled, virtual), given)
-    counts = (2 * sections, len(spec.states), spec.n_hypotheses, len(no_bank(spec).likelihoods))
-    times = (f"{built:.1f} s", _micro(bank), f"{spec.n_hypotheses / bank:,.0f}", f"x{ratio:.0f}")
+    bank = passed(alarmed_at_once(graph), given)
+    each = _filters(bank)
+    counts = (2 * sections, len(spec.states), spec.n_hypotheses, n_filters(bank))
+    times = (f"{built:.1f} s", _micro(each), f"{spec.n_hypotheses / each:,.0f}")
     return *(str(value) for value in counts), *times
 
 
@@ -91,32 +86,22 @@ def _ladder_graph(sections: int) -> BondGraph:
     return builder.build()
 
 
-def _latencies(spec: EngineSpec, engine: Engine, given: Sequence[Sample], status: Status) -> FloatArray:
+def _latencies(core: Core, given: Sequence[Sample], status: Status) -> FloatArray:
     """Give the processor time of each `step` that ends in a status, without the one in which the bank begins."""
-    state, taken = init(spec), []
+    monitor, taken = Monitor(core), []
     for sample in given:
         begin = time.thread_time()
-        state, report = step(spec, engine, state, sample)
+        report = monitor.step(sample)
         if report.status is status and report.detection is None:
             taken.append(time.thread_time() - begin)
     return np.array(taken)
 
 
-def _bank(spec: EngineSpec, engines: tuple[Engine, Engine], given: Sequence[Sample]) -> tuple[float, float]:
-    """Give the median time per sample of the bank on the first engine, and how many times as long the second takes."""
-    begun = passed(alarmed_at_once(spec), engines[0], given[: spec.thresholds.warm_up_samples + 2])
-    packed = begun.past.samples[-1]
-    compiled = _rate(spec, engines[0], begun.bank, packed, DIAGNOSED // 2)
-    return compiled, _rate(spec, engines[1], begun.bank, packed, MACHINE_SAMPLES) / compiled
-
-
-def _rate(spec: EngineSpec, engine: Engine, bank: Bank, packed: FloatArray, count: int) -> float:
-    taken = []
-    for index in range(count):
-        begin = time.thread_time()
-        advance_bank(spec, engine, bank, packed, trusted(spec, packed), index)
-        taken.append(time.thread_time() - begin)
-    return float(np.median(taken))
+def _filters(bank: Monitor) -> float:
+    """Give the median time per sample of the filters of a bank."""
+    if bank.number("clock.alarm") < 0:
+        raise RuntimeError("no alarm was raised, so there is no bank")
+    return float(np.median(turns([filters_alone(bank, ALONE)], ROUNDS)))
 
 
 def _micro(seconds: float) -> str:
@@ -128,4 +113,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     chosen = arguments("How fast the monitor and the bank are.", argv)
     examples = [latency(folder) for folder in FOLDERS]
     ladders = [ladder(sections) for sections in SECTIONS]
-    publish("speed", chosen, note(), (LATENCY_HEADER.split(" | "), examples), (LADDER_HEADER.split(" | "), ladders))
+    publish(
+        "speed.monitor", chosen, note(), (LATENCY_HEADER.split(" | "), examples), (LADDER_HEADER.split(" | "), ladders)
+    )
+
+
+if __name__ == "__main__":
+    main()

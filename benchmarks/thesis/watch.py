@@ -11,8 +11,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import init
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Simulation
 from faultbond.synthesis.engine import build_engine
 from faultbond.thesis.offline.build import build_classic
@@ -137,16 +136,15 @@ class Banked:
 
 def bank(graph: BondGraph, recording: Simulation) -> Banked:
     """Pass a recording through method `bank`."""
-    spec, engine = build_engine(graph)
-    state, detection = init(spec), None
+    _, core = build_engine(graph)
+    monitor, detection = Monitor(core), None
     diagnoses: list[Diagnosis | None] = []
     expected = []
-    for _, after, report in watched(spec, engine, samples(recording)):
-        state = after
+    for _, _, report in watched(monitor, samples(recording)):
         expected.append(report.expected)
         detection = report.detection or detection
         diagnoses.append(report.diagnosis)
-    found = tuple(item for item in (*diagnoses, finish(spec, state)) if item is not None)
+    found = tuple(item for item in (*diagnoses, monitor.finish()) if item is not None)
     return Banked(time=recording.time, expected=np.array(expected), detection=detection, diagnoses=found)
 
 

@@ -13,18 +13,17 @@ import numpy as np
 
 from benchmarks.shared.play import engine_of
 from benchmarks.trust.plants import Make, Played
-from faultbond.app.methods import restored
 from faultbond.app.rows import sample_of
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.samples import Report, Sample
+from faultbond.contract.spec import EngineSpec
 from faultbond.io.grid import Grid, GridClock, Row, on_grid
 from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
-from faultbond.runtime.monitor import step
-from faultbond.runtime.packing import resumed
-from faultbond.runtime.state import Report, Sample, State, init
+from faultbond.runtime.monitor import Monitor
 from faultbond.types import Method
 
 AFTER = {"tank": 60.0, "dc_motor": 1.0}  # s after the onset at which watching is interrupted once more
 MOST_LATE = 5  # samples
+STATE = "state"  # name of what the core saves, in the file
 
 
 def with_missing(make: Make, part: float, seed: int) -> Played:
@@ -58,18 +57,20 @@ def interrupted(make: Make, seed: int) -> Played:
     return replace(found, stops=(before, found.onset + AFTER[found.folder]))
 
 
-def watched(spec: EngineSpec, engine: Engine, made: Played) -> Iterator[tuple[Sample, State, Report]]:
-    """Pass a run through the monitor; give each sample with the state after it and what was said to it."""
-    state, clock = init(spec), None
+def watched(monitor: Monitor, made: Played) -> Iterator[tuple[Sample, Monitor, Report]]:
+    """Pass a run through a monitor; give each sample with the monitor as it then is, and what was said to it."""
+    spec, clock = monitor.spec, None
     sessions = _sessions(made)
     for number, rows in enumerate(sessions, start=1):
         grid = _grid(spec, made, clock)
         for point in on_grid(rows, grid):
             sample = sample_of(point)
-            state, report = step(spec, engine, resumed(state) if point.resumes else state, sample)
-            yield sample, state, report
+            if point.resumes:
+                monitor.resume()
+            report = monitor.step(sample)
+            yield sample, monitor, report
         if number < len(sessions):
-            state, clock = _kept(spec, state, grid)
+            monitor, clock = _kept(monitor, grid)
 
 
 def _sessions(made: Played) -> list[Iterator[Row]]:
@@ -86,16 +87,17 @@ def _grid(spec: EngineSpec, made: Played, clock: GridClock | None) -> Grid:
     return Grid(spec.sample_time, live=made.order is not None, noise=noise, clock=clock)
 
 
-def _kept(spec: EngineSpec, state: State, grid: Grid) -> tuple[State, GridClock | None]:
+def _kept(monitor: Monitor, grid: Grid) -> tuple[Monitor, GridClock | None]:
     """Write a run to a file and read it again."""
+    spec = monitor.spec
     if grid.clock is None:
-        return state, None
+        return monitor, None
     saved = Saved(
         model=spec.model,
         model_sha256=spec.model_sha256,
         version=spec.version,
         method=Method.BANK,
-        numbers=state.save(),
+        numbers={STATE: monitor.save().view(np.float64)},
         clock=grid.clock,
         found=FoundSoFar(),
     )
@@ -103,4 +105,4 @@ def _kept(spec: EngineSpec, state: State, grid: Grid) -> tuple[State, GridClock 
         path = Path(folder) / "state"
         write_saved(path, saved)
         again = read_saved(path)
-    return restored(spec, again.numbers), again.clock
+    return Monitor(monitor.core, again.numbers[STATE].view(np.uint8)), again.clock

@@ -14,7 +14,7 @@ taken in logarithms: where data show a product only, what is equally likely lies
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -24,22 +24,22 @@ from scipy.stats import chi2
 
 from benchmarks.shared.page import arguments, note, publish, seeds_of, selected
 from benchmarks.shared.plants import EXAMPLES
+from benchmarks.shared.told import relinearised, told_lane, without_slow_errors
 from faultbond.arrays import FloatArray
-from faultbond.contract.lanes import LanePlan
-from faultbond.contract.spec import Engine, EngineSpec, unpack
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import START_SAMPLES
-from faultbond.runtime.packing import pack_sample
-from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import Sample, init
-from faultbond.runtime.stepped import forget_slow_errors, relinearised, suspect_lanes
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.engine import build_engine, build_model
 
 DATA = Path(os.environ.get("FAULTBOND_DATA") or "no recordings")
+START_SAMPLES = round(core_settings()["START_SAMPLES"])
 SPREAD = 0.35  # sd of a faulty factor where its lane begins, in factors
 ONSET = 0.4  # part of the samples after which the fault comes
 HEADER = ("model", "slow errors", "NEES, healthy", "NIS of each sensor", "fault", "NEES, its lane", "band of 95 %")
@@ -90,8 +90,7 @@ CASES = {
 class Stand:
     """A model, packed samples (n, n_sample) that still lack readings, and the states with which its plants begin."""
 
-    spec: EngineSpec
-    engine: Engine
+    core: Core
     model: StepModel
     samples: FloatArray
     start: FloatArray
@@ -109,11 +108,10 @@ class Consistency:
 def stand_of(case: Case, n: int) -> Stand:
     """Give a model with n samples of inputs, its recording's, again and again."""
     graph = load_model(case.model)
-    spec, engine = build_engine(graph)
-    inputs = _inputs(graph, case.recording, n)
-    samples = _packed(spec, inputs)
-    start = _start(graph, spec, engine, samples, case.recording)
-    return Stand(spec=spec, engine=engine, model=build_model(graph), samples=samples, start=start)
+    _, core = build_engine(graph)
+    samples = _packed(core, _inputs(graph, case.recording, n))
+    start = _start(graph, core, samples, case.recording)
+    return Stand(core=core, model=build_model(graph), samples=samples, start=start)
 
 
 def _inputs(graph: BondGraph, recording: Path, n: int) -> FloatArray:
@@ -128,23 +126,22 @@ def _inputs(graph: BondGraph, recording: Path, n: int) -> FloatArray:
     return np.resize(np.array(found), (n, len(graph.inputs)))
 
 
-def _packed(spec: EngineSpec, inputs: FloatArray) -> FloatArray:
+def _packed(core: Core, inputs: FloatArray) -> FloatArray:
     """Pack samples as the monitor does; their readings are there, and 0."""
-    state, packed, dt = init(spec), np.zeros((len(inputs), spec.n_sample)), spec.sample_time or 1.0
+    spec, monitor = core.spec, Monitor(core)
+    packed, dt = np.zeros((len(inputs), spec.n_sample)), spec.sample_time or 1.0
     for row, u in enumerate(inputs):
-        sample = Sample(time=row * dt, dt=dt, u=u, y=np.zeros(len(spec.outputs)))
-        packed[row], state = pack_sample(spec, state, sample, u)
-        state = replace(state, clock=replace(state.clock, index=row + 1))
+        packed[row] = monitor.pack(Sample(time=row * dt, dt=dt, u=u, y=np.zeros(len(spec.outputs))))
     return packed
 
 
-def _start(graph: BondGraph, spec: EngineSpec, engine: Engine, samples: FloatArray, recording: Path) -> FloatArray:
+def _start(graph: BondGraph, core: Core, samples: FloatArray, recording: Path) -> FloatArray:
     """Give the states from which the recording began, as its first rows show them."""
-    first, place = samples[:START_SAMPLES].copy(), spec.sample_fields
+    first, place = samples[:START_SAMPLES].copy(), core.spec.sample_fields
     points = on_grid(read_rows(str(recording), columns_of(graph)), Grid(graph.sample_time, steady=True))
     for row, point in zip(first, points, strict=False):
         row[place["y"]], row[place["use"]] = np.nan_to_num(point.y), np.isfinite(point.y)
-    return solve_start(spec, engine, first)[0]
+    return core.solve_start(first)[0]
 
 
 def draw(
@@ -154,7 +151,7 @@ def draw(
 
     slow : size of its slow errors in those declared. A fault comes after the part `ONSET`.
     """
-    spec, generator, n = stand.spec, np.random.default_rng(seed), len(stand.samples)
+    spec, generator, n = stand.core.spec, np.random.default_rng(seed), len(stand.samples)
     place, dt = spec.sample_fields, stand.samples[:, spec.sample_fields["dt"]]
     healthy = [
         np.clip(item.healthy + item.accuracy * generator.standard_normal(), item.lower, item.upper)
@@ -204,18 +201,8 @@ def _course(model: StepModel, n: int) -> ca.Function:
 
 def knowing(spec: EngineSpec, lane: FloatArray, fault: tuple[str, float]) -> FloatArray:
     """Give the lane of the true hypothesis at the onset, begun at the true factor as a renewed lane is."""
-    chosen = np.array([[item.name == fault[0]] for item in spec.parameters])
-    plan = LanePlan(
-        hypothesis=np.zeros(1, dtype=np.intp),
-        suspected=chosen,
-        values=np.where(chosen, fault[1], 1.0),
-        sds=np.where(chosen, SPREAD * fault[1], 0.0),
-        jumps=np.zeros((1, len(spec.states)), dtype=bool),
-        first=np.zeros(1, dtype=np.intp),
-        sizes=np.ones(1),
-        tied=True,
-    )
-    return suspect_lanes(spec, plan, forget_slow_errors(spec, lane[:, 0]))
+    name, factor = fault
+    return told_lane(spec, without_slow_errors(spec, lane[:, 0]), name, factor, SPREAD * factor)
 
 
 def nees(spec: EngineSpec, lane: FloatArray, factors: FloatArray) -> float:
@@ -233,17 +220,17 @@ def consistency(
     stand: Stand, seeds: Sequence[int], *, slow: float, fault: tuple[str, float] | None = None
 ) -> Consistency:
     """Give how consistent the healthy filter is, or from the onset of a fault on the lane that knows of it."""
-    spec, n = stand.spec, len(stand.samples)
+    core, spec, n = stand.core, stand.core.spec, len(stand.samples)
     known = all(item.start_sd is not None for item in spec.states)
     errors, squares = [], []
     for seed in seeds:
         factors, samples = draw(stand, seed, slow=slow, fault=fault)
-        lane = healthy_lane(spec, *solve_start(spec, stand.engine, samples[: 1 if known else START_SAMPLES]))
+        lane = core.healthy_lane(*core.solve_start(samples[: 1 if known else START_SAMPLES]))
         if fault is not None:
             onset = round(ONSET * n)
-            lane, _ = stand.engine.advance(lane, samples[:onset])
+            lane, _ = core.advance(lane, samples[:onset])
             lane, samples = knowing(spec, lane, fault), relinearised(spec, samples[onset:])
-        lane, innovations = stand.engine.advance(lane, samples)
+        lane, innovations = core.advance(lane, samples)
         errors.append(nees(spec, lane[:, 0], factors[-1]))
         squares.append(_squares(spec, samples, innovations[:, :, 0]))
     freedom = len(errors) * len(spec.parameters)
@@ -263,8 +250,8 @@ def rows_of(name: str, case: Case, seeds: Sequence[int], n: int) -> list[tuple[s
     """Give the lines of one model."""
     stand = stand_of(case, n)
     rows: list[tuple[str, ...]] = []
-    for slow in (1.0, 0.0) if stand.spec.slow_errors else (1.0,):
-        told = ("as declared" if slow else "absent") if stand.spec.slow_errors else "none"
+    for slow in (1.0, 0.0) if stand.core.spec.slow_errors else (1.0,):
+        told = ("as declared" if slow else "absent") if stand.core.spec.slow_errors else "none"
         healthy = consistency(stand, seeds, slow=slow)
         true = consistency(stand, seeds, slow=slow, fault=case.fault)
         low, high = healthy.band

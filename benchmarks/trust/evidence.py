@@ -9,24 +9,22 @@ Source: Lorden, Annals of Mathematical Statistics 42 (1971) 1897.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import log
 
 import numpy as np
 
 from benchmarks.shared.page import arguments, note, publish, seeds_of, share
 from benchmarks.shared.play import engine_of
+from benchmarks.shared.told import relinearised, told_lane
 from benchmarks.trust.arrival import watched
 from benchmarks.trust.cases import CASES, SMALL, SMALL_MOVED
 from benchmarks.trust.plants import Played
 from faultbond.arrays import FloatArray
-from faultbond.contract.lanes import LanePlan
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.stepped import relinearised, suspect_lanes
+from faultbond.runtime.monitor import Monitor
 
 WITHIN = 600.0  # s after the onset
 QUIET = 36000  # samples between false alarms: ten hours
-NEVER = 1e9  # limit of an alarm that is off
 TOLD = 1e-3  # sd of the factor that the filter is told
 HEADER = ("step of 10 %, told what, when and how far", "in nats after 10 min", "enough at one false alarm in 10 h")
 
@@ -52,45 +50,28 @@ def evidence(made: Played, *, kept: bool) -> float:
 
     kept : whether stores keep their content at the fault, else effort or flow
     """
-    spec, engine = engine_of(made.folder)
+    spec, core = engine_of(made.folder)
     before = healthy = told = np.zeros((spec.n_numbers, 0))
     ratios: list[float] = []
-    for sample, state, _ in watched(_unalarmed(spec), engine, made):
+    for sample, monitor, _ in watched(Monitor(core, quiet=True), made):
         if sample.time > made.onset + WITHIN:
             break
         if sample.time >= made.onset:
             if not ratios:
-                healthy, told = before, suspect_lanes(spec, _plan(spec, made, before[:, 0], kept=kept), before[:, 0])
-            packed = state.past.samples[-1:]
-            healthy, told = engine.advance(healthy, packed)[0], engine.advance(told, relinearised(spec, packed))[0]
+                healthy, told = before, told_lane(spec, before[:, 0], *_truth(spec, made, before[:, 0]), kept=kept)
+            packed = monitor.row(int(monitor.number("clock.index")) - 1)[0][None, :]
+            healthy, told = core.advance(healthy, packed)[0], core.advance(told, relinearised(spec, packed))[0]
             ratios.append(float(told[-1, 0] - healthy[-1, 0]))
-        before = state.healthy.lane
+        before = monitor.numbers("healthy.lane")[:, None]
     return max(ratios)
 
 
-def _unalarmed(spec: EngineSpec) -> EngineSpec:
-    off = replace(spec.thresholds, cusum_limit=NEVER, fast_limit=NEVER, slow_error_limit=NEVER, scatter_limit=NEVER)
-    return replace(spec, thresholds=off)
-
-
-def _plan(spec: EngineSpec, made: Played, healthy: FloatArray, *, kept: bool) -> LanePlan:
-    """Give the plan of one lane that begins at the truth."""
+def _truth(spec: EngineSpec, made: Played, healthy: FloatArray) -> tuple[str, float, float]:
+    """Give the parameter that steps, by which factor of what a lane (n_numbers,) has learned, and its sd."""
     (name,) = made.suspects
     (index,) = (k for k, item in enumerate(spec.parameters) if item.name == name)
-    suspected = np.zeros((len(spec.parameters), 1), dtype=bool)
-    suspected[index] = True
-    true = made.values[name] / spec.parameters[index].nominal / healthy[spec.parameter_slice][index]
-    moves = [any(k == index for k, _ in state.jumps) for state in spec.states]
-    return LanePlan(
-        hypothesis=np.zeros(1, dtype=np.intp),
-        suspected=suspected,
-        values=np.where(suspected, true, 1.0),
-        sds=np.where(suspected, TOLD, 0.0),
-        jumps=np.array([moves]) & kept,
-        first=np.zeros(1, dtype=np.intp),
-        sizes=np.ones(1),
-        tied=True,
-    )
+    factor = made.values[name] / spec.parameters[index].nominal / healthy[spec.parameter_slice][index]
+    return name, float(factor), TOLD
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import os
 import random
 import re
 import resource
+import shutil
 import signal
 import sys
 import tempfile
@@ -190,12 +191,11 @@ def mutant(seeds: Seeds, choose: random.Random, folder: Path) -> Case:
 
 
 def _arguments(verb: tuple[str, ...], kind: str, folder: Path) -> tuple[str, ...]:
-    """Give the arguments of a verb; only what was compiled before is run by it, the rest by the interpreter."""
+    """Give the arguments of a verb."""
     model, recording, state = (str(folder / name) for name in ("model.yaml", "rec.csv", "x.state"))
-    engine = ("--engine", "vm") if kind == "model" else ()
     match verb:
         case ("check",):
-            return ("check", model, *engine)
+            return ("check", model)
         case ("accept",):
             return ("accept", model, state)
         case ("reject",):
@@ -207,7 +207,7 @@ def _arguments(verb: tuple[str, ...], kind: str, folder: Path) -> tuple[str, ...
     kept = ("--state", state) if kind == "state" else ()
     more = ("--json", "-") if "--json" in verb else ()
     page = ("--report", str(folder / "r.html")) if "--report" in verb and not kind.startswith("network") else ()
-    return ("run", model, recording, *engine, *kept, *more, *page)
+    return ("run", model, recording, *kept, *more, *page)
 
 
 def try_out(case: Case, folder: Path) -> Outcome:
@@ -241,6 +241,8 @@ def _be_the_program(case: Case, out: Path, errors: Path) -> None:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS,) * 2)
         signal.alarm(WAIT)
+        if case.what == "model":  # nobody will ask for its engine again
+            os.environ["FAULTBOND_CACHE"] = str(out.parent / "cache")
         sys.argv = ["faultbond", *case.arguments]
         code = main()
         sys.stdout.flush()
@@ -269,9 +271,7 @@ def campaign(
             last = (outcome.errors.strip().splitlines() or [""])[-1][:300]
             tell(f"{seed} {number} {case.what} {' '.join(case.arguments[:1])}: {', '.join(wrong)}: {last}")
         else:
-            for path in place.iterdir():
-                path.unlink()
-            place.rmdir()
+            shutil.rmtree(place)
     return counts
 
 

@@ -2,21 +2,22 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
 from benchmarks.shared.plants import graph_of
-from benchmarks.shared.play import EPSILON, engine_of
+from benchmarks.shared.play import EPSILON, core_with, engine_of
 from benchmarks.trust.arrival import watched
 from benchmarks.trust.cases import Case
 from benchmarks.trust.plants import Played
 from faultbond.app.classic import Classic
 from faultbond.contract.findings import Diagnosis, Suspect
+from faultbond.contract.samples import Report, Sample, Samples
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.accepting import candidate_names
-from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import Report, Sample
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
+from faultbond.runtime.names import candidate_names
 from faultbond.thesis.offline.build import build_classic
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.types import Method
@@ -108,21 +109,30 @@ def play(case: Case, seed: int, method: Method = Method.BANK) -> Run:
 
 
 def _by_bank(made: Played) -> Iterator[Seen]:
-    spec, engine = engine_of(made.folder)
-    if made.rate:  # a limit for the parameter that drifts
-        limited = (replace(item, limits=(LIMIT * item.nominal,)) for item in spec.parameters)
-        both = zip(spec.parameters, limited, strict=True)
-        spec = replace(spec, parameters=tuple(new if old.name in made.suspects else old for old, new in both))
-    for sample, state, report in watched(spec, engine, made):
-        yield sample, report, partial(finish, spec, state)
+    core = _limited(made.folder, made.suspects) if made.rate else engine_of(made.folder)[1]
+    for sample, monitor, report in watched(Monitor(core), made):
+        yield sample, report, monitor.finish
+
+
+@cache
+def _limited(folder: str, names: frozenset[str]) -> Core:
+    """Give the core of an example with a limit for parameters that drift."""
+
+    def limited(spec: EngineSpec) -> EngineSpec:
+        items = spec.parameters
+        new = (replace(item, limits=(LIMIT * item.nominal,)) if item.name in names else item for item in items)
+        return replace(spec, parameters=tuple(new))
+
+    return core_with(graph_of(folder), limited)
 
 
 def _by_classic(made: Played) -> Iterator[Seen]:
     """Watch by the thesis' method; rows come as they were measured."""
     watcher, steps = Classic(*_classic_of(made.folder)), np.diff(made.time, prepend=made.time[0])
-    for time, dt, u, y in zip(made.time, steps, made.inputs, made.outputs, strict=True):
-        sample = Sample(time=float(time), dt=float(dt), u=u, y=y)
-        yield sample, watcher.step(sample), watcher.finish
+    rows = Samples(time=made.time, dt=steps, u=made.inputs, y=made.outputs)
+    for k in range(len(rows)):
+        one = rows[k : k + 1]
+        yield one.first, watcher.take(one).last, watcher.finish
 
 
 @cache

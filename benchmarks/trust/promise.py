@@ -17,13 +17,13 @@ from scipy.stats import chi2
 
 from benchmarks.shared.page import arguments, note, publish
 from benchmarks.shared.plants import graph_of, recipe_module, tank_start
-from benchmarks.shared.play import samples
+from benchmarks.shared.play import core_with, samples
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Status, init
+from faultbond.contract.samples import Status
+from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Inputs, Policy, Simulation, random_steps, simulate, sines
-from faultbond.synthesis.engine import build_engine
 
 HOUR = 3600.0
 HEADER = ("plant", "promised", "watched", "false alarms", "promised times", "mean time at least", "verdict")
@@ -114,22 +114,25 @@ def _driven(folder: str, time: FloatArray, voltage: FloatArray, seed: int, off: 
 
 
 @cache
-def promised(folder: str, promise: float) -> tuple[EngineSpec, Engine]:
-    """Give a monitor that makes a promise; it has no hypotheses, since only the alarm counts here."""
-    spec, engine = build_engine(replace(graph_of(folder), time_between_false_alarms=promise))
+def promised(folder: str, promise: float) -> Core:
+    """Give a core that makes a promise; it has no hypotheses, since only the alarm counts here."""
+    return core_with(replace(graph_of(folder), time_between_false_alarms=promise), _without_bank)
+
+
+def _without_bank(spec: EngineSpec) -> EngineSpec:
     inputs = tuple(replace(item, suspect=False) for item in spec.inputs)
     outputs = tuple(replace(item, suspect=False) for item in spec.outputs)
-    return replace(spec, hypotheses=(), reserve=(), inputs=inputs, outputs=outputs), engine
+    return replace(spec, hypotheses=(), reserve=(), inputs=inputs, outputs=outputs)
 
 
-def count(spec: EngineSpec, engine: Engine, recording: Simulation) -> Count:
+def count(core: Core, recording: Simulation) -> Count:
     """Watch a healthy recording; after each alarm the monitor starts anew."""
-    state, alarms, watched = init(spec), 0, 0.0
+    monitor, alarms, watched = Monitor(core), 0, 0.0
     for sample in samples(recording):
-        state, report = step(spec, engine, state, sample)
+        report = monitor.step(sample)
         watched += sample.dt * (report.status is Status.WATCHING or report.detection is not None)
         if report.detection is not None:
-            state, alarms = init(spec), alarms + 1
+            monitor, alarms = Monitor(core), alarms + 1
     return Count(alarms=alarms, watched=watched)
 
 
@@ -141,7 +144,7 @@ def trial(plant: Plant, hours: float, first: int, off: bool) -> Iterator[tuple[f
     for k in range(pieces):
         recording = plant.make(first + k, min(plant.piece, total), off)
         for promise, before in found.items():
-            new = count(*promised(plant.folder, promise), recording)
+            new = count(promised(plant.folder, promise), recording)
             found[promise] = Count(alarms=before.alarms + new.alarms, watched=before.watched + new.watched)
     yield from found.items()
 

@@ -19,14 +19,14 @@ import numpy as np
 
 from benchmarks.shared.page import as_text, note, quantile, seeds_of
 from benchmarks.shared.plants import case, graph_of
-from benchmarks.shared.play import passed, samples
+from benchmarks.shared.play import core_with, passed, samples
 from faultbond.analysis.smallest import smallest_faults
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import State
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
-from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.engine import build_model
 
 ASKED = 1.5
 CERTAINTY = 0.95
@@ -43,15 +43,18 @@ class _Begun:
 
     simulation: Simulation
     row: int
-    state: State
+    monitor: Monitor
 
 
 @cache
-def _built(folder: str) -> tuple[BondGraph, EngineSpec, Engine]:
+def _built(folder: str) -> tuple[BondGraph, Core]:
     """Give an example with a bank of one hypothesis: what comes after the alarm does not count here."""
     graph = graph_of(folder)
-    spec, engine = build_engine(graph)
-    return graph, replace(spec, hypotheses=spec.hypotheses[:1]), engine
+    return graph, core_with(graph, _with_one_set)
+
+
+def _with_one_set(spec: EngineSpec) -> EngineSpec:
+    return replace(spec, hypotheses=spec.hypotheses[:1])
 
 
 def _spread(graph: BondGraph) -> float:
@@ -62,7 +65,7 @@ def _spread(graph: BondGraph) -> float:
 @cache
 def _fed(folder: str, seed: int) -> tuple[Inputs, dict[str, float]]:
     """Give what the example's recipe feeds in, and the start of the plant."""
-    graph, _, _ = _built(folder)
+    graph, _ = _built(folder)
     made = case(folder, seed, seconds=PLANTS[folder][1] + (SAMPLES + 2) * (graph.sample_time or 1.0)).recording
     start = dict(zip(made.state_names, made.states[0], strict=True))
     return Inputs(time=made.time, values=made.true_inputs), start
@@ -70,14 +73,14 @@ def _fed(folder: str, seed: int) -> tuple[Inputs, dict[str, float]]:
 
 def healthy(folder: str, inputs_seed: int, seed: int) -> Simulation:
     """Simulate a plant whose parameters are off by their accuracy."""
-    graph, _, _ = _built(folder)
+    graph, _ = _built(folder)
     inputs, start = _fed(folder, inputs_seed)
     return simulate(graph, inputs, seed=seed, effects=Effects(spread=_spread(graph)), start=start)
 
 
 def onsets_of(folder: str) -> list[float]:
     """Give the times, s, at which the fault may begin."""
-    graph, _, _ = _built(folder)
+    graph, _ = _built(folder)
     grid = graph.sample_time or 1.0
     return [round(moment / grid) * grid for moment in np.linspace(*PLANTS[folder], ONSETS)]
 
@@ -85,12 +88,12 @@ def onsets_of(folder: str) -> list[float]:
 @cache
 def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], ...]:
     """Give (parameter, direction, size in nominals) of what is predicted to be found; it is printed with its time."""
-    graph, spec, engine = _built(folder)
+    graph, core = _built(folder)
     run = samples(healthy(folder, inputs_seed, inputs_seed))
     within = SAMPLES * (graph.sample_time or 1.0)
     begin, found = perf_counter(), []
     for item in smallest_faults(
-        build_model(graph), spec, engine, run, within=within, onsets=onsets_of(folder), certainty=CERTAINTY
+        build_model(graph), core.spec, core, run, within=within, onsets=onsets_of(folder), certainty=CERTAINTY
     ):
         nominal = abs(graph.parameter(item.parameter).nominal)
         found += [(item.parameter, way, size / nominal) for way in ("up", "down") if (size := getattr(item, way))]
@@ -100,15 +103,15 @@ def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], 
 
 def begun(folder: str, inputs_seed: int, seed: int) -> _Begun:
     """Watch a healthy plant up to the onset; seeds take the onsets in turn."""
-    _, spec, engine = _built(folder)
+    _, core = _built(folder)
     simulation = healthy(folder, inputs_seed, seed)
     row = int(np.searchsorted(simulation.time, onsets_of(folder)[seed % ONSETS] - 1e-9))
-    return _Begun(simulation=simulation, row=row, state=passed(spec, engine, samples(simulation)[:row]))
+    return _Begun(simulation=simulation, row=row, monitor=passed(core, samples(simulation)[:row]))
 
 
 def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: float) -> bool:
     """Say whether a step of a parameter by `change` nominals is found in time."""
-    graph, spec, engine = _built(folder)
+    graph, _ = _built(folder)
     made, row = plant.simulation, plant.row
     k = [item.name for item in graph.parameters].index(parameter)
     value = made.parameters[row, k] + change * abs(graph.parameters[k].nominal)
@@ -120,11 +123,10 @@ def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: floa
         effects=Effects(spread=_spread(graph)),
         start=dict(zip(made.state_names, made.states[row], strict=True)),
     )
-    state = plant.state
+    monitor = plant.monitor.copy()
     for number, sample in enumerate(samples(after)):
         dt = float(made.time[row] - made.time[row - 1]) if number == 0 else sample.dt
-        state, report = step(spec, engine, state, replace(sample, dt=dt))
-        if report.detection is not None:
+        if monitor.step(replace(sample, dt=dt)).detection is not None:
             return True
     return False
 
@@ -134,7 +136,7 @@ def needed(
 ) -> list[tuple[float, bool]] | None:
     """Give for each fault the size that this seed needs, and whether the predicted size is found; None: early alarm."""
     plant = begun(folder, inputs_seed, seed)
-    if plant.state.clock.alarm >= 0:
+    if plant.monitor.number("clock.alarm") >= 0:
         return None
     results = []
     for parameter, way, size in wanted:

@@ -19,6 +19,7 @@ from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from faultbond.analysis.testable import generic_run
 from faultbond.arrays import FloatArray
+from faultbond.contract.samples import Sample
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.component_network import SAMPLE_TIME, build_components, frame_name
 from faultbond.equations.constraint_network import build_network
@@ -27,7 +28,6 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.state import Sample
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine, build_model
 
@@ -134,7 +134,7 @@ def resistance(folder: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     graph = load_model(EXAMPLES / folder / "model.yaml")
     model = build_model(graph)
     points = points_of(graph, f"{folder}/healthy.csv")[:SHOWN]
-    spec, engine = build_engine(graph, compiled=False)
+    spec, engine = build_engine(graph)
     run = operate(model, spec, engine, [Sample(time=p.time, dt=p.dt, u=p.u, y=p.y) for p in points])
     by_filter = run.mean[:, spec.parameter_slice][:, 0] * graph.parameters[0].nominal
     time = np.array([point.time for point in points])

@@ -13,6 +13,7 @@ from faultbond.lazy import lazily
 
 if TYPE_CHECKING:
     from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
+    from faultbond.contract.samples import Report, Reports, Sample, Samples, Status
     from faultbond.contract.spec import Engine, EngineSpec
     from faultbond.errors import (
         CausalityError,
@@ -25,15 +26,16 @@ if TYPE_CHECKING:
     from faultbond.model.builder import ModelBuilder
     from faultbond.model.graph import BondGraph
     from faultbond.model.text import dump_model, load_model, parse_model
-    from faultbond.runtime.accepting import accept, find_hypothesis, is_sure, reject
-    from faultbond.runtime.monitor import finish, step
-    from faultbond.runtime.state import Report, Sample, State, Status, init
+    from faultbond.runtime.core import Core
+    from faultbond.runtime.monitor import Monitor
+    from faultbond.runtime.names import find_hypothesis, is_sure
 
 __all__ = [
     "Advice",
     "BondGraph",
     "Candidate",
     "CausalityError",
+    "Core",
     "Decision",
     "Detection",
     "Diagnosis",
@@ -43,36 +45,34 @@ __all__ = [
     "GenerationError",
     "ModelBuilder",
     "ModelError",
+    "Monitor",
     "RecordingError",
     "Report",
+    "Reports",
     "Sample",
-    "State",
+    "Samples",
     "Status",
     "StructureError",
     "Suspect",
-    "accept",
     "dump_model",
     "find_hypothesis",
-    "finish",
-    "init",
     "is_sure",
     "load_model",
     "parse_model",
-    "reject",
-    "step",
 ]
 
 __getattr__ = lazily(
     "faultbond",
     {
         "contract.findings": "Advice Candidate Decision Detection Diagnosis Suspect",
+        "contract.samples": "Report Reports Sample Samples Status",
         "contract.spec": "Engine EngineSpec",
         "errors": "CausalityError FaultbondError GenerationError ModelError RecordingError StructureError",
         "model.builder": "ModelBuilder",
         "model.graph": "BondGraph",
         "model.text": "dump_model load_model parse_model",
-        "runtime.accepting": "accept find_hypothesis is_sure reject",
-        "runtime.monitor": "finish step",
-        "runtime.state": "Report Sample State Status init",
+        "runtime.core": "Core",
+        "runtime.monitor": "Monitor",
+        "runtime.names": "find_hypothesis is_sure",
     },
 )

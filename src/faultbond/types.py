@@ -71,14 +71,6 @@ class Verdict(Enum):
     NONE = "none"  # nothing could be judged
 
 
-class EngineChoice(Enum):
-    """Which engine runs the filters."""
-
-    AUTO = "auto"
-    COMPILED = "c"
-    MACHINE = "vm"
-
-
 class FaultKind(Enum):
     """How a part misbehaves; the value is the word in records."""
 

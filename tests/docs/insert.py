@@ -18,7 +18,7 @@ from pathlib import Path
 from warnings import catch_warnings
 
 from faultbond.cli import main as main_of_program
-from faultbond.synthesis.compile import cache_folder
+from faultbond.io.cache import cache_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
@@ -69,7 +69,7 @@ def output(command: str, folder: Path) -> str:
         text = shell(f"{BIN / 'faultbond'} demo", folder, os.defpath)
     else:
         text = shell(command, folder, path)
-    text = text.replace(str(cache_folder()), "~/.cache/faultbond")
+    text = text.replace(str(cache_folder()), "~/.cache/faultbond").replace("(zig cc)", "(cc)")
     text = text.replace(f"{BIN}/", ".venv/bin/").replace(f"{ROOT}/", "").replace(f"{folder}/", "")
     return "".join(line.rstrip() + "\n" for line in text.splitlines())
 

@@ -1,4 +1,6 @@
 /* The model: sizes, tables, rates and readings. */
+#ifndef FB_MODEL_H
+#define FB_MODEL_H
 #define N_STATES 1
 #define N_SLOW 0
 #define N_PARAMETERS 2
@@ -6,35 +8,51 @@
 #define N_OUTPUTS 1
 #define N_IMPLICIT 0
 #define N_NOISY 1
-#define N_SLOT 2
 #define N_V 4
-#define N_SAMPLE 10
-#define N_NUMBERS 36
 #define N_RATE_SLOPES 4
 #define N_READING_SLOPES 2
 #define SUBSTEPS 1
 #define RATES_ARE_LINEAR 0
 #define READINGS_ARE_LINEAR 0
+#define KIND_STEP 0
+#define KIND_DRIFT 1
+#define KIND_INTERMITTENT 2
+#define KIND_BIAS 3
+#define KIND_GAIN 4
+#define KIND_STUCK 5
+#define KIND_NOISE 6
+#define N_KINDS 7
+#define N_SETS 2
+#define N_INSTRUMENTS 2
+#define N_RESERVE 0
+#define N_GROWN 0
+#define PER_SET 3
+#define LARGEST_SET 1
+#define MOST_LIMITS 0
+#define N_PLANNED 12
+#define N_SINGLE_LANES 12
+#define N_SLOT_LANES 52
+#define SWITCHED 26
+#define SAMPLE_TIME 0.02
+#define CUSUM_DRIFT 0.3
+#define CUSUM_LIMIT 26.0
+#define CUSUM_CLIP 3.0
+#define FAST_DRIFT 1.0
+#define FAST_LIMIT 1000.0
+#define SCATTER_RATIO 2.5
+#define SCATTER_LIMIT 50.0
+#define LEARNING_BOUND 6.0
+#define BANK_BOUND 20.0
 #define WILDEST 400.0
+#define SLOW_ERROR_LIMIT 1.6
+#define GROUP_NATS 3.0
 #define BLANK_FACTOR 10000.0
-#define SAMPLE_DT 0
-#define SAMPLE_U_BEFORE 1
-#define SAMPLE_U 2
-#define SAMPLE_Y 3
-#define SAMPLE_USE 4
-#define SAMPLE_SCALE 5
-#define SAMPLE_KICK 6
-#define SAMPLE_GAP 6
-#define SAMPLE_AGAIN 7
-#define SAMPLE_BOUND 8
-#define SAMPLE_NIS 9
-#define ROLE_THETA 27
-#define ROLE_INPUT 29
-#define ROLE_READS 30
-#define ROLE_GAIN 31
-#define ROLE_BIAS 32
-#define ROLE_NOISE 33
-#define ROLE_WANDER 34
+#define WARM_UP_SAMPLES 20
+#define HISTORY_SAMPLES 330
+#define MOST_NOISES 5
+#define MAX_CANDIDATES 100
+#include "layout.h"
+static const uint64_t MODEL_HASH[] = {0x949b0dd9b553c3f2ULL, 0xd3c9a8cc94655f3fULL, 0x7b9ee0e99c90a3edULL, 0x6cb1c8f1f5d73cf4ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -44,7 +62,14 @@ static const double OUTPUT_VARIANCE[] = {0.010000000000000002};
 static const double INPUT_VARIANCE[] = {0.010000000000000002};
 static const int NOISY[] = {0};
 static const int NOISE_OF_INPUT[] = {0};
-static const int SYMMETRIC[6][6] = {
+static const int SYMMETRIC_plain[6][6] = {
+    {0, 1, 2, 3, 4, 5},
+    {1, 6, 7, 8, 9, 10},
+    {2, 7, 11, 12, 13, 14},
+    {3, 8, 12, 15, 16, 17},
+    {4, 9, 13, 16, 18, 19},
+    {5, 10, 14, 17, 19, 20}};
+static const int SYMMETRIC_wide[6][6] = {
     {0, 1, 2, 3, 4, 5},
     {1, 6, 7, 8, 9, 10},
     {2, 7, 11, 12, 13, 14},
@@ -58,17 +83,115 @@ static const int LOWER_ROW[] = {0, 0};
 static const int LOWER_PLACE[] = {0};
 static const int UPPER_ROW[] = {0, 0};
 static const int UPPER_PLACE[] = {0};
-static const int STATE_ROW[] = {0, 5};
-static const int STATE_PLACE[] = {0, 1, 2, 3, 5};
+static const int STATE_ROW_plain[] = {0, 5};
+static const int STATE_PLACE_plain[] = {0, 1, 2, 3, 5};
+static const int STATE_ROW_wide[] = {0, 5};
+static const int STATE_PLACE_wide[] = {0, 1, 2, 3, 5};
 static const int READING_ROW[] = {0, 2};
 static const int READING_COLUMN[] = {0, 2};
-static const int OUT_ROW[] = {0, 3};
-static const int OUT_PLACE[] = {0, 2, 3};
+static const int OUT_ROW_plain[] = {0, 3};
+static const int OUT_PLACE_plain[] = {0, 2, 3};
+static const int OUT_ROW_wide[] = {0, 3};
+static const int OUT_PLACE_wide[] = {0, 2, 3};
+static const double START_MEAN[] = {0.0};
+static const double START_SD[] = {NAN};
+static const double STATE_NOISE[] = {0.002};
+static const double STATE_DRIFT[] = {0.1};
+static const int JUMP_ROW[] = {0, 1};
+static const int JUMP_PARAMETER[] = {1};
+static const double JUMP_EXPONENT[] = {(-1.0)};
+static const double SLOW_SD[] = {0.0};
+static const int SLOW_ALARMS[] = {0};
+static const int AFTER_ROW[] = {0};
+static const int AFTER_INPUT[] = {0};
+static const double AFTER_EACH[] = {0.0};
+static const double LOOP_GUESS[] = {0.0};
+static const double NOMINAL[] = {10000.0, 9.999999999999999e-05};
+static const double SCALE[] = {10000.0, 9.999999999999999e-05};
+static const double HEALTHY[] = {1.0, 1.0};
+static const double ACCURACY[] = {0.03, 0.03};
+static const double CHANGE[] = {2.0, 2.0};
+static const int LIMIT_ROW[] = {0, 0, 0};
+static const double LIMIT[] = {0.0};
+static const double INPUT_NOISE[] = {0.1};
+static const double INPUT_SETTLING[] = {0.0};
+static const double INPUT_STEP[] = {0.6000000000000001};
+static const double INPUT_STEP_PART[] = {0.01};
+static const int INPUT_RANGED[] = {0};
+static const double OUTPUT_NOISE[] = {0.1};
+static const int OUTPUT_RANGED[] = {0};
+static const int DIRECT_ROW[] = {0, 0};
+static const int DIRECT_INPUT[] = {0};
+static const int SET_ROW[] = {0, 1, 2};
+static const int SET_MEMBER[] = {0, 1};
+static const int RESERVE_ROW[] = {0};
+static const int RESERVE_MEMBER[] = {0};
+static const double COST[] = {5.0, 5.0, 4.0, 5.0};
+#define N_EXTENSIONS 0
+static const int EXTENSION_RESERVE[] = {0};
+static const int EXTENSION_SET[] = {0};
+static const int EXTENSION_ROW[] = {0};
+static const int EXTENSION_MEMBER[] = {0};
+static const int FIRST_LANE[] = {0, 4, 12};
+static const int LANE_HYPOTHESIS[] = {0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+static const int LANE_START[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
+static const double START_VALUE[] = {0.45, 0.9, 1.8, 3.6, 0.45, 0.45, 0.9, 0.9, 1.8, 1.8, 3.6, 3.6};
+static const double START_SPREAD[] = {0.1575, 0.315, 0.63, 1.26, 0.1575, 0.1575, 0.315, 0.315, 0.63, 0.63, 1.26,
+    1.26};
+static const int LANE_JUMP_ROW[] = {0, 0, 0, 0, 0, 0, 1, 1, 2, 2, 3, 3, 4};
+static const int LANE_JUMP_STATE[] = {0, 0, 0, 0};
+static const int SLOT_KIND[] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 3, 3, 1, 1, 4, 5, 5, 5, 5, 6, 6, 6, 6, 6, 3, 3, 2, 2, 2,
+    2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2};
+static const int SLOT_HYPOTHESIS[] = {0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 3, 3, 0,
+    0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 3, 3, 3, 3};
+static const int SLOT_PARAMETER[] = {0, 0, 0, 0, 0, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1,
+    -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1};
+static const int SLOT_INPUT[] = {-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1,
+    -1, -1, -1, 0, 0, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0,
+    0};
+static const int SLOT_OUTPUT[] = {-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+    -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, -1, -1, -1, -1};
+static const int SLOT_ACTS[] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1,
+    0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0};
+static const int SLOT_STICKS[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0};
+static const int SLOT_OLD[] = {0, 1, 1, 1, 1, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+static const double SLOT_SIZE[] = {0.0, (-0.55), (-0.09999999999999998), 0.8, 2.6, 0.0, (-0.55),
+    (-0.09999999999999998), 0.8, 2.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    (-0.55), (-0.55), (-0.09999999999999998), (-0.09999999999999998), 0.8, 0.8, 2.6, 2.6, (-0.55), (-0.55),
+    (-0.09999999999999998), (-0.09999999999999998), 0.8, 0.8, 2.6, 2.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0};
+static const double SLOT_SIZE_SD[] = {0.03, 0.1575, 0.315, 0.63, 1.26, 0.03, 0.1575, 0.315, 0.63, 1.26, 10.0, 300.0,
+    1.0, 10.0, 0.3, 1.0, 1.0, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.5, 0.1575, 0.1575, 0.315, 0.315, 0.63,
+    0.63, 1.26, 1.26, 0.1575, 0.1575, 0.315, 0.315, 0.63, 0.63, 1.26, 1.26, 10.0, 10.0, 300.0, 300.0, 1000.0, 1000.0,
+    0.05, 0.05, 0.5, 0.5};
+static const double SLOT_RATE_SD[] = {0.04, 0.001, 0.001, 0.001, 0.001, 0.04, 0.001, 0.001, 0.001, 0.001, 0.0, 0.0,
+    0.1, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+static const double SLOT_SPAN[] = {100.0, 0.0, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+static const double SLOT_NOISE[] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1,
+    1.0, 0.1, 1.0, 4.0, 9.0, 25.0, 100.0, 1000.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
+    1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+static const double SLOT_WEIGHT[] = {(-1.3862943611198906), (-2.772588722239781), (-2.772588722239781),
+    (-2.772588722239781), (-2.772588722239781), (-1.3862943611198906), (-2.772588722239781), (-2.772588722239781),
+    (-2.772588722239781), (-2.772588722239781), (-1.2430601930339829), (-1.2430601930339829), (-2.8134107167600364),
+    (-2.8134107167600364), (-5.809142990314028), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991),
+    (-2.995732273553991), (-3.912023005428146), (-3.912023005428146), (-3.912023005428146), (-3.912023005428146),
+    (-3.912023005428146), (-1.8971199848858813), (-1.8971199848858813), (-2.995732273553991), (-2.995732273553991),
+    (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991),
+    (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991),
+    (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-3.4011973816621555),
+    (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555),
+    (-3.506557897319982), (-3.506557897319982), (-3.506557897319982), (-3.506557897319982)};
+#ifdef FB_HOLDS_FILTERS
 
 static void model_rates(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,
     const lanes *FB_RESTRICT z, lanes *FB_RESTRICT value, lanes *FB_RESTRICT slopes)
 {
-    (void)v, (void)u, (void)z;
+    (void)v, (void)u, (void)z, (void)value, (void)slopes;
     const lanes v2 = u[0] + v[3];
     const lanes v7 = 9.999999999999999e-05 * v[2];
     const lanes v8 = (-1.0) / v7;
@@ -106,7 +229,7 @@ static void model_rates(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,
 static void model_readings(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,
     const lanes *FB_RESTRICT z, lanes *FB_RESTRICT value, lanes *FB_RESTRICT slopes)
 {
-    (void)v, (void)u, (void)z;
+    (void)v, (void)u, (void)z, (void)value, (void)slopes;
     const lanes v4 = 9.999999999999999e-05 * v[2];
     const lanes v5 = (-1.0) / v4;
     const lanes v6 = v[0] / v5;
@@ -128,3 +251,5 @@ static void model_readings(const lanes *FB_RESTRICT v, const double *FB_RESTRICT
     const lanes v22 = -v21;
     slopes[1] = v22;
 }
+#endif
+#endif

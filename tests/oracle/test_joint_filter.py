@@ -8,12 +8,9 @@ import pytest
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.model.text import load_model
-from faultbond.runtime.start import healthy_lane
+from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, random_steps, simulate
-from faultbond.synthesis.engine import build_model
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
-from faultbond.synthesis.specify import build_spec
+from faultbond.synthesis.engine import build_engine
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
@@ -72,11 +69,9 @@ def updated(
 
 
 @pytest.fixture(scope="module")
-def motor_engine() -> tuple[EngineSpec, VirtualMachine]:
+def motor_engine() -> tuple[EngineSpec, Core]:
     """The motor with measured current."""
-    model = build_model(load_model(EXAMPLES / "dc_motor_current" / "model.yaml"))
-    spec = build_spec(model)
-    return spec, VirtualMachine(build_filter(spec, model))
+    return build_engine(load_model(EXAMPLES / "dc_motor_current" / "model.yaml"))
 
 
 def recording(spec: EngineSpec, rows: int) -> FloatArray:
@@ -99,12 +94,12 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
     return samples
 
 
-def test_two_hundred_samples_equal_the_plain_filter(motor_engine: tuple[EngineSpec, VirtualMachine]) -> None:
+def test_two_hundred_samples_equal_the_plain_filter(motor_engine: tuple[EngineSpec, Core]) -> None:
     """Mean, covariance and log-likelihood of 200 samples are those of the plain filter to nine digits."""
     spec, engine = motor_engine
     samples, place = recording(spec, 200), spec.sample_fields
     start = np.array([0.4, -0.3])
-    lane = healthy_lane(spec, start, np.diag([0.5, 0.7]))
+    lane = engine.healthy_lane(start, np.diag([0.5, 0.7]))
     z = np.array([*start, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0])
     P = np.diag([0.5, 0.7, *[0.03**2] * 5, NOISE_V**2])
     total = 0.0
@@ -123,13 +118,13 @@ def test_two_hundred_samples_equal_the_plain_filter(motor_engine: tuple[EngineSp
         assert lane[-1, 0] == pytest.approx(total, rel=1e-9, abs=1e-9)
 
 
-def test_order_of_the_sensors_does_not_matter(motor_engine: tuple[EngineSpec, VirtualMachine]) -> None:
+def test_order_of_the_sensors_does_not_matter(motor_engine: tuple[EngineSpec, Core]) -> None:
     """Where readings are linear, both sensors in one sample equal one after the other, in samples of no time."""
     spec, engine = motor_engine
     place = spec.sample_fields
     sample = recording(spec, 12)[-1]
     sample[place["use"]], sample[place["scale"]] = 1.0, 1.0
-    lane = healthy_lane(spec, np.array([1.0, 2.0]), np.array([[0.5, 0.2], [0.2, 0.7]]))
+    lane = engine.healthy_lane(np.array([1.0, 2.0]), np.array([[0.5, 0.2], [0.2, 0.7]]))
     both, _ = engine.advance(lane, sample[None, :])
     before = unpack(spec, lane[spec.covariance_slice, 0])
     z, P = predicted(spec, lane[:8, 0], before, float(sample[place["u_before"]][0]), 0.02, np.zeros(2))

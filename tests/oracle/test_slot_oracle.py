@@ -1,6 +1,6 @@
 """Lanes with a slot against a plain filter: the RC circuit and every kind of fault in it, written by hand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,17 +9,12 @@ import pytest
 from faultbond.arrays import FloatArray
 from faultbond.contract.slots import WANDER, SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, unpack
-from faultbond.equations.plant import build_plant
-from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
-from faultbond.runtime.slotted import slot_lanes
-from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import relinearised
+from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, random_steps, simulate
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
-from faultbond.synthesis.specify import build_spec
+from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind
+from lanes import relinearised, slot_lanes
 
 RC = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
@@ -129,22 +124,20 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
 
 
 @pytest.fixture(scope="module")
-def circuit() -> tuple[EngineSpec, VirtualMachine]:
-    """The circuit and the interpreter of its lanes with a slot; its reading is linear as long as it is healthy."""
-    plant = build_plant(load_model(RC))
-    spec = build_spec(build_step_model(plant))
-    model = replace(build_step_model(plant, all_inputs=True), measure_is_linear=True)
-    return spec, VirtualMachine(build_filter(spec.slotted, model))
+def circuit() -> tuple[EngineSpec, Core]:
+    """The circuit and the engine of its lanes with a slot."""
+    spec, engine = build_engine(load_model(RC))
+    return spec, engine.slot
 
 
-def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, VirtualMachine]) -> None:
+def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, Core]) -> None:
     """For every lane with a slot, mean, covariance and log-likelihood of 100 samples are those of the plain filter."""
     spec, engine = circuit
     wide, plan, place = spec.slotted, plan_slots(spec), spec.sample_fields
     samples = recording(spec, 101)
-    healthy = healthy_lane(spec, np.array([4.0]), np.array([[0.5]]))[:, 0]
+    healthy = engine.healthy_lane(np.array([4.0]), np.array([[0.5]]))[:, 0]
     healthy[spec.parameter_slice] = [1.1, 0.95]
-    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, samples[:1], np.array([9.0]))
+    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, np.array([9.0]), samples[0, place["y"]])
     lanes[wide.slot_slice.start + 1] = 0.02  # something moves in every lane
     z, P = lanes[: wide.n_joint].T.copy(), np.array([unpack(wide, lane[wide.covariance_slice]) for lane in lanes.T])
     total = np.zeros(plan.n_lanes)

@@ -131,7 +131,8 @@ def linear_tears(loop: Loop, values: dict[str, float]) -> dict[str, float]:
         return np.array([number(residual, trial) for residual in loop.residuals])
 
     zero = misfit(np.zeros(len(loop.tears)))
-    slope = np.array([misfit(unit) - zero for unit in np.eye(len(loop.tears))]).T
+    with np.errstate(invalid="ignore"):  # of loops that have no value there, which are passed over
+        slope = np.array([misfit(unit) - zero for unit in np.eye(len(loop.tears))]).T
     assume(np.all(np.isfinite(slope)) and np.linalg.cond(slope) < 1e8)
     found = np.linalg.solve(slope, -zero)
     assume(np.max(np.abs(misfit(found))) <= 1e-9 * np.max(np.abs(zero)) + 1e-12)

@@ -9,24 +9,32 @@ from typing import Any
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.samples import Report, Sample
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.plant import build_plant
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Report, Sample, State, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.engine import build_core, build_engine
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TANK_START = 0.2  # m^3
-PARTS = ("clock", "inputs", "sensors", "healthy", "bank", "normal")
 
 
 @cache
-def plant(name: str) -> tuple[BondGraph, EngineSpec, Engine]:
-    """A built-in plant with its engine."""
+def plant(name: str) -> tuple[BondGraph, EngineSpec, Core]:
+    """A built-in plant with its core."""
     graph = load_model(EXAMPLES / name / "model.yaml")
     return (graph, *build_engine(graph))
+
+
+@cache
+def with_thresholds(name: str, **settings: float) -> Core:
+    """The core of a built-in plant with other settings of its thresholds."""
+    graph, spec, _ = plant(name)
+    return build_core(build_plant(graph), replace(spec, thresholds=replace(spec.thresholds, **settings)))  # type: ignore[arg-type]
 
 
 @cache
@@ -53,26 +61,37 @@ def samples_of(time: FloatArray, u: FloatArray, y: FloatArray) -> tuple[Sample, 
     )
 
 
-def run(
-    spec: EngineSpec, engine: Engine, samples: Sequence[Sample], state: State | None = None
-) -> tuple[State, list[Report]]:
-    """The last state and all reports."""
-    state, reports = state or init(spec), []
-    for sample in samples:
-        state, report = step(spec, engine, state, sample)
-        reports.append(report)
-    return state, reports
+def run(core: Core, samples: Sequence[Sample], monitor: Monitor | None = None) -> tuple[Monitor, list[Report]]:
+    """The monitor after the samples, a copy of that given, and all reports."""
+    watching = Monitor(core) if monitor is None else monitor.copy()
+    return watching, [watching.step(sample) for sample in samples]
 
 
-def differing(one: State, two: State) -> list[str]:
-    """Names of the numbers in which two states differ, to the last bit; nan equals nan."""
-    first, second = one.save(), two.save()
-    return [name for name in first if not np.array_equal(first[name], second[name], equal_nan=True)]
+def stepped(monitor: Monitor, sample: Sample) -> tuple[Monitor, Report]:
+    """A copy of a monitor after one more sample, and its report."""
+    after, (report,) = run(monitor.core, [sample], monitor)
+    return after, report
 
 
-def changed(state: State, **numbers: Any) -> State:
-    """A state with other numbers, each by the name that it has in one of the parts."""
+def differing(one: Monitor, two: Monitor) -> list[str]:
+    """Names of the numbers in which two monitors differ, to the last bit; nan equals nan."""
+    pairs = ((name, one.numbers(name), two.numbers(name)) for name in one.core.fields)
+    names = [name for name, first, second in pairs if not np.array_equal(first, second, equal_nan=True)]
+    return names if names or np.array_equal(one.save(), two.save()) else ["past or lanes"]
+
+
+def changed(monitor: Monitor, **numbers: Any) -> Monitor:
+    """A copy of a monitor with other numbers, by name in `fields.h`, whole or its last part where that is one's own."""
+    other = monitor.copy()
     for name, value in numbers.items():
-        part = next(part for part in PARTS if hasattr(getattr(state, part), name))
-        state = replace(state, **{part: replace(getattr(state, part), **{name: value})})
-    return state
+        (full,) = (item for item in other.core.fields if name in (item, item.partition(".")[2]))
+        field = other.core.fields[full]
+        part = other._state[field.offset : field.offset + 8 * field.count]
+        kind = np.int64 if field.whole else np.float64
+        part.view(kind)[:] = np.broadcast_to(np.ravel(np.asarray(value, dtype=kind)), (field.count,))
+    return other
+
+
+def packed(monitor: Monitor) -> FloatArray:
+    """The last sample as the filter took it, (1, n_sample)."""
+    return monitor.row(int(monitor.number("clock.index")) - 1)[0][None, :]

@@ -15,6 +15,30 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 TANK_SENSORS = "  flow:     {reads: sqrt(orifice.e/K_meter), unit: m^3/s, noise: 2.8e-6 m^3/s}\n"
 
+NINE_SENSORS = """\
+name: two cells
+sample_time: 0.1 s
+inputs: {V: {unit: V, noise: 1 mV}}
+components:
+  source: {type: Se, law: e = V}
+  r1: {type: R, parameters: {R1: 10 ohm}}
+  c1: {type: C, parameters: {C1: 1 F}}
+  r2: {type: R, parameters: {R2: 10 ohm}}
+  c2: {type: C, parameters: {C2: 1 F}}
+junctions: {a: 1, n: 0, b: 1, m: 0}
+bonds: [source -> a, a -> r1, a -> n, n -> c1, n -> b, b -> r2, b -> m, m -> c2]
+sensors:
+  s0: {reads: a.f, unit: A, noise: 1 mA}
+  s1: {reads: n.e, unit: V, noise: 1 mV}
+  s2: {reads: m.e, unit: V, noise: 2 mV}
+  s3: {reads: b.f, unit: A, noise: 1 mA}
+  s4: {reads: r1.e, unit: V, noise: 1 mV}
+  s5: {reads: r2.e, unit: V, noise: 1 mV}
+  s6: {reads: n.e, unit: V, noise: 5 mV}
+  s7: {reads: c1.f, unit: A, noise: 1 mA}
+  s8: {reads: m.e, unit: V, noise: 1 mV}
+"""
+
 
 def example(name: str, *changes: tuple[str, str]) -> StepModel:
     """A built-in plant, by its folder or its file, some words of it changed."""

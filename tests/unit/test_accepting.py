@@ -33,7 +33,7 @@ from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
 from faultbond.runtime.rule import Sure, sure_after
 from faultbond.runtime.trace import Trace
-from faultbond.types import EngineChoice, FaultKind, Method
+from faultbond.types import FaultKind, Method
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = EXAMPLES / "rc" / "model.yaml"
@@ -321,7 +321,7 @@ def test_what_is_decided_of_another_plant_is_passed_over(folder: Path, tmp_path:
     run(folder, 0, 250, "--state", str(state))
     saved = read_saved(state)
     running = course.Course(
-        build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE, saved.numbers),
+        build_method(load_model(MODEL), Method.BANK, saved.numbers),
         Grid(0.02, clock=saved.clock),
         course.Following(out=Out(text=None, json=None)),
         saved,
@@ -344,7 +344,7 @@ def test_a_decision_that_came_before_the_file_is_written_is_heeded(folder: Path,
     stamp, saved = keeping.stamp_of(state), read_saved(state)
     assert main(["accept", str(MODEL), str(state), "C"]) == 0
     running = course.Course(
-        build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE, saved.numbers),
+        build_method(load_model(MODEL), Method.BANK, saved.numbers),
         Grid(0.02, clock=saved.clock),
         course.Following(out=Out(text=None, json=None)),
         saved,

@@ -251,16 +251,6 @@ def test_columns_are_looked_for_before_the_engine_is_built(tmp_path: Path, monke
     assert main(["run", str(MODEL), str(tmp_path / "r.csv")]) == 2
 
 
-def test_both_engines_find_the_same(folder: Path, tmp_path: Path) -> None:
-    """The virtual machine raises the alarm of the compiled engine at the same sample."""
-    found = []
-    for engine in ("auto", "vm"):
-        target = tmp_path / f"{engine}.jsonl"
-        assert main(["run", str(MODEL), str(folder / "faulty.csv"), "--engine", engine, "--json", str(target)]) == 1
-        found.append(records(target))
-    assert found[0][1] == found[1][1]
-
-
 def test_a_fault_where_nothing_is_a_suspect(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A model file that lets nothing be a suspect has its alarm, and no candidates to accept; `classic` refuses it."""
     text = MODEL.read_text().replace("10 kohm", "{nominal: 10 kohm, suspect: no}")
@@ -277,20 +267,37 @@ def test_a_fault_where_nothing_is_a_suspect(folder: Path, tmp_path: Path, capsys
     assert "tests sets of parameters, and none is a suspect" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["run", "check"])
-def test_a_compiled_engine_without_a_compiler(
-    verb: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("verb", ["run", "fit", "simulate", "check --data", "demo"])
+def test_without_a_compiler_one_line_says_what_to_install(
+    verb: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Who insists on the compiled engine is told what is needed; who does not gets the virtual machine."""
-    monkeypatch.setattr("faultbond.synthesis.engine.find_compiler", lambda: None)
+    """Whatever needs an engine ends with one line on standard error, and nothing on standard output."""
     monkeypatch.setattr("faultbond.synthesis.compile.find_compiler", lambda: None)
-    arguments = [verb, str(MODEL), *([str(folder / "healthy.csv")] if verb == "run" else [])]
-    assert main([*arguments, "--engine", "c"]) == 2
-    message = capsys.readouterr().err
-    assert "there is no C compiler that works. Install gcc" in message
-    assert "take the engine `vm`" in message
-    assert main(arguments) == 0
-    assert "CasADi virtual machine" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    data = str(folder / "healthy.csv")
+    arguments = {
+        "run": ["run", str(MODEL), data],
+        "fit": ["fit", str(MODEL), data],
+        "simulate": ["simulate", str(MODEL), "--inputs", data, "-o", "o.csv"],
+        "check --data": ["check", str(MODEL), "--data", data],
+        "demo": ["demo"],
+    }[verb]
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.err.count("\n") == 1
+    assert shown.err.startswith("There is no C compiler. Install gcc or clang")
+    assert "pip install 'faultbond[compiler]'" in shown.err
+    assert shown.out == ""
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_what_needs_no_engine_needs_no_compiler(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`check` shows a model all the same, and says what a run would need."""
+    monkeypatch.setattr("faultbond.synthesis.compile.find_compiler", lambda: None)
+    assert main(["check", str(MODEL)]) == 0
+    assert "none. There is no C compiler. Install gcc" in " ".join(capsys.readouterr().out.split())
 
 
 def test_check_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
@@ -433,7 +440,7 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_a_progress_bar_passes_everything_on(capsys: pytest.CaptureFixture[str]) -> None:
     """The bar gives the items unchanged and writes nothing on standard output."""
     with progress_bar(200) as follow:
-        assert list(follow(range(200))) == list(range(200))
+        assert list(follow(["rows"] * 200)) == ["rows"] * 200
     assert capsys.readouterr().out == ""
 
 
@@ -449,19 +456,18 @@ def test_a_bar_is_for_files_on_a_terminal(folder: Path, monkeypatch: pytest.Monk
 
 
 def test_the_python_interface(folder: Path) -> None:
-    """The names of the package run a recording: load, build, init, step, finish."""
+    """The names of the package run a recording: load, build, watch, step, finish."""
     graph = faultbond.load_model(MODEL)
-    spec, engine = build_engine(graph)
-    state = faultbond.init(spec)
+    _, core = build_engine(graph)
+    monitor = faultbond.Monitor(core)
     reports = []
     for point in on_grid(read_rows(folder / "faulty.csv", columns_of(graph)), Grid(graph.sample_time)):
         sample = faultbond.Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
-        state, report = faultbond.step(spec, engine, state, sample)
-        reports.append(report)
+        reports.append(monitor.step(sample))
     assert [report.status for report in (reports[0], reports[-1])] == [
         faultbond.Status.STARTING,
         faultbond.Status.DIAGNOSING,
     ]
-    diagnosis = faultbond.finish(spec, state)
+    diagnosis = monitor.finish()
     assert diagnosis is not None
     assert diagnosis.candidates[0].parameters == ("C",)

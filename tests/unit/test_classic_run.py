@@ -9,15 +9,14 @@ import pytest
 
 from faultbond.app.classic import Classic
 from faultbond.cli import main
+from faultbond.contract.samples import Samples
 from faultbond.model.text import load_model
-from faultbond.runtime.state import Sample
 from faultbond.thesis.offline.build import build_classic
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = EXAMPLES / "dc_motor" / "model.yaml"
 ROWS = 600  # at 50 Hz; R changes at 6 s
 CLASSIC = ["--method", "classic"]
-ONE = np.ones(1)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +72,12 @@ def test_a_run_cut_in_two_is_the_whole_run(folder: Path, whole: list[dict[str, A
     assert [record for record in whole if record not in told] == []
 
 
+def sample(time: float, voltage: float, speed: float) -> Samples:
+    """Give one sample at 50 Hz."""
+    dt = np.array([0.02 if time else 0.0])
+    return Samples(time=np.array([time]), dt=dt, u=np.array([[voltage]]), y=np.array([[speed]]))
+
+
 def test_the_statistic_alarms_at_its_limit(whole: list[dict[str, Any]], folder: Path) -> None:
     """The report's statistic is a share of the limit: above it at the alarm, below it before."""
     watcher = Classic(*build_classic(load_model(MODEL)))
@@ -81,7 +86,7 @@ def test_the_statistic_alarms_at_its_limit(whole: list[dict[str, Any]], folder: 
     alarm = whole[1]["sample"]
     shares = []
     for time, voltage, speed in rows[: alarm + 1]:
-        report = watcher.step(Sample(time=time, dt=0.02 if time else 0.0, u=voltage * ONE, y=speed * ONE))
+        report = watcher.take(sample(time, voltage, speed)).last
         shares.append(float(report.cusum.max()) / limit)
     assert shares[-1] > 1.0
     assert max(shares[watcher.asleep : -2]) < 1.0
@@ -130,9 +135,9 @@ def test_after_a_time_of_unknown_length_it_begins_anew() -> None:
     """What was remembered of the signals is dropped, the number of the sample is not."""
     watcher = Classic(*build_classic(load_model(MODEL)))
     for k in range(60):
-        report = watcher.step(Sample(time=0.02 * k, dt=0.02 if k else 0.0, u=5.0 * ONE, y=0.1 * ONE))
+        report = watcher.take(sample(0.02 * k, 5.0, 0.1)).last
     assert report.status.name == "WATCHING"
     watcher.resume()
     index = int(watcher.save()["index"])
-    assert watcher.step(Sample(time=99.0, dt=0.02, u=5.0 * ONE, y=0.1 * ONE)).status.name == "STARTING"
+    assert watcher.take(sample(99.0, 5.0, 0.1)).last.status.name == "STARTING"
     assert (index, int(watcher.save()["index"])) == (60, 61)

@@ -17,7 +17,7 @@ from faultbond.cli import main
 from faultbond.errors import CONTROLS, ModelError, NoVerdictError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.out import Out
-from faultbond.types import EngineChoice, Verdict
+from faultbond.types import Verdict
 
 PROGRAM = [sys.executable, "-m", "faultbond"]
 
@@ -29,14 +29,12 @@ class Spy:
         self.do = do
         self.seen: dict[str, object] = {}
 
-    def check(self, model: Path, *, engine: EngineChoice, out: Out) -> None:
+    def check(self, model: Path, *, out: Out) -> None:
         """Note a call of `check`."""
-        self.seen = {"model": model, "engine": engine}
+        self.seen = {"model": model}
         self.do(out)
 
-    def check_data(
-        self, model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
-    ) -> None:
+    def check_data(self, model: Path, recordings: tuple[str, ...], *, promise: float | None, out: Out) -> None:
         """Note a call of `check --data`."""
         self.seen = {"model": model, "recordings": recordings, "promise": promise}
         self.do(out)
@@ -49,7 +47,6 @@ class Spy:
         wishes: FitWishes,
         output: Path | None,
         report: Path | None,
-        engine: EngineChoice,
         out: Out,
     ) -> None:
         """Note a call of `fit`."""
@@ -75,7 +72,7 @@ class Spy:
 
     def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
         """Note a call of `run`."""
-        self.seen = {"model": model, "recording": recording, "engine": wanted.engine, "wanted": wanted}
+        self.seen = {"model": model, "recording": recording, "wanted": wanted}
         found = self.do(out)
         return Verdict.NONE if found is None else Verdict.FAULT if found else Verdict.HEALTHY
 
@@ -104,9 +101,9 @@ class Spy:
         self.seen = {"model": model, "names": names}
         self.do(out)
 
-    def demo(self, *, report: Path, engine: EngineChoice, out: Out) -> None:
+    def demo(self, *, report: Path, out: Out) -> None:
         """Note a call of `demo`."""
-        self.seen = {"report": report, "engine": engine}
+        self.seen = {"report": report}
         self.do(out)
 
 
@@ -184,12 +181,11 @@ def speak(out: Out) -> bool:
             {"model": Path("m.yaml"), "recording": "r.csv", "wanted": Wanted()},
         ),
         (
-            ["run", "m.yaml", "-", "--method", "bank", "--report", "x.html", "--engine", "vm", "--accept", "0.9"],
+            ["run", "m.yaml", "-", "--method", "bank", "--report", "x.html", "--accept", "0.9"],
             {
                 "model": Path("m.yaml"),
                 "recording": "-",
-                "engine": EngineChoice.MACHINE,
-                "wanted": Wanted(report=Path("x.html"), engine=EngineChoice.MACHINE, accept=0.9),
+                "wanted": Wanted(report=Path("x.html"), accept=0.9),
             },
         ),
         (
@@ -206,19 +202,30 @@ def test_arguments_reach_the_verb(
     monkeypatch.delenv("FAULTBOND_ENGINE", raising=False)
     spy = Spy()
     assert called(arguments, spy) == (4 if arguments[0] == "run" else 0)  # the spy has no verdict
-    assert spy.seen == {"engine": EngineChoice.AUTO} | seen
+    assert spy.seen == seen
 
 
-def test_the_engine_of_the_environment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """FAULTBOND_ENGINE chooses the engine, the option is stronger, and another value is a mistake of the user."""
-    monkeypatch.setenv("FAULTBOND_ENGINE", "vm")
-    for options, engine in ([], EngineChoice.MACHINE), (["--engine", "c"], EngineChoice.COMPILED):
-        spy = Spy()
-        called(["check", "m.yaml", *options], spy)
-        assert spy.seen["engine"] is engine
-    monkeypatch.setenv("FAULTBOND_ENGINE", "steam")
-    assert called(["check", "m.yaml"], Spy()) == 2
-    assert capsys.readouterr().err == "FAULTBOND_ENGINE=steam: no such engine; set it to one of auto, c, vm.\n"
+@pytest.mark.parametrize("verb", ["check m.yaml", "fit m.yaml r.csv", "run m.yaml r.csv", "demo"])
+def test_the_engine_of_old_scripts(
+    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """There is one engine: what asks for it, or for any, is taken; what asks for another is refused in one line."""
+    monkeypatch.delenv("FAULTBOND_ENGINE", raising=False)
+    command = verb.split()
+    plain = called(command, Spy())
+    for name in ("auto", "c"):
+        assert called([*command, "--engine", name], Spy()) == plain
+        monkeypatch.setenv("FAULTBOND_ENGINE", name)
+        assert called(command, Spy()) == plain
+    for name, said in (("vm", "There is no engine `vm` any more"), ("steam", "steam: no such engine")):
+        monkeypatch.setenv("FAULTBOND_ENGINE", "auto")
+        assert called([*command, "--engine", name], Spy()) == 2
+        monkeypatch.setenv("FAULTBOND_ENGINE", name)
+        assert called(command, Spy()) == 2
+        shown = capsys.readouterr().err.splitlines()
+        assert len(shown) == 2
+        assert shown[0] == shown[1]
+        assert shown[0].startswith(said)
 
 
 def test_faults_reach_simulate() -> None:
@@ -364,7 +371,7 @@ import sys
 from rich.console import Console
 from faultbond import app
 from faultbond.cli import main
-def check(model, *, engine, out):
+def check(model, *, out):
     for _ in range(100000): {action}
 app.check = check
 sys.exit(main(["check", "m", *{options}]))
@@ -397,7 +404,7 @@ def test_umlauts_without_a_locale() -> None:
 import sys
 from faultbond import app
 from faultbond.cli import main
-def check(model, *, engine, out): out.say("Behälter")
+def check(model, *, out): out.say("Behälter")
 app.check = check
 sys.exit(main(["check", "m"]))
 """
@@ -428,7 +435,7 @@ def test_no_name_steers_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixtu
         ["check", str(model)],
         ["run", str(model), str(folder / "r.csv")],
         ["run", str(model), str(folder / "none.csv")],
-        ["run", str(model), str(example / "healthy.csv"), "--report", str(folder / "r.html"), "--engine", "vm"],
+        ["run", str(model), str(example / "healthy.csv"), "--report", str(folder / "r.html")],
         ["simulate", str(model), "--inputs", str(example / "healthy.csv"), "-o", output],
         ["nosuch" + evil],
     )

@@ -11,11 +11,11 @@ with warnings.catch_warnings():
     pytest.importorskip("filterpy")
 
 from benchmarks.peers import filterpy_bank, rivals
+from benchmarks.peers.filterpy_bank import START_SAMPLES
 from benchmarks.shared.plants import case
 from benchmarks.shared.play import engine_of
 from benchmarks.trust.figures import Outcome, Reading, watch
 
-from faultbond.runtime.monitor import START_SAMPLES
 from faultbond.simulate import Fault, Simulation
 
 
@@ -27,19 +27,19 @@ def recorded(folder: str, seconds: float, *faults: Fault) -> Simulation:
 @pytest.mark.parametrize(("folder", "seconds"), [("tank", 700.0), ("rlc", 10.0)])
 def test_healthy_filter_is_ours(folder: str, seconds: float) -> None:
     """FilterPy's filter has our model: its sums are ours, steps of valves and slow errors included."""
-    spec, engine = engine_of(folder)
+    spec, core = engine_of(folder)
     recording, never = recorded(folder, seconds), float("inf")
-    theirs = filterpy_bank.watch(rivals.model_of(folder), never, spec, engine, recording, None, 0.0)
+    theirs = filterpy_bank.watch(rivals.model_of(folder), never, spec, core, recording, None, 0.0)
     assert theirs.detection is None
     assert theirs.cusum > 2.0
-    assert theirs.cusum == pytest.approx(watch(spec, engine, recording, None, 0.0).cusum, rel=1e-6)
+    assert theirs.cusum == pytest.approx(watch(spec, core, recording, None, 0.0).cusum, rel=1e-6)
 
 
 def test_bank_finds_a_fault() -> None:
     """A winding of twice the resistance is seen, first, and about twice; nothing is told before the alarm."""
-    spec, engine = engine_of("dc_motor")
+    spec, core = engine_of("dc_motor")
     recording = recorded("dc_motor", 25.0, Fault(parameter="R", factor=2.0, start=10.0))
-    seen = filterpy_bank.watch(rivals.model_of("dc_motor"), 20.0, spec, engine, recording, 10.0, 8.0)
+    seen = filterpy_bank.watch(rivals.model_of("dc_motor"), 20.0, spec, core, recording, 10.0, 8.0)
     assert seen.detection is not None
     assert 10.0 < seen.detection.change_time < seen.detection.time < 12.0
     assert seen.cusum < 20.0
@@ -53,9 +53,9 @@ def test_bank_finds_a_fault() -> None:
 
 def test_filter_before_the_change_is_taken() -> None:
     """The bank begins from the healthy filter as it stood one sample before the sum began to rise."""
-    spec, engine = engine_of("rlc")
+    spec, core = engine_of("rlc")
     recording, model = recorded("rlc", 8.0, Fault(parameter="C", factor=1.5, start=5.0)), rivals.model_of("rlc")
-    readings, start = filterpy_bank.readings_of(spec, recording), filterpy_bank.start_of(spec, engine, recording)
+    readings, start = filterpy_bank.readings_of(spec, recording), filterpy_bank.start_of(spec, core, recording)
     alarm = filterpy_bank.wait(model, spec, readings, start, 15.0)
     assert alarm.sample is not None
     assert START_SAMPLES < alarm.change < alarm.sample
@@ -68,9 +68,9 @@ def test_filter_before_the_change_is_taken() -> None:
 
 def test_readings_that_settle_do_not_count() -> None:
     """However far off a reading is, no sum grows while an input step settles; else it does."""
-    spec, engine = engine_of("rlc")
+    spec, core = engine_of("rlc")
     recording, model = recorded("rlc", 2.0), rivals.model_of("rlc")
-    start = filterpy_bank.start_of(spec, engine, recording)
+    start = filterpy_bank.start_of(spec, core, recording)
     readings = [replace(item, y=item.y + 50.0) for item in filterpy_bank.readings_of(spec, recording)]
     settling = [replace(item, scale=np.array([spec.thresholds.blank_factor])) for item in readings]
     assert filterpy_bank.wait(model, spec, settling, start, 5.0).peaks.max() == 0.0
@@ -79,8 +79,8 @@ def test_readings_that_settle_do_not_count() -> None:
 
 def test_how_the_bank_begins() -> None:
     """Suspects are as wide as a quarter of their change and alone, states off by their usual size, the rest stays."""
-    spec, engine = engine_of("dc_motor")
-    start = filterpy_bank.start_of(spec, engine, recorded("dc_motor", 2.0))
+    spec, core = engine_of("dc_motor")
+    start = filterpy_bank.start_of(spec, core, recorded("dc_motor", 2.0))
     usual = np.array([2.0, 3.0])
     bank = filterpy_bank.begin(rivals.model_of("dc_motor"), spec, start, usual)
     for chosen, item in zip(spec.hypotheses, bank.filters, strict=True):
@@ -97,9 +97,9 @@ def test_how_the_bank_begins() -> None:
 
 def test_ranges_of_parameters_are_kept() -> None:
     """Whatever is read, estimates stay in the range of the model; without their limits they would not."""
-    spec, engine = engine_of("rlc")
+    spec, core = engine_of("rlc")
     recording = recorded("rlc", 3.0)
-    start = filterpy_bank.start_of(spec, engine, recording)
+    start = filterpy_bank.start_of(spec, core, recording)
     bank = filterpy_bank.begin(rivals.model_of("rlc"), spec, start, np.ones(2))
     lower, upper = (np.array([getattr(item, side) for item in spec.parameters]) for side in ("lower", "upper"))
     reached = False

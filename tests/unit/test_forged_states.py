@@ -4,9 +4,12 @@ import json
 import shutil
 import tracemalloc
 import zipfile
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +19,18 @@ import pytest
 from faultbond.app.classic import Classic
 from faultbond.app.method_face import Numbers, Watcher
 from faultbond.app.methods import BankWatcher, build_method
-from faultbond.app.rows import sample_of
+from faultbond.arrays import FloatArray
 from faultbond.cli import main
+from faultbond.contract.samples import Samples
 from faultbond.errors import RecordingError
 from faultbond.io.archive import read_archive, write_archive
-from faultbond.io.grid import Grid, GridPoint, on_grid
+from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.io.saved import read_saved, write_saved
 from faultbond.model.text import load_model
-from faultbond.types import EngineChoice, Method
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
+from faultbond.types import Method
 
 MODEL = Path(__file__).parents[2] / "examples" / "rc" / "model.yaml"
 ROWS, CUT = 220, 200
@@ -42,44 +48,116 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "first.csv").write_text("".join(lines[: CUT + 1]))
     (place / "later.csv").write_text("".join([lines[0], *lines[CUT + 1 :]]))
     for method in ("bank", "classic"):
-        options = ["--method", method, "--state", str(place / method), "--engine", "vm"]
+        options = ["--method", method, "--state", str(place / method)]
         assert main(["run", str(MODEL), str(place / "first.csv"), *options]) in (0, 1)
     return place
 
 
 def goes_on(folder: Path, state: Path) -> int:
     """Go on from a state and give the exit code."""
-    options = ["--state", str(state), "--engine", "vm"]
+    options = ["--state", str(state)]
     return main(["run", str(MODEL), str(folder / "later.csv"), *options])
 
 
 WRONG = (np.nan, np.inf, -np.inf, -1.5, -1e300, 1e300, 2.0**62, 1e15)
+WRONG_COUNTS = (-(2**63), -2, 2, 10**15, 2**53, 2**62)
+PAST_TIME = "past.time"
+HEAD = 6  # words before the fields: mark, format, hash of the model
 
 
 @pytest.fixture(scope="module")
-def points(folder: Path) -> list[GridPoint]:
-    """Give the samples after the saved ones."""
+def later(folder: Path) -> list[Samples]:
+    """Give the samples after the saved ones, one by one."""
     graph = load_model(MODEL)
-    return list(on_grid(read_rows(folder / "later.csv", columns_of(graph)), Grid(graph.sample_time)))[:5]
+    points = on_grid(read_rows(folder / "later.csv", columns_of(graph)), Grid(graph.sample_time))
+    return [
+        Samples(time=np.array([item.time]), dt=np.array([item.dt]), u=item.u[None], y=item.y[None])
+        for item in islice(points, 5)
+    ]
+
+
+@cache
+def fresh(method: Method) -> Watcher:
+    """Give a method at its beginning."""
+    return build_method(load_model(MODEL), method)
+
+
+def core() -> Core:
+    """Give the core of the model."""
+    watcher = fresh(Method.BANK)
+    assert isinstance(watcher, BankWatcher)
+    return watcher._monitor.core
+
+
+def place_of(name: str) -> slice:
+    """Give where the numbers of a field, or the time of the first row of the past, stand in what the core saves."""
+    fields, begin = core().fields, HEAD
+    for other, field in fields.items():
+        if other == name:
+            break
+        begin += field.count
+    if name == PAST_TIME:
+        begin += core().spec.n_sample + core().spec.n_numbers
+        return slice(begin, begin + 1)
+    return slice(begin, begin + fields[name].count)
+
+
+def sealed(words: FloatArray) -> FloatArray:
+    """Give a state as the core saves it with the checksum that fits the words before."""
+    whole = words.copy()
+    whole.view(np.uint64)[-1] = zlib.crc32(whole[:-1].tobytes())
+    return whole
+
+
+def forged(saved: Numbers, **fields: float) -> Numbers:
+    """Give what the bank saved with other numbers of some fields, the points of whose names are two underscores."""
+    words = saved["state"].copy()
+    for name, value in fields.items():
+        field = name.replace("__", ".")
+        whole = field in core().fields and core().fields[field].whole
+        words.view(np.int64 if whole else np.float64)[place_of(field)] = value
+    return {"state": sealed(words)}
+
+
+def bank_forgeries(saved: Numbers, random: np.random.Generator) -> Iterator[Numbers]:
+    """Yield what the bank saved with half the numbers of each field wrong, then of the rows and lanes behind them."""
+    end = HEAD
+    for name, field in core().fields.items():
+        place, words = place_of(name), saved["state"].copy()
+        values = words.view(np.int64 if field.whole else np.float64)[place]
+        values[random.random(field.count) < max(0.5, 1.0 / field.count)] = random.choice(
+            WRONG_COUNTS if field.whole else WRONG
+        )
+        yield {"state": sealed(words)}
+        end = place.stop
+    for part in (0.5, 0.01):
+        words = saved["state"].copy()
+        wrong = np.flatnonzero(random.random(len(words) - 1 - end) < part) + end
+        words[wrong] = random.choice(WRONG, len(wrong))
+        yield {"state": sealed(words)}
+
+
+def classic_forgeries(saved: Numbers, random: np.random.Generator) -> Iterator[Numbers]:
+    """Yield what the other method saved with half of the numbers of each array wrong."""
+    for name, values in saved.items():
+        wrong = values.copy()
+        wrong[random.random(wrong.shape) < 0.5] = random.choice(WRONG)
+        yield {**saved, name: wrong}
 
 
 @pytest.mark.parametrize("method", list(Method))
-def test_no_number_of_a_state_is_an_internal_error(method: Method, folder: Path, points: list[GridPoint]) -> None:
-    """Whatever stands in an array, it is refused, or the run goes on without a warning to its verdict."""
-    random, refused = np.random.default_rng(5), 0
-    saved, graph = read_saved(folder / method.value).numbers, load_model(MODEL)
-    fresh = build_method(graph, method, EngineChoice.MACHINE)
-    for name, values in saved.items():
-        forged = values.copy()
-        forged[random.random(forged.shape) < 0.5] = random.choice(WRONG)
+def test_no_number_of_a_state_is_an_internal_error(method: Method, folder: Path, later: list[Samples]) -> None:
+    """Whatever stands in a state, it is refused, or the run goes on without a warning to its verdict."""
+    refused, made = 0, {Method.BANK: bank_forgeries, Method.CLASSIC: classic_forgeries}[method]
+    for numbers in made(read_saved(folder / method.value).numbers, np.random.default_rng(5)):
         try:
-            watcher = like(fresh, {**saved, name: forged})
+            watcher = like(fresh(method), numbers)
         except RecordingError as error:
-            assert str(error).startswith("the saved state is damaged: ")  # noqa: PT017 - not all are refused
+            assert str(error).startswith("the saved state is damaged")  # noqa: PT017 - not all are refused
             refused += 1
             continue
-        for point in points:
-            watcher.step(sample_of(point))
+        for sample in later:
+            watcher.take(sample)
         watcher.finish()
     assert refused >= 5
 
@@ -87,50 +165,102 @@ def test_no_number_of_a_state_is_an_internal_error(method: Method, folder: Path,
 def like(watcher: Watcher, saved: Numbers) -> Watcher:
     """Give the same method as it was saved, without building its engine again."""
     if isinstance(watcher, BankWatcher):
-        return BankWatcher(watcher.spec, watcher._engine, saved)
+        return BankWatcher(watcher._monitor.core, saved)
     assert isinstance(watcher, Classic)
     return Classic(watcher.spec, watcher._plan, saved)
+
+
+def refusal(folder: Path, state: Path, numbers: Numbers, capsys: pytest.CaptureFixture[str]) -> str:
+    """Give the line with which a run from a state with other numbers is refused."""
+    write_saved(state, replace(read_saved(folder / "bank"), numbers=numbers))
+    capsys.readouterr()
+    assert goes_on(folder, state) == 2
+    shown = capsys.readouterr().err
+    assert shown.count("\n") == 1
+    assert shown.endswith("Delete its file to begin anew.\n")
+    return shown
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("clock.index", np.nan),
-        ("clock.index", 0.5),
-        ("clock.alarm", 1e300),
-        ("clock.begun", 2.0**40),
-        ("bank.misfit.since", np.nan),
+        ("clock.index", -1),
+        ("clock.index", 2**53),
+        ("clock.alarm", 2**50),
+        ("clock.alarm", -2),
+        ("clock.begun", 2**40),
+        ("clock.running", 2),
+        ("clock.time", np.nan),
+        ("bank.since", np.nan),
+        ("bank.grown", 5),
+        ("bank.rejected", 2),
         ("sensors.cusum_start", -2.0),
-        ("past.times", np.inf),
+        ("sensors.nis", -1.0),
         ("normal.gain", np.nan),
         ("normal.rates", np.inf),
+        ("inputs.habit", 1.5),
+        (PAST_TIME, np.inf),
     ],
 )
 def test_a_number_that_no_run_has_is_refused(
     name: str, value: float, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Counts are whole, places are in reach, and numbers are finite where a run keeps them so."""
-    saved = read_saved(folder / "bank")
-    write_saved(tmp_path / "x", replace(saved, numbers={**saved.numbers, name: saved.numbers[name] * 0.0 + value}))
-    assert goes_on(folder, tmp_path / "x") == 2
-    assert "the saved state is damaged" in capsys.readouterr().err
+    numbers = forged(read_saved(folder / "bank").numbers, **{name.replace(".", "__"): value})
+    assert "the saved state is damaged" in refusal(folder, tmp_path / "x", numbers, capsys)
 
 
-def test_samples_that_would_fill_the_memory(folder: Path, tmp_path: Path) -> None:
+def test_what_is_no_state_of_the_core_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Words that are gone, more, or changed; another format or model; other arrays: each is refused in one line."""
+    words = read_saved(folder / "bank").numbers["state"]
+    changed, mark, form, model = (words.copy() for _ in range(4))
+    changed[300] += 1.0
+    mark.view(np.uint64)[0] += 1
+    form.view(np.uint64)[1] += 1
+    model.view(np.uint64)[HEAD - 1] += 1
+    for state, told in (
+        (changed, "damaged"),
+        (words[:-1], "damaged"),
+        (sealed(words[:-1]), "damaged"),
+        (words[:3], "damaged"),
+        (sealed(np.append(words, 0.0)), "damaged"),
+        (words[:0], "no state of faultbond"),
+        (words[:1], "no state of faultbond"),
+        (sealed(mark), "no state of faultbond"),
+        (sealed(form), "another version"),
+        (sealed(model), "another model"),
+        (words[None, :], "another version"),
+        (words[0], "another version"),
+    ):
+        assert told in refusal(folder, tmp_path / "x", {"state": np.array(state)}, capsys)
+    for numbers in ({}, {"state": words, "more": words}, {"clock.index": words}):
+        assert "another version" in refusal(folder, tmp_path / "x", numbers, capsys)
+
+
+def test_samples_that_would_fill_the_memory(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A filter that is said to have gathered samples for years would look for all of them."""
-    saved = read_saved(folder / "bank")
-    forged = {"index": 1e9, "begun": 0.0, "running": 0.0, "alarm": -1.0}
-    clock = {f"clock.{name}": np.array(value) for name, value in forged.items()}
-    write_saved(tmp_path / "x", replace(saved, numbers={**saved.numbers, **clock}))
-    assert goes_on(folder, tmp_path / "x") == 2
+    numbers = read_saved(folder / "bank").numbers
+    wrong = forged(numbers, clock__index=10**9, clock__begun=0, clock__running=0, clock__alarm=-1)
+    assert "damaged" in refusal(folder, tmp_path / "x", wrong, capsys)
+
+
+def test_what_is_refused_changes_nothing(folder: Path) -> None:
+    """A monitor that refuses a state goes on as it was."""
+    saved = read_saved(folder / "bank").numbers
+    monitor = Monitor(core(), np.ascontiguousarray(saved["state"]).view(np.uint8))
+    before = monitor.save()
+    for wrong in (forged(saved, normal__gain=np.nan), forged(saved, clock__begun=2**40)):
+        with pytest.raises(RecordingError, match="damaged"):
+            monitor._restore(wrong["state"].view(np.uint8))
+        assert np.array_equal(monitor.save(), before)
 
 
 def test_sums_that_begin_in_the_future(folder: Path) -> None:
     """Sums of lanes that are said to begin long after the last sample are no internal error."""
     saved = read_saved(folder / "bank").numbers
-    later = {"bank.misfit.since": 2.0**40, "bank.misfit.sums": 99.0}
-    forged = {**saved, **{name: np.full_like(saved[name], value) for name, value in later.items()}}
-    diagnosis = like(build_method(load_model(MODEL), Method.BANK, EngineChoice.MACHINE), forged).finish()
+    diagnosis = like(fresh(Method.BANK), forged(saved, bank__since=2.0**40, bank__sums=99.0)).finish()
     assert diagnosis is not None
     assert diagnosis.unexplained is not None
 

@@ -18,6 +18,7 @@ import pytest
 from faultbond.app import course
 from faultbond.app.signals import Stopped, Stopping
 from faultbond.cli import main
+from faultbond.io.grid import PointBlock
 from faultbond.io.out import open_out
 from faultbond.io.record_file import Mark, RecordFile
 from faultbond.io.saved import read_saved
@@ -156,13 +157,13 @@ def wait_until_read(path: Path, kind: str) -> None:
 def test_a_file_that_is_watched_can_be_stopped(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Ctrl-C while a file is read waits until a row has been taken, and ends the run as a stream is ended."""
+    """Ctrl-C while a file is read waits until a block of rows has been taken, and ends the run as a stream is ended."""
     taken = course.Course.take
 
-    def take(self: course.Course, point: Any) -> None:
-        if point.index == 300:
+    def take(self: course.Course, points: PointBlock) -> None:
+        if points.index[0] <= 300 <= points.index[-1]:
             os.kill(os.getpid(), signal.SIGINT)
-        taken(self, point)
+        taken(self, points)
 
     monkeypatch.setattr(course.Course, "take", take)
     assert main(command(str(recording), tmp_path)[3:]) == 130

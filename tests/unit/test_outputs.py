@@ -17,10 +17,10 @@ from faultbond.app import kept_run as keeping
 from faultbond.app.rows import _count_lines
 from faultbond.cli import main
 from faultbond.io import files
+from faultbond.io.cache import cache_folder
 from faultbond.io.examples import example
 from faultbond.io.out import Out, open_out
 from faultbond.io.record_file import Mark, holds_records
-from faultbond.synthesis.compile import cache_folder
 
 RC = Path(__file__).parents[2] / "examples" / "rc"
 ROWS = 1200  # the fault begins at row 1000

@@ -32,14 +32,14 @@ def test_bounds_are_those_of_events_at_random(alarms: int) -> None:
 
 def test_alarms_are_counted_and_the_monitor_starts_anew() -> None:
     """A sensor that reads wrong from the middle on raises an alarm; only time with the alarms on counts."""
-    spec, engine = promised("rlc", 600.0)
+    core = promised("rlc", 600.0)
     made = circuit(3, 20.0, False)
-    quiet = count(spec, engine, made)
+    quiet = count(core, made)
     assert quiet.alarms == 0
     assert quiet.watched == pytest.approx(20.0, abs=0.6)
     outputs = made.outputs.copy()
     outputs[400:] += 6.0
-    assert count(spec, engine, replace(made, outputs=outputs)).alarms >= 1
+    assert count(core, replace(made, outputs=outputs)).alarms >= 1
 
 
 def test_every_plant_gives_its_lines(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

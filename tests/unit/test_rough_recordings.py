@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from faultbond.app import methods
-from faultbond.app.engine_choice import build_watcher
+from faultbond.app.engine import build_watcher
 from faultbond.cli import main
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.io.prepared import Identity
 from faultbond.model.graph import BondGraph
-from faultbond.types import EngineChoice
+from faultbond.runtime.core import Core
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STEP = 0.02
@@ -29,11 +29,11 @@ Edit = Callable[[Rows], Iterable[list[str]]]
 @pytest.fixture(scope="module", autouse=True)
 def built_once() -> Iterator[None]:
     """Build the engine of a model once for all runs."""
-    known: dict[str, tuple[EngineSpec, Engine]] = {}
+    known: dict[str, Core] = {}
 
-    def build(graph: BondGraph, choice: EngineChoice) -> tuple[EngineSpec, Engine]:
+    def build(graph: BondGraph, identity: Identity | None = None) -> Core:
         if graph.sha256 not in known:
-            known[graph.sha256] = build_watcher(graph, choice)
+            known[graph.sha256] = build_watcher(graph, identity)
         return known[graph.sha256]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -103,7 +103,7 @@ def test_a_time_column_is_used_where_it_is(tmp_path: Path) -> None:
 def test_every_system_can_be_checked(figure: str, tmp_path: Path) -> None:
     """`check` understands every system, static or not, numbers or logic."""
     path = tmp_path / "check.json"
-    assert main(["check", str(THESIS / f"{figure}.yaml"), "--engine", "vm", "--json", str(path)]) == 0
+    assert main(["check", str(THESIS / f"{figure}.yaml"), "--json", str(path)]) == 0
     record = json.loads(path.read_text())
     assert {item["type"] for item in record["components"]} == {"block"}
     assert record["sample_time"] == (0.1 if figure == "fig_3_18" else None)
@@ -111,7 +111,7 @@ def test_every_system_can_be_checked(figure: str, tmp_path: Path) -> None:
 
 def test_check_names_signals_and_suspects(capsys: pytest.CaptureFixture[str]) -> None:
     """The listing of a static network says what its signals and suspects are, and nothing of bonds or filters."""
-    assert main(["check", str(THESIS / "fig_3_7.yaml"), "--engine", "vm"]) == 0
+    assert main(["check", str(THESIS / "fig_3_7.yaml")]) == 0
     text = capsys.readouterr().out
     assert "x, y, z, s, c" in text
     assert "X1, A1, A2, X2, O1" in text
@@ -144,11 +144,11 @@ def test_the_recording_of_the_store_is_what_its_script_makes(tmp_path: Path) -> 
 def test_a_dynamic_network_runs_from_file_to_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A healthy recording of the store gives no alarm; one whose P doubled gives P, with a report."""
     model, healthy, faulty = THESIS / "fig_3_18.yaml", THESIS / "fig_3_18.csv", tmp_path / "faulty.csv"
-    assert main(["run", str(model), str(healthy), "--engine", "vm"]) == 0
+    assert main(["run", str(model), str(healthy)]) == 0
     common = ["simulate", str(model), "--inputs", str(healthy), "--seed", "1", "-o", str(faulty)]
     assert main([*common, "--fault", "P=8@10"]) == 0
     page, records = tmp_path / "report.html", tmp_path / "records.jsonl"
-    arguments = ["run", str(model), str(faulty), "--engine", "vm", "--report", str(page), "--json", str(records)]
+    arguments = ["run", str(model), str(faulty), "--report", str(page), "--json", str(records)]
     assert main(arguments) == 1
     last = [json.loads(line) for line in records.read_text().splitlines()][-2]
     best = last["candidates"][0]

@@ -30,7 +30,8 @@ from benchmarks.trust.plants import (
 from benchmarks.trust.play import Claim, Run, _Patience, play
 
 from faultbond.contract.lanes import starts_of
-from faultbond.runtime.state import Sample
+from faultbond.contract.samples import Sample
+from faultbond.runtime.monitor import Monitor
 from faultbond.types import FaultKind, Method
 
 SEED = 31
@@ -119,8 +120,8 @@ def test_late_rows_arrive_once_and_soon() -> None:
 def test_late_rows_are_awaited_live() -> None:
     """Live, rows that come late are used, but for the first seconds and where more than one is late."""
     made = trust_arrival.with_late(WINDING, 0.05, SEED)
-    spec, engine = engine_of("dc_motor")
-    samples = [sample for sample, _, _ in trust_arrival.watched(spec, engine, made)]
+    monitor = Monitor(engine_of("dc_motor")[1])
+    samples = [sample for sample, _, _ in trust_arrival.watched(monitor, made)]
     assert [sample.time for sample in samples] == pytest.approx(made.time)
     order = np.array(made.order)
     late = {int(k) for k in order[np.maximum.accumulate(order) > order]}

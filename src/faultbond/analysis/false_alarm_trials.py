@@ -14,7 +14,7 @@ from faultbond.analysis.operation import Operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
-from faultbond.runtime.cusum import Floats, Sums, added, height_of, no_sums
+from faultbond.fit.cusum import Floats, Sums, added, height_of, no_sums
 
 REALISATIONS = 60  # of noise, per onset
 _SEED = 20
@@ -82,8 +82,8 @@ def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random
     sizes = np.sqrt(np.maximum(np.diag(known), 1e-300))
     values, vectors = np.linalg.eigh(known / np.outer(sizes, sizes))
     errors = np.zeros((REALISATIONS, n))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    errors[:, rest] = generator.standard_normal((REALISATIONS, len(rest))) @ root.T * sizes
+    root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric: others turn with the last digit
+    errors[:, rest] = generator.standard_normal((REALISATIONS, len(rest))) @ root * sizes
     return errors
 
 

@@ -16,16 +16,17 @@ import numpy as np
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.equilibrium import Stand, reference_levels, stands, times
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.spec import Engine, EngineSpec, unpack
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.equations.step import StepModel
 from faultbond.errors import RecordingError, StructureError
-from faultbond.runtime.monitor import quiet, step
-from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
 HELD = 4.0  # settling times between two moves
 SMALLER = (1.0, 1 / 4, 1 / 16, 0.0)  # parts of these moves, tried in turn
+_GROWN = 1e12  # times that a deviation has grown of a plant that runs away
 _MOST_RUNS = 3  # tried with the filter
 
 
@@ -65,7 +66,7 @@ class UsualRun:
     states: FloatArray
 
 
-def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | Sequence[Sample]) -> Operation:
+def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Sequence[Sample]) -> Operation:
     """Run the healthy filter over samples and linearise it.
 
     Along a usual run the start is not solved for: it is known where it is, and the filter is told no more than its
@@ -124,31 +125,36 @@ def operate(model: StepModel, spec: EngineSpec, engine: Engine, run: UsualRun | 
 
 
 def _filtered(
-    spec: EngineSpec, engine: Engine, samples: Sequence[Sample]
+    spec: EngineSpec, engine: Core, samples: Sequence[Sample]
 ) -> tuple[list[tuple[float, FloatArray, FloatArray, FloatArray]], int]:
     """Run the monitor with its alarms off; give rows since its filter runs, and before how many alarms would be off.
 
     A row: time, s; packed sample (n_sample,); healthy lane (n_numbers,); sd of the innovations (n_outputs,), SI.
     """
-    watched = quiet(spec)
-    state = init(watched)
+    monitor = Monitor(engine, quiet=True)
     if all(item.start_sd is not None for item in spec.states):  # the filter runs from the first sample on
-        start = solve_start(watched, engine, np.zeros((0, spec.n_sample)))
-        state = replace(
-            state,
-            clock=replace(state.clock, running=1),
-            healthy=replace(state.healthy, lane=healthy_lane(watched, *start)),
-        )
+        mean = np.array([item.start_mean for item in spec.states])
+        monitor.go_on(engine.healthy_lane(mean, np.diag(_stated_variances(spec))))
     rows = list[tuple[float, FloatArray, FloatArray, FloatArray]]()
-    for sample in samples:
-        state, report = step(watched, engine, state, sample)
-        if not state.clock.running:
+    for number, sample in enumerate(samples):
+        report = monitor.step(sample)
+        if not monitor.number("clock.running"):
             rows = []
             continue
-        packed, lane = state.past.samples[-1].copy(), state.healthy.lane[:, 0]
-        rows.append((sample.time, packed, lane, np.sqrt(np.maximum(report.variance, 0.0))))
-    first = state.clock.index - len(rows)
-    return rows, max(state.clock.begun + spec.thresholds.warm_up_samples - first, 0)
+        packed, _ = monitor.row(number)
+        spread = np.sqrt(np.maximum(report.variance, 0.0))
+        rows.append((sample.time, packed, monitor.numbers("healthy.lane"), spread))
+    first = len(samples) - len(rows)
+    return rows, max(int(monitor.number("clock.begun")) + spec.thresholds.warm_up_samples - first, 0)
+
+
+def _stated_variances(spec: EngineSpec) -> list[float]:
+    """Give the variances of stated starts, (n_states,); contents are stated, so parameters of the stores count too."""
+    accuracy = [item.accuracy for item in spec.parameters]
+    return [
+        (item.start_sd or 0.0) ** 2 + sum((item.start_mean * power * accuracy[j]) ** 2 for j, power in item.jumps)
+        for item in spec.states
+    ]
 
 
 def _slopes(
@@ -188,7 +194,7 @@ def advance_function(model: StepModel) -> ca.Function:
     return ca.Function("advance", [v, z, before, u, dt], results, {"cse": True})
 
 
-def usual_operation(model: StepModel, spec: EngineSpec, engine: Engine, count: int) -> Operation:
+def usual_operation(model: StepModel, spec: EngineSpec, engine: Core, count: int) -> Operation:
     """Run the healthy filter over a usual run, and linearise it.
 
     Raises
@@ -199,7 +205,7 @@ def usual_operation(model: StepModel, spec: EngineSpec, engine: Engine, count: i
     for run in islice(usual_runs(model, spec, count), _MOST_RUNS):
         with suppress(RecordingError):
             found = operate(model, spec, engine, run)
-            if len(found.time) == count:
+            if len(found.time) == count and not _runs_away(found, len(spec.states)):
                 return found
     graph = model.plant.graph
     near = ", ".join(item.name for item in graph.inputs)
@@ -208,6 +214,16 @@ def usual_operation(model: StepModel, spec: EngineSpec, engine: Engine, count: i
         f"{f'with {near} near the usual values' if near else 'by itself'}, or one that runs away; give a recording of "
         "the healthy plant with --data"
     )
+
+
+def _runs_away(found: Operation, n_states: int) -> bool:
+    """Whether the plant leaves where it is however little it is off: it may only stand there, as nothing real does."""
+    grown = np.eye(n_states)
+    for step in found.transition[1:, :n_states, :n_states]:
+        grown = step @ grown
+        if not np.all(np.abs(grown) < _GROWN):
+            return True
+    return False
 
 
 def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[UsualRun]:

@@ -25,10 +25,11 @@ from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detec
 from faultbond.analysis.faulty import FaultCase, Faults
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.arrays import BoolArray, FloatArray, IntArray
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError
-from faultbond.runtime.state import Sample
+from faultbond.runtime.core import Core
 
 WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
@@ -94,7 +95,7 @@ _PATIENCE = 8  # rounds of one trial; the next begins from wherever it is
 def smallest_faults(
     model: StepModel,
     spec: EngineSpec,
-    engine: Engine,
+    engine: Core,
     samples: Sequence[Sample] | None = None,
     *,
     parameters: Sequence[str] | None = None,

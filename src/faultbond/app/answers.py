@@ -10,8 +10,8 @@ from faultbond.algebra.solving.backward_euler import plant_of
 from faultbond.algebra.solving.solve import SolvingLimits
 from faultbond.app.wishes import Wishes
 from faultbond.equations.component_network import ComponentNetwork
+from faultbond.io.cache import cache_folder
 from faultbond.model.graph import BondGraph
-from faultbond.synthesis.compile import cache_folder
 
 MOST_SETS = 300  # of suspects that are given a route
 PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take

@@ -9,12 +9,12 @@ from faultbond.app.method_face import Numbers, Watcher
 from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.json_records import Record
+from faultbond.contract.samples import Reports, Samples
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import fitting
-from faultbond.runtime.state import Report, Sample
 from faultbond.thesis.offline.build import build_classic
 from faultbond.thesis.online import decision, watch
 from faultbond.thesis.online.plan import ClassicPlan
@@ -60,11 +60,11 @@ class Classic:
         """Expect a sample after a time of unknown length."""
         self._state = decision.after_pause(self._state)
 
-    def step(self, sample: Sample) -> Report:
-        """Take one sample; the statistic is that part of its limit which it is of the bank's."""
-        self._state, report = watch.step(self.spec, self._plan, self._state, sample)
+    def take(self, samples: Samples) -> Reports:
+        """Take the first of some samples; the statistic is that part of its limit which it is of the bank's."""
+        self._state, report = watch.step(self.spec, self._plan, self._state, samples.first)
         limits = current_limits(self.spec, self._plan, self._state)
-        return replace(report, cusum=report.cusum / limits * self.spec.thresholds.cusum_limit)
+        return replace(report, cusum=report.cusum / limits * self.spec.thresholds.cusum_limit).alone
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""

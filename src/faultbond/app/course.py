@@ -7,20 +7,20 @@ from math import nan
 import numpy as np
 
 from faultbond.app.method_face import Watcher
-from faultbond.app.rows import sample_of
 from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
 from faultbond.contract.json_records import decision_record, detection_record, diagnosis_record, end_record
+from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.errors import FaultbondError
-from faultbond.io.grid import Counts, Grid, GridPoint
+from faultbond.io.grid import Counts, Grid, PointBlock
 from faultbond.io.out import Out
 from faultbond.io.saved import FoundSoFar, Saved
 from faultbond.runtime.rule import sure_after
-from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
-ALARMS_ON = (Status.WATCHING, Status.DIAGNOSING)
+_ALARMS_ON = [STATUSES.index(status) for status in (Status.WATCHING, Status.DIAGNOSING)]
+_WAITING, _LOST = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,20 +57,29 @@ class Course:
             detections = () if self.found.open is None else (self.found.open,)
             self._trace.before(detections, self.found.accepted[-TOLD:], self.found.rejected)
 
-    def take(self, point: GridPoint) -> None:
-        """Pass one point on, and write what the method says to it."""
-        sample = sample_of(point)
-        if point.resumes:
-            self._watcher.resume()
-        report = self._watcher.step(sample)
-        self._time = point.time
-        self._count(sample, report)
+    def take(self, points: PointBlock) -> None:
+        """Pass points on in order, and write what the method says to them."""
+        samples = Samples(time=points.time, dt=points.dt, u=points.u, y=points.y)
+        resumes, first = np.flatnonzero(points.resumes), 0
+        while first < len(points):
+            if points.resumes[first]:
+                self._watcher.resume()
+            later = resumes[resumes > first]
+            reports = self._watcher.take(samples[first : int(later[0]) if len(later) else len(points)])
+            done = first + len(reports)
+            self._take(samples[first:done], reports, int(points.index[done - 1]))
+            first = done
+
+    def _take(self, samples: Samples, reports: Reports, last: int) -> None:
+        """Take what the method says to some samples, the last of which is the grid point `last`."""
+        self._time = float(samples.time[-1])
+        self._count(samples, reports)
         if self._trace is not None:
-            self._trace.add(sample, report)
-        if report.detection is not None:
-            self._detected(report.detection)
-        if report.diagnosis is not None:
-            self._diagnosed(report.diagnosis, point.index)
+            self._trace.add(samples, reports)
+        if reports.detection is not None:
+            self._detected(reports.detection)
+        if reports.diagnosis is not None:
+            self._diagnosed(reports.diagnosis, last)
 
     def heed(self, other: FoundSoFar) -> None:
         """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
@@ -164,21 +173,17 @@ class Course:
             return f"no row has a value of the sensor {silent[0]}, and the start still waited for one"
         return "no row has a value of a sensor that is in use once the alarms are on"
 
-    def _count(self, sample: Sample, report: Report) -> None:
-        status = report.status
-        self._seen |= np.isfinite(sample.u)
-        read = np.isfinite(sample.y)
-        self._read |= read
-        watched = status in ALARMS_ON and bool(np.any(read & self._watcher.in_use))
-        self._lost += status is Status.LOST
-        waiting = status is Status.WAITING
-        if watched or waiting or report.wild:
+    def _count(self, samples: Samples, reports: Reports) -> None:
+        read, status = np.isfinite(samples.y), reports.status
+        self._seen |= np.isfinite(samples.u).any(axis=0)
+        self._read |= read.any(axis=0)
+        self._lost += int(np.sum(status == _LOST))
+        watched = int(np.sum(np.isin(status, _ALARMS_ON) & (read & self._watcher.in_use).any(axis=1)))
+        waiting, wild = int(np.sum(status == _WAITING)), int(np.sum(reports.wild))
+        if watched or waiting or wild:
             found = self.found
             self.found = replace(
-                found,
-                watched=found.watched + watched,
-                waiting=found.waiting + waiting,
-                wild=found.wild + report.wild,
+                found, watched=found.watched + watched, waiting=found.waiting + waiting, wild=found.wild + wild
             )
 
     def _detected(self, detection: Detection) -> None:

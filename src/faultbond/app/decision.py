@@ -15,8 +15,8 @@ from faultbond.io.record_file import holds_records
 from faultbond.io.saved import FoundSoFar, Saved, write_saved
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.accepting import find_hypothesis
-from faultbond.types import EngineChoice, TimeGrid
+from faultbond.runtime.names import find_hypothesis
+from faultbond.types import TimeGrid
 
 NO_ALARM = "There is no alarm to explain, so nothing to accept or reject."
 
@@ -87,7 +87,7 @@ def _opened(model: Path, state: Path, out: Out) -> _Opened:
         raise RecordingError(f"{state}: there is no such file. `faultbond run MODEL REC --state {state}` writes it.")
     if out.replaces is not None and saved.records is not None and holds_records(out.replaces, saved.records):
         raise FaultbondError(f"{out.replaces}: there are the records of the run in {state}. Name another file.")
-    watcher = build_method(graph, saved.method, EngineChoice.AUTO, saved.numbers)
+    watcher = build_method(graph, saved.method, saved.numbers)
     diagnosis = watcher.finish()
     if diagnosis is None or not diagnosis.candidates:
         raise FaultbondError(NO_ALARM)

@@ -7,20 +7,21 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from faultbond.app.engine_choice import NO_COMPILER, build_watcher
+from faultbond.app.engine import build_watcher
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import FitWishes
+from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Engine
-from faultbond.errors import GenerationError, ModelError, RecordingError
+from faultbond.errors import ModelError, RecordingError
+from faultbond.fit.library import load_likelihood
+from faultbond.io.cache import loadable
 from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.library import load_engine
-from faultbond.runtime.state import Sample
-from faultbond.types import EngineChoice, TimeGrid
+from faultbond.types import TimeGrid
 
 
 def fit(
@@ -30,7 +31,6 @@ def fit(
     wishes: FitWishes,
     output: Path | None,
     report: Path | None,
-    engine: EngineChoice,
     out: Out,
 ) -> None:
     """Fit a model to healthy recordings and write the model file that follows from them."""
@@ -47,13 +47,13 @@ def fit(
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     with threadpool_limits(1), _waiting() as status:  # matrices are small here, and threads would only wait
         step_model = build_model(graph)
-        spec, watcher = build_watcher(graph, engine)
-        likelihood = likelihood_engine(step_model, engine)
-        plant, records, begin = build_fit(step_model, likelihood, spec, watcher, read, parameters, wishes.own)
+        core = build_watcher(graph)
+        likelihood = likelihood_engine(step_model)
+        plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
         found = fit_plant(
             plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
         )
-    fitted = fitted_model(graph, found, spec.version)
+    fitted = fitted_model(graph, found, core.spec.version)
     refused: OSError | None = None
     try:
         if output is not None:
@@ -79,9 +79,7 @@ def _write(path: Path, text: str) -> None:
         stream.write(text)
 
 
-def check_data(
-    model: Path, recordings: tuple[str, ...], *, promise: float | None, engine: EngineChoice, out: Out
-) -> None:
+def check_data(model: Path, recordings: tuple[str, ...], *, promise: float | None, out: Out) -> None:
     """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
 
     Parameters
@@ -89,7 +87,6 @@ def check_data(
     model : the model file
     recordings : healthy recordings
     promise : seconds between false alarms that are wanted at least; None: as the model file says, else 30 days
-    engine : which engine to take
     out : where to write
     """
     graph = load_model(model)
@@ -100,11 +97,11 @@ def check_data(
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
 
     with _waiting() as status:
-        spec, watcher = build_watcher(graph, engine)
+        core = build_watcher(graph)
         status("watching the recordings")
-        records = tuple(healthy_recording(name, points, spec) for name, points in read)
-        found = on_trial(spec, watcher, records, promise or graph.time_between_false_alarms or MONTH)
-    out.record(health_record(graph, spec, found))
+        records = tuple(healthy_recording(name, points, core) for name, points in read)
+        found = on_trial(core, records, promise or graph.time_between_false_alarms or MONTH)
+    out.record(health_record(graph, core.spec, found))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
 
@@ -126,33 +123,23 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     return points
 
 
-def likelihood_engine(step_model: Any, choice: EngineChoice) -> Engine:
-    """Build what evaluates the likelihood of a model in discrete time, compiled where that is possible.
+def likelihood_engine(step_model: Any) -> Engine:
+    """Build what evaluates the likelihood of a model in discrete time.
 
     Raises
     ------
     GenerationError
-        Where compiled C was chosen and cannot be built, or what was built cannot be loaded.
+        Where there is no C compiler, it fails, or what was built cannot be loaded.
     """
     from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
-    from faultbond.synthesis.compile import compile_library, find_compiler  # noqa: PLC0415 - only here
+    from faultbond.synthesis.compile import compile_library, compiler_title, required_compiler  # noqa: PLC0415 - as emit
     from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
-    from faultbond.synthesis.machine import VirtualMachine  # noqa: PLC0415 - loads casadi
 
-    function = build_likelihood(step_model)
-    compiler = None if choice is EngineChoice.MACHINE else find_compiler()
-    if compiler is None:
-        if choice is EngineChoice.COMPILED:
-            raise GenerationError(NO_COMPILER)
-        return VirtualMachine(function)
+    compiler, function = required_compiler(), build_likelihood(step_model)
     template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
-    try:
-        library = compile_library(emit_filter(function, template), compiler)
-    except GenerationError:
-        if choice is EngineChoice.COMPILED:
-            raise
-        return VirtualMachine(function)
-    return load_engine(library, function.numel_out(1), " ".join(compiler))
+    library = compile_library(emit_filter(function, template), compiler)
+    with loadable([library]) as (path,):
+        return load_likelihood(path, function.numel_out(1), compiler_title(compiler))
 
 
 def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:

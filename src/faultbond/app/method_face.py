@@ -5,8 +5,8 @@ from typing import Protocol
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis
+from faultbond.contract.samples import Reports, Samples
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.state import Report, Sample
 
 Numbers = Mapping[str, FloatArray]
 
@@ -37,8 +37,8 @@ class Watcher(Protocol):
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
 
-    def step(self, sample: Sample) -> Report:
-        """Take one sample."""
+    def take(self, samples: Samples) -> Reports:
+        """Take samples in order, one at least, up to one at which something is found; tells of those it took."""
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""

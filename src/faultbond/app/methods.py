@@ -1,23 +1,28 @@
 """The methods of detection and diagnosis: the bank, and where the other one is made."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from faultbond.app.engine_choice import build_watcher
+from faultbond.app.engine import build_watcher
 from faultbond.app.method_face import Numbers, Watcher
-from faultbond.arrays import BoolArray
+from faultbond.app.plant import WatchedPlant, load_prepared
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.errors import RecordingError
+from faultbond.contract.samples import Reports, Samples
+from faultbond.contract.spec import EngineSpec
+from faultbond.errors import GenerationError, RecordingError
+from faultbond.io.prepared import Identity, Prepared
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.accepting import accept, reject
 from faultbond.runtime.advice import Probe, advise
-from faultbond.runtime.allowed import BEGIN_ANEW, fitting
-from faultbond.runtime.monitor import START_PATIENCE, finish, step
-from faultbond.runtime.packing import resumed
-from faultbond.runtime.state import Report, Sample, State, allowed_of, init
-from faultbond.types import EngineChoice, Method
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import BEGIN_ANEW, Monitor
+from faultbond.types import CheckKind, Method
+
+_STATE = "state"  # name of what the core saves
 
 
 class BankWatcher:
@@ -25,85 +30,107 @@ class BankWatcher:
 
     Parameters
     ----------
-    spec, engine : the model
+    core : of the model
     saved : what another watcher saved; None begins anew
     probe : gives what candidates expect of signals that are measured by hand
     """
 
-    def __init__(
-        self, spec: EngineSpec, engine: Engine, saved: Numbers | None = None, probe: Probe | None = None
-    ) -> None:
-        self.spec = spec
-        self.title = engine.title
-        self.asleep, self.lag = spec.thresholds.warm_up_samples, 0
-        self._engine = engine
+    def __init__(self, core: Core, saved: Numbers | None = None, probe: Probe | None = None) -> None:
+        self.spec = core.spec
+        self.title = core.title
+        self.asleep, self.lag = core.spec.thresholds.warm_up_samples, 0
         self._probe = probe
-        self._state = init(spec) if saved is None else restored(spec, saved)
+        self._monitor = Monitor(core, None if saved is None else _state_of(saved))
 
     @property
     def in_use(self) -> BoolArray:
         """Which sensors are used, (n_outputs,)."""
-        return np.isfinite(self._state.normal.noise)
+        return self._monitor.in_use
 
     def resume(self) -> None:
         """Expect a sample after a time of unknown length."""
-        self._state = resumed(self._state)
+        self._monitor.resume()
 
-    def step(self, sample: Sample) -> Report:
-        """Take one sample."""
-        with np.errstate(all="ignore"):  # of filters that run away, numbers without end are a defined outcome
-            self._state, report = step(self.spec, self._engine, self._state, sample)
-            return replace(report, diagnosis=self._advised(report.diagnosis))
+    def take(self, samples: Samples) -> Reports:
+        """Take samples in order, one at least, up to one at which something is found; tells of those it took."""
+        reports = self._monitor.take(samples)
+        found = reports.diagnosis
+        return reports if found is None else replace(reports, diagnosis=self._advised(found))
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
-        with np.errstate(all="ignore"):
-            return self._advised(finish(self.spec, self._state))
+        found = self._monitor.finish()
+        return None if found is None else self._advised(found)
 
-    def _advised(self, diagnosis: Diagnosis | None) -> Diagnosis | None:
+    def _advised(self, diagnosis: Diagnosis) -> Diagnosis:
         """Add what to do next."""
-        if diagnosis is None:
-            return None
-        return replace(diagnosis, advice=advise(self.spec, self._engine, self._state, diagnosis, self._probe))
+        with np.errstate(all="ignore"):  # of filters that run away, numbers without end are a defined outcome
+            return replace(diagnosis, advice=advise(self._monitor, diagnosis, self._probe))
 
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
-        self._state, candidate = accept(self.spec, self._state, hypothesis)
-        return candidate
+        return self._monitor.accept(hypothesis)
 
     def reject(self, hypothesis: int) -> Candidate:
         """Rule a hypothesis out, and give the candidate as it stood."""
-        self._state, candidate = reject(self.spec, self._state, hypothesis)
-        return candidate
+        return self._monitor.reject(hypothesis)
 
     def save(self) -> Numbers:
         """Give what is remembered, by name."""
-        return self._state.save()
+        return {_STATE: self._monitor.save().view(np.float64)}  # whole words
 
 
-def build_method(graph: BondGraph, method: Method, choice: EngineChoice, saved: Numbers | None = None) -> Watcher:
-    """Give a watcher of a plant, at its beginning, or as it was saved."""
-    if method is Method.CLASSIC:
-        from faultbond.app.classic import build_classic_watcher  # noqa: PLC0415 - loads casadi and sympy
-
-        return build_classic_watcher(graph, saved)
-    spec, engine = build_watcher(graph, choice)
-    from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
-
-    return BankWatcher(spec, engine, saved, build_probe(spec, graph))
-
-
-def restored(spec: EngineSpec, saved: Numbers) -> State:
-    """Give the state of the method `bank` that was saved.
+def _state_of(saved: Numbers) -> NDArray[np.uint8]:
+    """Give the state of the method `bank` among what was saved.
 
     Raises
     ------
     RecordingError
-        Where it does not fit the model, or has numbers that no run has.
+        Where another version saved it.
     """
-    state = State.restore(fitting(init(spec).save(), saved, allowed_of(spec)))
-    clock = state.clock
-    gathering = 0 if clock.running or clock.begun < 0 else clock.index - clock.begun
-    if max(clock.begun, clock.alarm, clock.accepted) > clock.index or gathering > START_PATIENCE:
-        raise RecordingError(f"the saved state is damaged: its samples are out of order. {BEGIN_ANEW}")
-    return state
+    if set(saved) != {_STATE} or saved[_STATE].ndim != 1:
+        raise RecordingError(f"the saved state was made by another version of faultbond. {BEGIN_ANEW}")
+    return np.ascontiguousarray(saved[_STATE]).view(np.uint8)
+
+
+def build_method(
+    graph: BondGraph, method: Method, saved: Numbers | None = None, identity: Identity | None = None
+) -> Watcher:
+    """Give a watcher of a plant, at its beginning, or as it was saved; see `build_watcher` of its identity."""
+    if method is Method.CLASSIC:
+        from faultbond.app.classic import build_classic_watcher  # noqa: PLC0415 - loads casadi and sympy
+
+        return build_classic_watcher(graph, saved)
+    core = build_watcher(graph, identity)
+    return BankWatcher(core, saved, late_probe(core.spec, lambda: graph))
+
+
+def prepared_bank(plant: WatchedPlant, prepared: Prepared, saved: Numbers | None = None) -> BankWatcher:
+    """Give the method `bank` of a plant that the cache knows, at its beginning, or as it was saved.
+
+    Raises
+    ------
+    GenerationError
+        Where its core cannot be loaded.
+    """
+    return BankWatcher(load_prepared(prepared), saved, late_probe(prepared.spec, lambda: plant.graph))
+
+
+def late_probe(spec: EngineSpec, graph: Callable[[], BondGraph]) -> Probe | None:
+    """Give what candidates expect of signals measured by hand, made when it is first asked; None without such ones."""
+    if all(item.kind is not CheckKind.SIGNAL for item in spec.checks):
+        return None
+
+    @cache
+    def made() -> Probe | None:
+        from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
+
+        return build_probe(spec, graph())
+
+    def probe(lane: FloatArray, inputs: FloatArray) -> FloatArray:
+        found = made()
+        if found is None:  # of a spec that names such signals there is one
+            raise GenerationError("the model has no signal that is measured by hand")
+        return found(lane, inputs)
+
+    return probe

@@ -2,16 +2,15 @@
 
 from pathlib import Path
 
-from faultbond.app.engine_choice import engine_title
+from faultbond.app.engine import engine_title
 from faultbond.io.out import Out
 from faultbond.model.text import load_model
-from faultbond.types import EngineChoice
 
 
-def check(model: Path, *, engine: EngineChoice, out: Out) -> None:
+def check(model: Path, *, out: Out) -> None:
     """Tell what was understood of a model."""
     graph = load_model(model)
-    title = engine_title(engine)
+    title = engine_title()
     from faultbond.report.inventory import Inventory, check_record  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.specify import build_spec  # noqa: PLC0415 - loads casadi

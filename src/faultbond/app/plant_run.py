@@ -2,30 +2,31 @@
 
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from faultbond.app.course import Course, Following
 from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
-from faultbond.app.methods import build_method
-from faultbond.app.rows import begun, no_time, progress
+from faultbond.app.methods import build_method, prepared_bank
+from faultbond.app.plant import WatchedPlant
+from faultbond.app.rows import begun, no_time, portions, progress, single_rows
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.json_records import run_record
 from faultbond.contract.spec import EngineSpec
-from faultbond.errors import RecordingError
+from faultbond.errors import GenerationError, RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
-from faultbond.io.grid import Grid, GridPoint, Row
+from faultbond.io.grid import Grid, PointBlock, RowBlock, blocks_of_points
 from faultbond.io.out import Out
-from faultbond.io.recording import Columns, columns_of, read_rows
+from faultbond.io.recording import Columns, read_blocks
 from faultbond.io.saved import Saved
-from faultbond.model.graph import BondGraph
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
 
-def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
+def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
     """Watch a recording of a plant in time, and give the verdict.
 
     Raises
@@ -34,13 +35,13 @@ def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> 
         Where the recording cannot be read, or has no row with a time, or none later than the end of the saved run.
     """
     stamp = stamp_of(wanted.state)
-    before = read_before(wanted.state, graph, wanted.method)
+    before = read_before(wanted.state, plant.graph, wanted.method) if wanted.state is not None else None
     live = recording == STANDARD_INPUT
-    rows: Iterable[Row] = read_rows(recording, _columns(graph, before))
+    blocks = read_blocks(recording, _columns(plant, before))
     if not live:
-        rows = begun(iter(rows), recording)  # a wrong file is refused before the engine is built
+        blocks = begun(blocks, recording)  # a wrong file is refused before the engine is built
     with progress(recording, out) as follow:
-        watcher = build_method(graph, wanted.method, wanted.engine, before.numbers if before else None)
+        watcher = _watcher(plant, wanted, before)
         grid = Grid(
             watcher.spec.sample_time,
             live=live,
@@ -55,17 +56,27 @@ def run_plant(graph: BondGraph, recording: str, *, wanted: Wanted, out: Out) -> 
             out.go_on(records)
         out.record(_run_record(watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
-        _pass(course, follow(rows), grid, keeper, out, live=live)
+        portioned = single_rows(blocks) if live and keeper is not None else portions(blocks)
+        _pass(course, follow(portioned), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    _conclude(graph, watcher, course, trace, wanted, out)
+    _conclude(plant, watcher, course, trace, wanted, out)
     return course.verdict
 
 
-def _columns(graph: BondGraph, before: Saved | None) -> Columns:
+def _watcher(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watcher:
+    """Give the method, from what the cache knows of the plant where it can be loaded."""
+    numbers = before.numbers if before is not None else None
+    if plant.prepared is not None:
+        with suppress(GenerationError):
+            return prepared_bank(plant, plant.prepared, numbers)
+    return build_method(plant.graph, wanted.method, numbers, plant.identity)
+
+
+def _columns(plant: WatchedPlant, before: Saved | None) -> Columns:
     """Give the columns to read; without a time column the clock goes on from the run before."""
-    columns = columns_of(graph)
+    columns = plant.columns
     if before is None:
         return columns
     return replace(columns, first_time=before.clock.last_time + (columns.sample_time or 1.0))
@@ -90,12 +101,14 @@ def _nothing_new(recording: str, before: Saved) -> str:
     )
 
 
-def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
+def _pass(
+    course: Course, blocks: Iterable[RowBlock], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool
+) -> None:
     """Pass all rows through the method and write the records as they come; to be stopped is an end like another."""
     with Stopping() as stopping:
         try:
-            for row in stopping.between(rows):
-                _take(course, grid.push(row), out)
+            for rows in stopping.between(blocks):
+                _take(course, grid.push_block(rows), out)
                 if live and keeper is not None:  # between rows: the points of one row are kept together
                     keeper.look()
         except KeyboardInterrupt:
@@ -107,7 +120,7 @@ def _pass(course: Course, rows: Iterable[Row], grid: Grid, keeper: Keeper | None
 
 def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
     """Pass what was held back, write the last records, and keep the run."""
-    _take(course, grid.finish(), out)
+    _take(course, blocks_of_points(grid.finish()), out)
     if not course.counts.samples and not live:
         return
     if live and keeper is not None:
@@ -117,30 +130,30 @@ def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: b
         keeper.write(last=True)
 
 
-def _take(course: Course, points: Iterable[GridPoint], out: Out) -> None:
-    for point in points:
+def _take(course: Course, blocks: Iterable[PointBlock], out: Out) -> None:
+    for points in blocks:
         out.settle()  # now that there is something to watch
-        course.take(point)
+        course.take(points)
 
 
 def _conclude(
-    graph: BondGraph, watcher: Watcher, course: Course, trace: Trace | None, wanted: Wanted, out: Out
+    plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace | None, wanted: Wanted, out: Out
 ) -> None:
     """Say what was found, and on standard error that nothing can be said, where the text does not."""
     reason = course.no_verdict()
     if reason and not (out.text is not None and out.text.isatty()):
         sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
     if trace is not None:
-        _tell(graph, watcher, course, trace, wanted.report, out)
+        _tell(plant, watcher, course, trace, wanted.report, out)
 
 
-def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, report: Path | None, out: Out) -> None:
+def _tell(plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace, report: Path | None, out: Out) -> None:
     """Print the result, and write the report where one is asked for."""
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
-    from faultbond.equations.causality import assign_causality  # noqa: PLC0415
 
+    graph = plant.graph
     counts = pages.RunCounts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
@@ -153,6 +166,8 @@ def _tell(graph: BondGraph, watcher: Watcher, course: Course, trace: Trace, repo
         except OSError as error:  # the exit code and the report still come
             out.lose_text(error)
     if report is not None:
+        from faultbond.equations.causality import assign_causality  # noqa: PLC0415
+
         strokes = dict(assign_causality(graph).strokes)
         page = pages.render_report(graph, history, strokes, title, watcher.spec.version, counts)
         try:

@@ -3,18 +3,22 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from itertools import accumulate, chain, islice
+from itertools import accumulate, chain
 from pathlib import Path
+from time import monotonic
 
+from faultbond.contract.samples import Sample
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
-from faultbond.io.grid import GridPoint, Row
+from faultbond.io.grid import MAX_BLOCK, GridPoint, RowBlock
 from faultbond.io.out import Out
-from faultbond.runtime.state import Sample
 
 FIRST = 50  # rows by which the order of a recording is judged
 
-Follow = Callable[[Iterable[Row]], Iterable[Row]]
+QUICK, SLOW = 0.05, 0.1  # s; rows that take less are passed on in larger portions, those that take more in smaller
+PORTION = 256  # rows, to begin with
+
+Follow = Callable[[Iterable[RowBlock]], Iterable[RowBlock]]
 
 
 def no_time(recording: str) -> str:
@@ -25,7 +29,7 @@ def no_time(recording: str) -> str:
     )
 
 
-def begun(rows: Iterator[Row], recording: str) -> Iterator[Row]:
+def begun(blocks: Iterator[RowBlock], recording: str) -> Iterator[RowBlock]:
     """Read the first rows now.
 
     Raises
@@ -33,15 +37,40 @@ def begun(rows: Iterator[Row], recording: str) -> Iterator[Row]:
     RecordingError
         Where most of them are earlier than all before: rows that are a little late are sorted in, these could not be.
     """
-    first = list(islice(rows, FIRST))
-    earliest = accumulate((row.time for row in first), min)
-    back = [row for before, row in zip(earliest, first[1:], strict=False) if row.time < before]
-    if 2 * len(back) > len(first):
+    first: list[RowBlock] = []
+    while sum(map(len, first)) < FIRST and (block := next(blocks, None)) is not None:
+        first.append(block)
+    times = [float(time) for block in first for time in block.time][:FIRST]
+    lines = [int(line) for block in first for line in block.line][:FIRST]
+    earliest = accumulate(times, min)
+    back = [line for before, time, line in zip(earliest, times[1:], lines[1:], strict=False) if time < before]
+    if 2 * len(back) > len(times):
         raise RecordingError(
-            f"{recording}: line {back[0].line}: most rows are earlier than all before, so hardly any are of use. "
+            f"{recording}: line {back[0]}: most rows are earlier than all before, so hardly any are of use. "
             "Sort them by time, or check the column of `time`."
         )
-    return chain(first, rows)
+    return chain(first, blocks)
+
+
+def portions(blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
+    """Give rows in portions that take a moment to be worked on, so that who asks to stop need not wait."""
+    size = PORTION
+    for block in blocks:
+        first = 0
+        while first < len(block):
+            last, began = min(first + size, len(block)), monotonic()
+            yield block.part(slice(first, last))
+            first, took = last, monotonic() - began
+            if took < QUICK:
+                size = min(2 * size, MAX_BLOCK)
+            elif took > SLOW:
+                size = max(size // 2, 1)
+
+
+def single_rows(blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
+    """Give rows one by one, as where a person may decide between any two of them."""
+    for block in blocks:
+        yield from (block.part(slice(k, k + 1)) for k in range(len(block)))
 
 
 def sample_of(point: GridPoint) -> Sample:

@@ -10,6 +10,7 @@ import numpy as np
 
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import Imperfections
+from faultbond.contract.core_settings import core_settings
 from faultbond.errors import RecordingError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.files import STANDARD_INPUT
@@ -18,9 +19,7 @@ from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.monitor import START_SAMPLES, step
-from faultbond.runtime.start import solve_start
-from faultbond.runtime.state import init
+from faultbond.runtime.monitor import Monitor
 
 
 def simulate(
@@ -84,7 +83,8 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     known = {item.name for item in graph.components if item.start is not None}
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
-        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), START_SAMPLES - 1))
+        count = int(core_settings()["START_SAMPLES"]) - 1
+        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), count))
     except RecordingError:  # no sensors in it
         return {}
     from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi
@@ -93,12 +93,12 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     stores = model.plant.network.states
     if not points or all(store.component in known for store in stores):
         return {}
-    spec, engine = build_engine(graph, compiled=False)
-    state = init(spec)
+    _, core = build_engine(graph)
+    monitor = Monitor(core)
     for point in points:
-        state, _ = step(spec, engine, state, sample_of(point))
-    first = state.past.place(max(state.clock.begun, 0))
-    mean, _ = solve_start(spec, engine, state.past.samples[first:])
+        monitor.step(sample_of(point))
+    first = max(int(monitor.number("clock.begun")), 0)
+    mean, _ = core.solve_start(np.array([monitor.row(k)[0] for k in range(first, len(points))]))
     contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]
     return {
         store.name: float(content)

@@ -226,7 +226,7 @@ def _smallest(study: _Study, wishes: Wishes) -> Section:
             f"{study.graph.file}: the detector of {study.graph.name} follows {unknowns} states and parameters, and "
             f"smallest faults are worked out for up to {MOST_UNKNOWNS}; state parameters that do not fail as constants"
         )
-    spec, engine = build_engine(study.graph, compiled=False)
+    spec, engine = build_engine(study.graph)
     samples = [sample_of(point) for point in study.points] or None
     try:
         found = tuple(smallest_faults(study.model, spec, engine, samples, within=wishes.within))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from faultbond.types import EngineChoice, Method
+from faultbond.types import Method
 
 DEMO = "tank"  # the example that the demo runs
 SURE = 0.95  # probability from which a rule accepts, if nothing else is said
@@ -62,7 +62,6 @@ class Wanted:
     """How a plant is watched. accept: probability from which a rule accepts a diagnosis. state: file that keeps it."""
 
     method: Method = Method.BANK
-    engine: EngineChoice = EngineChoice.AUTO
     report: Path | None = None
     accept: float | None = None
     state: Path | None = None

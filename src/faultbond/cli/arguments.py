@@ -13,12 +13,12 @@ from faultbond.app.wishes import SURE
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
-from faultbond.model.quantities import duration, quantity, spread
-from faultbond.types import EngineChoice, Method, Verdict
+from faultbond.types import Method, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}
 ENGINE = "FAULTBOND_ENGINE"
+ENGINES = ("", "auto", "c")  # names that were of use; all mean the compiled one
 LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 MAX_CLOSED = 5
 MOST_STARTS = 100
@@ -55,10 +55,9 @@ def _add_check(verbs: Subparsers) -> None:
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
         if arguments.data:
-            read, engine = tuple(arguments.data), _engine(arguments)
-            app.check_data(arguments.model, read, promise=arguments.promise, engine=engine, out=out)
+            app.check_data(arguments.model, tuple(arguments.data), promise=arguments.promise, out=out)
         else:
-            app.check(arguments.model, engine=_engine(arguments), out=out)
+            app.check(arguments.model, out=out)
         return DONE
 
     example = "faultbond check examples/tank/model.yaml"
@@ -73,7 +72,7 @@ def _add_check(verbs: Subparsers) -> None:
     add(
         "--promise",
         metavar="TIME",
-        type=duration,
+        type=_time,
         help="with --data: mean time between false alarms that is wanted (default: that of the model, else '30 day')",
     )
     _add_engine(parser)
@@ -104,7 +103,7 @@ def _add_analyse(verbs: Subparsers) -> None:
     parser = _add_verb(verbs, "analyse", call, summary, example)
     add = parser.add_argument
     add("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
-    add("--within", metavar="TIME", type=duration, help="find the smallest faults within '60 s' (default: 300 samples)")
+    add("--within", metavar="TIME", type=_time, help="find the smallest faults within '60 s' (default: 300 samples)")
     add(
         "--separate",
         metavar="SET",
@@ -124,7 +123,7 @@ def _add_analyse(verbs: Subparsers) -> None:
     add(
         "--patience",
         metavar="TIME",
-        type=duration,
+        type=_time,
         default=4.0,
         help="time for all closed forms together; one may take a quarter of it (default: 4 s)",
     )
@@ -155,7 +154,6 @@ def _add_fit(verbs: Subparsers) -> None:
             wishes=wishes,
             output=arguments.output,
             report=arguments.report,
-            engine=_engine(arguments),
             out=out,
         )
         return DONE
@@ -235,7 +233,7 @@ def _add_simulate(verbs: Subparsers) -> None:
     )
     for option, metavar, read, meaning in (
         ("--spread", "PART", _part, "true parameters are off by up to '3 %%'"),
-        ("--lag", "TIME", duration, "inputs that settle lag behind by '3 s'"),
+        ("--lag", "TIME", _time, "inputs that settle lag behind by '3 s'"),
         ("--curve", "PART", _part, "inputs in percent act wrongly by up to '3 %%'"),
     ):
         add(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
@@ -248,7 +246,6 @@ def _add_run(verbs: Subparsers) -> None:
     def call(arguments: argparse.Namespace, out: Out) -> int:
         wanted = Wanted(
             method=Method(arguments.method),
-            engine=_engine(arguments),
             report=arguments.report,
             accept=arguments.accept,
             state=arguments.state,
@@ -300,7 +297,7 @@ def _add_demo(verbs: Subparsers) -> None:
     """Add `demo`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        app.demo(report=arguments.report, engine=_engine(arguments), out=out)
+        app.demo(report=arguments.report, out=out)
         return DONE
 
     parser = _add_verb(verbs, "demo", call, "find a fault in the built-in water tank", "faultbond demo", model=False)
@@ -334,21 +331,17 @@ def _add_verb(
 
 
 def _add_engine(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the engine."""
-    parser.add_argument(
-        "--engine",
-        choices=[choice.value for choice in EngineChoice],
-        help=f"c: compiled, vm: without a compiler, auto: c where there is a compiler (default: ${ENGINE}, else auto)",
-    )
+    """Take the option of old scripts that chose the engine: there is one, and it needs a C compiler."""
+    parser.add_argument("--engine", type=_engine, default=os.environ.get(ENGINE), help=argparse.SUPPRESS)
 
 
-def _engine(arguments: argparse.Namespace) -> EngineChoice:
-    """Give the engine of the option, else of the environment."""
-    name: str = arguments.engine or os.environ.get(ENGINE) or EngineChoice.AUTO.value
-    known = [choice.value for choice in EngineChoice]
-    if name not in known:
-        raise FaultbondError(f"{ENGINE}={name}: no such engine; set it to one of {', '.join(known)}.")
-    return EngineChoice(name)
+def _engine(name: str) -> str:
+    """Refuse an engine that is not there."""
+    if name == "vm":
+        raise FaultbondError(f"There is no engine `vm` any more: leave out --engine and {ENGINE}. Models are compiled.")
+    if name not in ENGINES:
+        raise FaultbondError(f"{name}: no such engine; leave out --engine and {ENGINE}: there is one engine.")
+    return name
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -383,8 +376,17 @@ def _seed(text: str) -> int:
     return value
 
 
+def _time(text: str) -> float:
+    """Read a duration, s."""
+    from faultbond.model.quantities import duration  # noqa: PLC0415 - loads what reads units; `run` needs none
+
+    return duration(text)
+
+
 def _start(text: str) -> tuple[str, float]:
     """Read the start of a state; SI."""
+    from faultbond.model.quantities import quantity  # noqa: PLC0415
+
     name, equals, value = text.partition("=")
     if not equals:
         raise FaultbondError(f"--start {text!r}: expected STATE=VALUE, such as 'tank.q=0.05 m^3'.")
@@ -393,6 +395,8 @@ def _start(text: str) -> tuple[str, float]:
 
 def _part(text: str) -> float:
     """Read a percentage as a part of 1."""
+    from faultbond.model.quantities import spread  # noqa: PLC0415
+
     found = spread(text)
     if not found.is_relative:
         raise FaultbondError(f"{text!r} is no percentage. Write it as in --spread '3 %'.")

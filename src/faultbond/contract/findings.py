@@ -6,6 +6,8 @@ from enum import Enum
 from faultbond.arrays import FloatArray
 from faultbond.types import CheckKind, FaultKind
 
+MAX_CANDIDATES = 100  # given in a diagnosis
+
 
 class Decider(Enum):
     """Who accepted or rejected a candidate; the value is the word in records."""
@@ -49,7 +51,7 @@ class Candidate:
     blocks: suspected parts that have no parameter, such as gates; they behave in a way that is not known.
     kind: the likeliest kind of fault, to which the estimates belong. kinds: the probability of each kind, given that
     this is the set. present: False while a fault that comes and goes is gone. hypothesis: its number in the
-    specification, if it has one.
+    specification, if it has one. lane: number of the filter that tells of it, alike.
     """
 
     suspects: tuple[Suspect, ...]
@@ -60,6 +62,7 @@ class Candidate:
     kinds: tuple[tuple[FaultKind, float], ...] = ()
     present: bool = True
     hypothesis: int = -1
+    lane: int = -1
 
     @property
     def components(self) -> tuple[str, ...]:

@@ -329,10 +329,6 @@ class Engine(Protocol):
     def title(self) -> str:
         """What it is, in words, for the user."""
 
-    @property
-    def slot(self) -> "Engine":
-        """The engine of lanes with a slot."""
-
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes over a block of samples.
 

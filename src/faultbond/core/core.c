@@ -1,45 +1,180 @@
-/* The core: filters of one model over blocks of samples. A sample takes this way through the files:
+/* The core: the on-line part of one model, in plain C: no allocation, no file, no clock, no state but what it is given. What
+   it offers stands in fb.h. A sample takes this way:
 
-     core.c       lanes of filters, FB_LANES at a time, over the samples of a block
-     filter.h     predict, expect, innovate, update, one sample of the joint filter
-     integrate.h  implicit signals, states and their slopes over one step
-     maths.h      functions of lanes
-     lanes.h      numbers of several filters side by side
-     port.h       what the compiler is asked for
-     model.h      generated: sizes, tables, rates and readings of one model */
+     1. core.c       a block of samples comes in, one after the other (fb_block)
+     2. wild.h       values far beyond all that was seen are refused; until it is known whether an input is, two pasts go on
+        samples.h    the sample as the filters take it: inputs held, steps blanked, gaps allowed for
+     3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
+     4. advance.h    the healthy filter: filters.h (filter.h), which steps in time by integrate.h
+     5. detector.h   sums of what it did not expect, and the alarm
+     6. trail.h      the samples before the alarm, and the places where the fault may have begun
+     7. bank.h       a filter for every hypothesis from there: steps.h and growing.h for steps of parameters, slots.h for
+                     all other kinds of fault
+     8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
+     9. diagnosis.h  what is said
+    10. decide.h     a diagnosis becomes the healthy model, or is ruled out; save.h: a state as bytes
+
+   watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
+   stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
+#ifndef FB_MODEL_H
 #include "model.h"
+#endif
 
-#include "filter.h"
-
-#define WORK_IS_LARGE (N_JOINT > 40) /* else it is on the stack: some hundred KB at most */
+#include "decide.h"
+#include "fb.h"
+#include "save.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Bytes of memory that `faultbond_advance` needs, from an address that a cache line of 64 bytes begins at. */
-int64_t faultbond_work_size(void) { return WORK_IS_LARGE ? (int64_t)sizeof(Work) : 0; }
+int64_t fb_state_size(void) { return (int64_t)sizeof(State); }
+int64_t fb_work_size(void) { return (int64_t)sizeof(Work); }
+int64_t fb_saved_size(void) { return saved_size(); }
+int64_t fb_report_size(void) { return (int64_t)sizeof(Report); }
+int64_t fb_diagnosis_size(void) { return (int64_t)sizeof(Diagnosis); }
+int64_t fb_candidate_size(void) { return (int64_t)sizeof(Candidate); }
 
-/* numbers: [N_NUMBERS][n_lanes], samples: [n_samples][N_SAMPLE], innovations: [n_samples][2 N_OUTPUTS][n_lanes]; n_lanes
-   is a multiple of FB_LANES. Updates `numbers` in place. memory: see `faultbond_work_size`; not used where that is 0. */
-void faultbond_advance(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
-                       void *memory)
+void fb_init(void *state, double time, int64_t quiet) { begin_state((State *)state, time, quiet); }
+
+void fb_resume(void *state) { resume(&((State *)state)->clock); }
+
+int64_t fb_step(void *state, void *work, const double *sample, void *report, void *found)
 {
-#if WORK_IS_LARGE
-    Work *FB_RESTRICT work = (Work *)memory;
-#else
-    Work own, *FB_RESTRICT work = &own;
-    (void)memory;
-#endif
+    fb_block(state, work, 1, sample, sample + 1, sample + 2, sample + 2 + N_INPUTS, report, found);
+    return ((Report *)report)->detected || ((Report *)report)->due;
+}
+
+int64_t fb_block(void *state, void *work, int64_t n, const double *times, const double *steps, const double *inputs,
+                 const double *readings, void *reports, void *found)
+{
+    Work *memory = (Work *)work;
+    prepare_filters(&memory->filters);
+    for (int64_t k = 0; k < n; k++) {
+        Report *report = (Report *)reports + k;
+        Sample sample;
+        sample.time = times[k];
+        sample.dt = steps[k];
+        memcpy(sample.u, inputs + k * N_INPUTS, N_INPUTS * sizeof(double));
+        memcpy(sample.y, readings + k * N_OUTPUTS, N_OUTPUTS * sizeof(double));
+        watch((State *)state, &sample, report, (Diagnosis *)found, memory);
+        if (report->due || report->detected) return k + 1;
+    }
+    return n;
+}
+
+void fb_diagnosis(const void *state, void *work, void *found)
+{
+    conclude((const State *)state, (Diagnosis *)found, &((Work *)work)->ranking);
+}
+
+int64_t fb_accept(void *state, void *work, int64_t hypothesis, void *candidate)
+{
+    Work *memory = (Work *)work;
+    return accept((State *)state, hypothesis, (Candidate *)candidate, &memory->found, &memory->ranking);
+}
+
+int64_t fb_reject(void *state, void *work, int64_t hypothesis, void *candidate)
+{
+    Work *memory = (Work *)work;
+    return reject((State *)state, hypothesis, (Candidate *)candidate, &memory->found, &memory->ranking);
+}
+
+void fb_save(const void *state, uint8_t *bytes) { save_state((const State *)state, bytes); }
+
+int64_t fb_restore(void *state, const uint8_t *bytes, int64_t n) { return restore_state((State *)state, bytes, n); }
+
+/* Number `k` of the fields of a state; 0 where there is none. */
+int64_t fb_field(int64_t k, const char **name, int64_t *offset, int64_t *count, int64_t *is_whole)
+{
+    if (k < 0 || k >= N_FIELDS) return 0;
+    *name = FIELDS[k].name;
+    *offset = FIELDS[k].offset;
+    *count = FIELDS[k].count;
+    *is_whole = FIELDS[k].is_whole;
+    return 1;
+}
+
+void fb_lane(const void *state, int64_t lane, double *numbers)
+{
+    const Bank *bank = &((const State *)state)->bank;
+    const int64_t count = lane < N_STEPS ? PLAIN_NUMBERS : WIDE_NUMBERS;
+    for (int64_t k = 0; k < count; k++) numbers[k] = lane < N_STEPS ? of_step(bank, lane, k) : of_slot(bank, lane - N_STEPS, k);
+}
+
+void fb_row(const void *state, int64_t number, double *row)
+{
+    memcpy(row, &((const State *)state)->past.rows[number % DEPTH], sizeof(Row));
+}
+
+int64_t fb_pack(void *state, double time, double step, const double *inputs, const double *readings, double *packed)
+{
+    State *known = (State *)state;
+    Sample sample;
+    sample.time = time;
+    sample.dt = step;
+    memcpy(sample.u, inputs, N_INPUTS * sizeof(double));
+    memcpy(sample.y, readings, N_OUTPUTS * sizeof(double));
+    if (!has_inputs(&known->inputs, &sample)) return 0;
+    pack_sample(known, &sample, &known->clock, &known->inputs, known->healthy.astray, packed);
+    known->clock.index++;
+    return 1;
+}
+
+void fb_healthy_lane(const double *mean, const double *covariance, int64_t n, const double *known, double *lane)
+{
+    healthy_lane(mean, covariance, (int)n, known, lane);
+}
+
+int64_t fb_solve_start(void *work, int64_t n, const double *samples, const double *known, int64_t again, double *mean,
+                       double *covariance)
+{
+    Work *memory = (Work *)work;
+    const int64_t count = n < MOST_FIRST ? n : MOST_FIRST;
+    prepare_filters(&memory->filters);
+    memcpy(memory->gathered, samples, (size_t)count * sizeof memory->gathered[0]);
+    memset(&memory->normal, 0, sizeof memory->normal);
+    solve_start(memory->gathered, count, known, (int)again, &memory->normal, mean, covariance, &memory->start.solve,
+                &memory->filters.plain);
+    return count;
+}
+
+void fb_go_on(void *state, const double *lane)
+{
+    State *known = (State *)state;
+    known->clock.running = 1;
+    memcpy(known->healthy.lane, lane, sizeof known->healthy.lane);
+}
+
+void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
+                      void *memory)
+{
+    Filter_plain *FB_RESTRICT work = &((Work *)memory)->filters.plain;
     work->step.dt = NAN;
     for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
-        for (int64_t i = 0; i < N_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
         for (int64_t t = 0; t < n_samples; t++) {
-            filter_step(work->lane, samples + t * N_SAMPLE, work->innovations, work);
+            filter_step_plain(work->lane, samples + t * N_SAMPLE, work->innovations, work);
             double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
             for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);
         }
-        for (int64_t i = 0; i < N_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
+    }
+}
+
+void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
+                     void *memory)
+{
+    Filter_wide *FB_RESTRICT work = &((Work *)memory)->filters.wide;
+    work->step.dt = NAN;
+    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
+        for (int64_t t = 0; t < n_samples; t++) {
+            filter_step_wide(work->lane, samples + t * N_SAMPLE, work->innovations, work);
+            double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
+            for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);
+        }
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
     }
 }
 

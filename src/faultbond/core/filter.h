@@ -2,28 +2,7 @@
 
    Extended Kalman filter; covariance as a packed triangle, which cannot become asymmetric; measurements one at a time,
    so that no matrix is inverted. A lane holds z, the triangle, the implicit signals, the roles of the slot, and the
-   logarithm of its likelihood. Lanes without a slot have N_SLOT 0 and no roles. */
-#ifndef FB_FILTER_H
-#define FB_FILTER_H
-
-#include "integrate.h"
-
-#define AT_SLOW N_STATES
-#define AT_PARAMETERS (AT_SLOW + N_SLOW)
-#define AT_SLOT (AT_PARAMETERS + N_PARAMETERS)
-#define AT_NOISE (AT_SLOT + N_SLOT)
-#define N_JOINT (AT_NOISE + N_NOISY)
-#define N_PACKED (N_JOINT * (N_JOINT + 1) / 2)
-#define AT_COVARIANCE N_JOINT
-#define AT_IMPLICIT (N_JOINT + N_PACKED)
-#define AT_ROLES (AT_IMPLICIT + N_IMPLICIT)
-#define AT_LIKELIHOOD (N_NUMBERS - 1)
-#define PLACE(i, j) ((i) * N_JOINT - (i) * ((i) - 1) / 2 + (j) - (i)) /* of i <= j in the triangle */
-
-#define NO_BOUND 1e6   /* standard deviations */
-#define SAYS_MUCH 0.1  /* variance of what a sensor is expected to read, in that of its noise */
-#define LOG_2_PI 1.8378770664093453
-#define MANY_OUTPUTS (N_OUTPUTS > 4)
+   logarithm of its likelihood. `filters.h` includes this text for both kinds of lanes, and says what the names stand for. */
 
 typedef struct {
     lanes y[N_OUTPUTS];             /* readings expected */
@@ -39,8 +18,18 @@ typedef struct {
     Expected first, second;
     lanes p_first[N_PACKED], p_second[N_PACKED];
     lanes lane[N_NUMBERS], innovations[2 * N_OUTPUTS];
-} Work;
+} Filter;
 
+/* Take one sample into FB_LANES lanes: predict, compare, update.
+
+   Where the readings are not linear, lanes of the bank (`again`) update a second time, if the sample says much. If it
+   says little, the first result differs from the mean by little but noise: slopes taken there go with the noise they are
+   to weigh, and thousands of such samples drag the estimates away. The healthy lane never does: after a fault the first
+   result lies far off, and a second update would explain any fault away. */
+FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
+                               lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
+
+#ifdef FB_HOLDS_FILTERS
 /* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs. */
 static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, lanes *FB_RESTRICT v)
 {
@@ -127,7 +116,7 @@ static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sampl
 }
 
 /* From the sample before to this one: z and covariance move on. The input was held at `u_before`. */
-static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Work *FB_RESTRICT work)
+static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V];
     joint_to_model(lane, lane, v);
@@ -171,15 +160,19 @@ static inline void times(int j, const lanes *FB_RESTRICT p, const lanes *FB_REST
     }
 }
 
-/* What n sensors have told, taken off a covariance; `to` may be `from`. */
+/* What n sensors have told, taken off a covariance; `to` may be `from`. Of a variance at least its rounding error is left: a
+   number that was not known at all is not certain after one precise reading. */
 static inline void take_off(const lanes *from, lanes weight[][N_JOINT], lanes cross[][N_JOINT], int n, lanes *to)
 {
-    for (int i = 0; i < N_JOINT; i++)
+    for (int i = 0; i < N_JOINT; i++) {
+        const lanes least = from[PLACE(i, i)] * ROUNDING;
         for (int k = i; k < N_JOINT; k++) {
             lanes left = from[PLACE(i, k)];
             for (int j = 0; j < n; j++) left -= weight[j][i] * cross[j][k];
             to[PLACE(i, k)] = left;
         }
+        to[PLACE(i, i)] = v_fmax(least, to[PLACE(i, i)]);
+    }
 }
 
 /* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */
@@ -273,7 +266,7 @@ static mask innovate(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sa
    `p_first`: the first result; the former is changed, the latter NULL where no lane keeps it. The states are taken where
    they were predicted. */
 static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, mask again, lanes *FB_RESTRICT guess,
-                         const lanes *FB_RESTRICT p_first, Work *FB_RESTRICT work)
+                         const lanes *FB_RESTRICT p_first, Filter *FB_RESTRICT work)
 {
     lanes middle[N_JOINT], apart[N_JOINT], shift[N_JOINT], second[N_JOINT], better[FB_ROOM(N_IMPLICIT)];
     Expected *FB_RESTRICT found = &work->second;
@@ -292,26 +285,19 @@ static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT samp
     for (int k = 0; k < N_IMPLICIT; k++) lane[AT_IMPLICIT + k] = choose(again, better[k], lane[AT_IMPLICIT + k]);
 }
 
-/* Take one sample into FB_LANES lanes: predict, compare, update.
-
-   Where the readings are not linear, lanes of the bank (`again`) update a second time, if the sample says much. If it
-   says little, the first result differs from the mean by little but noise: slopes taken there go with the noise they are
-   to weigh, and thousands of such samples drag the estimates away. The healthy lane never does: after a fault the first
-   result lies far off, and a second update would explain any fault away. */
-static void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
-                        Work *FB_RESTRICT work)
+FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
+                               lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work)
 {
     lanes shift[N_JOINT], guess[N_JOINT];
     Expected *FB_RESTRICT found = &work->first;
     predict(lane, sample, work);
     expect(lane, lane, sample, lane + AT_IMPLICIT, found);
     const mask says_much = innovate(lane, sample, found, innovations);
-    const int again = !READINGS_ARE_LINEAR && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
+    const int again = !LINEAR_READINGS && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
     lanes *p_first = !again ? lane + AT_COVARIANCE : MANY_OUTPUTS || !all_of(says_much) ? work->p_first : NULL;
     lane[AT_LIKELIHOOD] += update(lane, sample, found, shift, p_first, 1);
     shifted(lane, shift, guess);
     if (again) update_again(lane, sample, says_much, guess, p_first, work);
     memcpy(lane, guess, sizeof guess);
 }
-
 #endif

@@ -13,7 +13,7 @@
 #ifndef FB_INTEGRATE_H
 #define FB_INTEGRATE_H
 
-#include "maths.h"
+#include "layout.h"
 
 #define NEWTON_STEPS 10
 #define GAMMA (1.0 - 1.0 / FB_SQRT2)
@@ -26,6 +26,28 @@
     for (int place_ = REACH_ROW[i], c; place_ < REACH_ROW[(i) + 1] && (c = REACH_COLUMN[place_], 1); place_++)
 #endif
 
+/* Where the laws are linear, slopes are the same in all lanes. */
+#if RATES_ARE_LINEAR
+typedef double steep;
+#define STEEP(a) (a)
+#define WIDE(a) broadcast(a)
+#else
+typedef lanes steep;
+#define STEEP(a) broadcast(a)
+#define WIDE(a) (a)
+#endif
+
+/* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
+typedef struct {
+    double dt;                             /* of the step that `m` and `slope` are of; nan: of none yet */
+    steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
+    steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
+    steep k1[FB_ROOM(N_STATES)][N_V];      /* slopes of the rates of both stages, */
+    steep k2[FB_ROOM(N_STATES)][N_V];
+    steep middle[FB_ROOM(N_STATES)][N_V];  /* and of the states between them */
+} Step;
+
+#ifdef FB_HOLDS_FILTERS
 /* Solve the implicit signals z in place. Each step tries parts and multiples of Newton's step and keeps the best: parts,
    since an exponential is overshot from its flat side, and multiples, since from its steep side Newton's step is ever
    the same small one. Where nothing moves any more, nothing will. */
@@ -55,17 +77,6 @@ static void solve_implicit(const lanes *FB_RESTRICT v, const double *FB_RESTRICT
     (void)v, (void)u, (void)z;
 #endif
 }
-
-/* Where the laws are linear, slopes are the same in all lanes. */
-#if RATES_ARE_LINEAR
-typedef double steep;
-#define STEEP(a) (a)
-#define WIDE(a) broadcast(a)
-#else
-typedef lanes steep;
-#define STEEP(a) broadcast(a)
-#define WIDE(a) (a)
-#endif
 
 /* Bring I - step * (slopes by the states) to triangular form: factors below its diagonal, its inverse on it. */
 static void factorise(const steep *FB_RESTRICT slopes, double step, steep (*FB_RESTRICT m)[FB_ROOM(N_STATES)])
@@ -132,16 +143,6 @@ static void chain(const steep *FB_RESTRICT slopes, steep (*FB_RESTRICT by)[N_V],
         }
 }
 
-/* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
-typedef struct {
-    double dt;                             /* of the step that `m` and `slope` are of; nan: of none yet */
-    steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
-    steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
-    steep k1[FB_ROOM(N_STATES)][N_V];      /* slopes of the rates of both stages, */
-    steep k2[FB_ROOM(N_STATES)][N_V];
-    steep middle[FB_ROOM(N_STATES)][N_V];  /* and of the states between them */
-} Step;
-
 /* Slopes of the first stage, and those of the states between both. In the first part of a step the states have slopes
    by themselves only. */
 static void begin_slopes(const steep *FB_RESTRICT slopes, double h, int first, Step *FB_RESTRICT step)
@@ -197,5 +198,6 @@ static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, double 
         for (int i = 0; i < N_STATES; i++) v[i] = x[i] + h * (1.5 * first[i] + 0.5 * second[i]);
     }
 }
+#endif
 
 #endif

@@ -49,6 +49,9 @@ static inline int all_of(mask m) { return !any_of(~m); }
     static inline lanes v_##name(lanes a, lanes b) { for (int l = 0; l < FB_LANES; l++) a[l] = name(a[l], b[l]); return a; }
 #endif
 
+/* The number of the first lane. */
+static inline double first_of(lanes a) { double r; memcpy(&r, &a, sizeof r); return r; }
+
 static inline lanes load(const double *from) { lanes r; memcpy(&r, from, sizeof r); return r; }
 static inline void store(double *to, lanes a) { memcpy(to, &a, sizeof a); }
 

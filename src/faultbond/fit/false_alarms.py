@@ -18,8 +18,8 @@ from scipy.optimize import brentq
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.fit.certainty import long_run_variance
+from faultbond.fit.cusum import LAGS, clip, scatter_gain
 from faultbond.fit.innovations import Watch
-from faultbond.runtime.cusum import LAGS, clip, scatter_gain
 
 OVERSHOOT = 1.166  # standard deviations
 LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing

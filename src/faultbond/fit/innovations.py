@@ -1,7 +1,7 @@
 """The monitor's healthy filter along a recording, with sizes of noise and accuracies varied.
 
 The monitor itself, its alarms off, says what its filter takes and what its sums count; accuracies, noise and slow
-errors enter as data, so that none of the variants needs another engine, and each is one call of it.
+errors enter as data, so that none of the variants needs another core, and each is one call of it.
 """
 
 from collections.abc import Sequence
@@ -10,14 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.fit.samples import HealthyRecording
-from faultbond.runtime.cusum import added, height_of, no_sums
-from faultbond.runtime.monitor import quiet, step
-from faultbond.runtime.packing import trusted
-from faultbond.runtime.start import healthy_lane, solve_start
-from faultbond.runtime.state import init
-from faultbond.runtime.unseen import unknown_inputs
+from faultbond.contract.spec import covariance_place
+from faultbond.fit.cusum import added, height_of, no_sums
+from faultbond.fit.samples import HealthyRecording, trusted
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,21 +57,21 @@ class _Taken:
 
 
 def watch_recording(
-    spec: EngineSpec, engine: Engine, record: HealthyRecording, variants: Sequence[Variant] = (Variant(),)
+    core: Core, record: HealthyRecording, variants: Sequence[Variant] = (Variant(),)
 ) -> tuple[Watch, ...]:
     """Give what the detector sees of a recording, alarms or not, for each way to declare.
 
     Parameters
     ----------
-    spec, engine : the model as the monitor runs it
+    core : of the model, as the monitor runs it
     record : the recording
     variants : what is declared otherwise
     """
-    taken, count = _taken(spec, engine, record), len(record.time)
+    spec, taken, count = core.spec, _taken(core, record), len(record.time)
     shape, first = (len(variants), count, len(spec.outputs)), count - len(taken.rows)
     scores, slow = np.full(shape, np.nan), np.full((*shape[:2], len(spec.slow_errors)), np.nan)
     for k, variant in enumerate(variants):
-        scores[k, first:], slow[k, first:] = _filtered(spec, engine, taken, variant)
+        scores[k, first:], slow[k, first:] = _filtered(core, taken, variant)
     warm = first + spec.thresholds.warm_up_samples
     scores[:, :warm], slow[:, :warm] = np.nan, np.nan
     cusum, height = np.zeros((2, *shape)), np.zeros(shape)
@@ -92,24 +89,24 @@ def watch_recording(
     )
 
 
-def _taken(spec: EngineSpec, engine: Engine, record: HealthyRecording) -> _Taken:
+def _taken(core: Core, record: HealthyRecording) -> _Taken:
     """Run the monitor with its alarms off."""
-    watched = quiet(spec)
-    state, started = init(watched), 0
-    rows, known, astray = list[FloatArray](), list[bool](), list[bool]()
-    for point in record.points:
-        before = state.clock.running
-        state, _ = step(watched, engine, state, point)
-        if state.clock.running and not before and not started:
-            rows = list(state.past.samples[state.past.place(state.clock.begun) :].copy())
+    spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
+    running, rows, known, astray = False, list[FloatArray](), list[bool](), list[bool]()
+    for number, point in enumerate(record.points):
+        before = running
+        monitor.step(point)
+        running = monitor.number("clock.running") > 0
+        if running and not before and not started:
+            rows = [monitor.row(k)[0] for k in range(int(monitor.number("clock.begun")), number + 1)]
             started = len(rows)
         elif started:
-            rows.append(state.past.samples[-1].copy())
+            rows.append(monitor.row(number)[0])
         new = len(rows) - len(known)
-        known += [not unknown_inputs(state.inputs).any()] * new
-        astray += [bool(state.healthy.astray.any())] * new
+        known += [monitor.knows_inputs] * new
+        astray += [bool(monitor.numbers("healthy.astray").any())] * new
     packed = np.array(rows).reshape(-1, spec.n_sample)
-    use = trusted(spec, packed.T).T
+    use = trusted(spec, packed)
     return _Taken(
         rows=packed,
         started=started,
@@ -119,9 +116,10 @@ def _taken(spec: EngineSpec, engine: Engine, record: HealthyRecording) -> _Taken
     )
 
 
-def _filtered(spec: EngineSpec, engine: Engine, taken: _Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:
+def _filtered(core: Core, taken: _Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:
     """Give innovations in their sd (n, n_outputs), and slow errors in their declared sizes (n, n_slow)."""
-    rows, place, n_y = taken.rows.copy(), spec.sample_fields, len(spec.outputs)
+    spec, rows = core.spec, taken.rows.copy()
+    place, n_y = spec.sample_fields, len(spec.outputs)
     slow = np.zeros((len(rows), len(spec.slow_errors)))
     if not len(rows):
         return np.zeros((0, n_y)), slow
@@ -131,17 +129,23 @@ def _filtered(spec: EngineSpec, engine: Engine, taken: _Taken, variant: Variant)
         more = (variant.slow**2 - 1.0) * error.sd**2 * (1.0 - decay**2)
         column = place["kick"].start + k
         rows[:, column] = variant.slow**2 * rows[:, column] + more
-    varied = replace(
-        spec,
-        parameters=tuple(replace(item, accuracy=variant.accuracy * item.accuracy) for item in spec.parameters),
-        slow_errors=tuple(replace(item, sd=variant.slow * item.sd) for item in spec.slow_errors),
-    )
-    lane = healthy_lane(varied, *solve_start(varied, engine, rows[: taken.started]))
+    known = _declared(core, variant)
+    lane = core.healthy_lane(*core.solve_start(rows[: taken.started], known), known)
+    sizes = variant.slow * spec.slow_sizes
     if not any(item.alarms for item in spec.slow_errors):  # no need to stop at each sample
-        found = engine.advance(lane, rows)[1][:, :, 0]
+        found = core.advance(lane, rows)[1][:, :, 0]
     else:
         found = np.zeros((len(rows), 2 * n_y))
         for t in range(len(rows)):
-            lane, innovations = engine.advance(lane, rows[t : t + 1])
-            slow[t], found[t] = lane[varied.slow_slice, 0] / varied.slow_sizes, innovations[0, : 2 * n_y, 0]
+            lane, innovations = core.advance(lane, rows[t : t + 1])
+            slow[t], found[t] = lane[spec.slow_slice, 0] / sizes, innovations[0, : 2 * n_y, 0]
     return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
+
+
+def _declared(core: Core, variant: Variant) -> FloatArray:
+    """Give a healthy lane (n_numbers, 1) with accuracies and sizes of slow errors as a variant declares them."""
+    spec, n_x = core.spec, len(core.spec.states)
+    lane = core.healthy_lane(np.zeros(n_x), np.zeros((n_x, n_x)))
+    for place, factor in ((spec.slow_slice, variant.slow), (spec.parameter_slice, variant.accuracy)):
+        lane[[covariance_place(spec, k, k) for k in range(place.start, place.stop)]] *= factor**2
+    return lane

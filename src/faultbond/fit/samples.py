@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import NoVerdictError
 from faultbond.fit.likelihood import sample_fields
-from faultbond.runtime.packing import pack_sample, trusted
-from faultbond.runtime.state import Sample, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,7 +49,13 @@ class HealthyRecording:
         return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
 
 
-def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec) -> HealthyRecording:
+def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:
+    """Tell which sensors have a value in packed samples (n, n_sample) and are not blanked, (n, n_outputs)."""
+    place = spec.sample_fields
+    return np.asarray((packed[:, place["use"]] > 0) & (packed[:, place["scale"]] < spec.thresholds.blank_factor))
+
+
+def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> HealthyRecording:
     """Give a recording on the grid of samples, from the first one with a value of every input.
 
     Raises
@@ -56,17 +63,16 @@ def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec) -> 
     NoVerdictError
         Where an input or a sensor has no value at all.
     """
-    state, rows, held = init(spec), list[FloatArray](), list[FloatArray]()
+    spec, monitor = core.spec, Monitor(core)
+    rows, held = list[FloatArray](), list[FloatArray]()
+    u = np.full(len(spec.inputs), np.nan)
     for point in points:
-        u = np.where(np.isfinite(point.u), point.u, state.inputs.held)
-        if not np.isfinite(u).all():
-            state = replace(state, inputs=replace(state.inputs, held=u))
-            continue
-        row, state = pack_sample(spec, state, point, u)
-        state = replace(state, clock=replace(state.clock, index=state.clock.index + 1))
-        rows.append(row)
-        held.append(u)
-    for item, value in zip(spec.inputs, state.inputs.held, strict=True):
+        u = np.where(np.isfinite(point.u), point.u, u)
+        row = monitor.pack(point)
+        if row is not None:
+            rows.append(row)
+            held.append(u)
+    for item, value in zip(spec.inputs, u, strict=True):
         if not np.isfinite(value):
             raise NoVerdictError(f"{name}: no row has a value of the input {item.name}; check its column")
     begun = len(points) - len(rows)
@@ -75,7 +81,7 @@ def healthy_recording(name: str, points: Sequence[Sample], spec: EngineSpec) -> 
         if not np.isfinite(y[:, k]).any():
             raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
     packed, fields = np.array(rows), sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors))
-    use = trusted(spec, packed.T).T
+    use = trusted(spec, packed)
     samples = np.zeros((len(rows), fields["kick"].stop))
     for field, place in fields.items():
         samples[:, place] = use if field == "use" else packed[:, spec.sample_fields[field]]

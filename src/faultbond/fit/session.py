@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import Engine
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError
 from faultbond.fit.ascent import START_PRIOR
@@ -14,9 +16,7 @@ from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.graph import BondGraph, Parameter
 from faultbond.model.source import closest
-from faultbond.runtime.monitor import START_SAMPLES
-from faultbond.runtime.start import solve_start
-from faultbond.runtime.state import Sample
+from faultbond.runtime.core import Core
 
 _LEAST_PART = 1e-4  # of a start's size, in which it is found at least
 
@@ -55,8 +55,7 @@ def free_parameters(
 def build_fit(
     model: StepModel,
     likelihood: Engine,
-    spec: EngineSpec,
-    engine: Engine,
+    core: Core,
     recordings: Sequence[tuple[str, Sequence[Sample]]],
     parameters: tuple[tuple[int, Parameter], ...],
     own: tuple[str, ...] = (),
@@ -67,7 +66,7 @@ def build_fit(
     ----------
     model : the plant in discrete time
     likelihood : runs `build_likelihood` of it
-    spec, engine : of the same model, as the monitor runs it
+    core : of the same model, as the monitor runs it
     recordings : names and grid points
     parameters : those to be found, with their places; noise of sensors and sizes of slow errors are found beside
     own : names of those that each recording has for itself
@@ -85,29 +84,30 @@ def build_fit(
         free=tuple(k for k in range(layout.n_x) if k not in known),
         own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),
     )
-    records = tuple(healthy_recording(name, points, spec) for name, points in recordings)
-    return plant, records, begin_at(plant, records, spec, engine)
+    records = tuple(healthy_recording(name, points, core) for name, points in recordings)
+    return plant, records, begin_at(plant, records, core)
 
 
-def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], spec: EngineSpec, engine: Engine) -> FitPoint:
+def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], core: Core) -> FitPoint:
     """Give the nominal plant with the starts that the first samples of each recording show.
 
     Parameters
     ----------
     plant, records : what is fitted to what
-    spec, engine : of the same model, as the monitor runs it
+    core : of the same model, as the monitor runs it
     """
     values = plant.unknowns.nominal.copy()
     free, n_free = list(plant.free), len(plant.free)
     starts, sizes = np.zeros((len(records), plant.n_own)), np.ones((len(records), plant.n_own))
     starts[:, n_free:] = plant.base[[place for place, _ in plant.own]]
     sizes[:, n_free:] = [sd / START_PRIOR for _, sd in plant.own]
+    first = int(core_settings()["START_SAMPLES"])
     for r, record in enumerate(records):
         if not free:
             break
         used = np.flatnonzero(record.use.any(axis=1))
-        last = int(used[min(START_SAMPLES, len(used)) - 1]) + 1 if len(used) else START_SAMPLES
-        mean, covariance = solve_start(spec, engine, record.packed[:last])
+        last = int(used[min(first, len(used)) - 1]) + 1 if len(used) else first
+        mean, covariance = core.solve_start(record.packed[:last])
         sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))[free]
         starts[r, :n_free] = mean[free]
         size = np.maximum(sd, _LEAST_PART * np.abs(mean[free]))

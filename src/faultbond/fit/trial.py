@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.contract.spec import Engine, EngineSpec
 from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
 from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
+from faultbond.runtime.core import Core
 
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 MONTH = 30.0 * 86400.0  # s
@@ -73,21 +73,22 @@ class Health:
         return found
 
 
-def on_trial(spec: EngineSpec, engine: Engine, records: Sequence[HealthyRecording], promise: float = MONTH) -> Health:
+def on_trial(core: Core, records: Sequence[HealthyRecording], promise: float = MONTH) -> Health:
     """Put a model on trial.
 
     Parameters
     ----------
-    spec, engine : the model as the monitor runs it
+    core : of the model, as the monitor runs it
     records : healthy recordings
     promise : seconds between false alarms that are wanted at least
     """
+    spec = core.spec
     steps = np.concatenate([item.samples[1:, 0] for item in records])
     step = float(np.median(steps)) if len(steps) else 1.0
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
     tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in FACTORS}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
-    seen = list(zip(*(watch_recording(spec, engine, item, variants) for item in records), strict=True))
+    seen = list(zip(*(watch_recording(core, item, variants) for item in records), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
     for (kind, factor), variant in tried.items():

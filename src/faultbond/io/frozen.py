@@ -42,3 +42,21 @@ class Frozen:
         self._last = np.where(seen, y, self._last)
         grown = np.where(self._same == FROZEN_AFTER, FROZEN_AFTER, self._same > FROZEN_AFTER)
         return int((grown * (seen & (self._finest < FINE * self._noise))).sum())
+
+    def add_block(self, y: FloatArray) -> int:
+        """Take the values of many points, shape (n_points, n_outputs), as `add` does one after the other."""
+        seen = np.isfinite(y)
+        values = np.concatenate([self._last[None], y])
+        rows = np.arange(len(values))[:, None]
+        latest = np.maximum.accumulate(np.where(np.isfinite(values), rows, 0), axis=0)
+        held = np.take_along_axis(values, latest, axis=0)  # the last value up to each point
+        moved = np.abs(y - held[:-1])
+        new = seen & ~(moved == 0.0)
+        steps = np.where(new & (moved > 0.0), moved, np.inf)
+        finest = np.minimum.accumulate(np.concatenate([self._finest[None], steps]), axis=0)
+        n_seen = np.cumsum(seen, axis=0)
+        before = np.where(new, n_seen - 1, -self._same)  # values that are not like the present one
+        same = n_seen - np.maximum.accumulate(before, axis=0)
+        grown = np.where(same == FROZEN_AFTER, FROZEN_AFTER, same > FROZEN_AFTER)
+        self._last, self._finest, self._same = held[-1], finest[-1], same[-1]
+        return int((grown * (seen & (finest[1:] < FINE * self._noise))).sum())

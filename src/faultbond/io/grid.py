@@ -9,14 +9,16 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from hashlib import sha256
 from itertools import chain
 
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.errors import RecordingError
 from faultbond.io.frozen import Frozen
+from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined
+
+__all__ = ["Counts", "Grid", "GridClock", "GridPoint", "PointBlock", "Row", "RowBlock", "blocks_of_points", "on_grid"]
 
 LOOK_BACK = 60  # a row of a file may be this many samples late and still be used
 PATIENCE = 5  # rows of a live stream that wait, in order, for one that is absent before them
@@ -26,32 +28,9 @@ MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
 GAP = 1.5  # usual intervals between two rows beyond which one between them is absent
 LATEST = 253402300799.0  # s, in Unix seconds the end of the year 9999; what is beyond was not given in seconds
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
+MAX_BLOCK = 4096  # points that are made one by one and given together
+SHORTEST = 2 * LOOK_BACK  # rows that are worth a block
 KEPT_FIRSTS = 20  # recordings, or parts of them, that are known when they are given again
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Row:
-    """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value.
-
-    saturated: how many sensors were at an end of their range, and inputs beyond theirs; their values are nan.
-    """
-
-    time: float
-    u: FloatArray
-    y: FloatArray
-    saturated: int = 0
-    line: int = 0
-
-    def repeats(self, other: "Row") -> bool:
-        """Whether this is the other row once more."""
-        same = self.time == other.time and np.array_equal(self.u, other.u, equal_nan=True)
-        return same and np.array_equal(self.y, other.y, equal_nan=True)
-
-    def digest(self) -> str:
-        """Give what tells this row from others: a clock that was set back repeats times, never a row to a digit."""
-        values = np.concatenate([[self.time], self.u, self.y])
-        values[np.isnan(values)] = np.nan  # there are many
-        return sha256(values.tobytes()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,6 +48,64 @@ class GridPoint:
     u: FloatArray
     y: FloatArray
     resumes: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointBlock:
+    """Grid points one after the other, each as in `GridPoint`.
+
+    index, time, dt, resumes: (n_points,); u (n_points, n_inputs), y (n_points, n_outputs).
+    """
+
+    index: IntArray
+    time: FloatArray
+    dt: FloatArray
+    u: FloatArray
+    y: FloatArray
+    resumes: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def points(self) -> Iterator[GridPoint]:
+        """Give them one by one."""
+        for k in range(len(self)):
+            yield GridPoint(
+                index=int(self.index[k]),
+                time=float(self.time[k]),
+                dt=float(self.dt[k]),
+                u=self.u[k],
+                y=self.y[k],
+                resumes=bool(self.resumes[k]),
+            )
+
+
+def blocks_of_points(points: Iterable[GridPoint]) -> Iterator[PointBlock]:
+    """Give points in blocks; those before an error come before it."""
+    gathered: list[GridPoint] = []
+    try:
+        for point in points:
+            gathered.append(point)
+            if len(gathered) == MAX_BLOCK:
+                yield _block_of_points(gathered)
+                gathered = []
+    except RecordingError:
+        if gathered:
+            yield _block_of_points(gathered)
+        raise
+    if gathered:
+        yield _block_of_points(gathered)
+
+
+def _block_of_points(points: Sequence[GridPoint]) -> PointBlock:
+    return PointBlock(
+        index=np.array([point.index for point in points]),
+        time=np.array([point.time for point in points]),
+        dt=np.array([point.dt for point in points]),
+        u=np.array([point.u for point in points]),
+        y=np.array([point.y for point in points]),
+        resumes=np.array([point.resumes for point in points]),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,6 +259,105 @@ class Grid:
         points += [self._take(row) for row in rows]
         return chain.from_iterable(points)
 
+    def push_block(self, rows: RowBlock) -> Iterator[PointBlock]:
+        """Take rows and give the points that are complete with them, the same as `push` gives row by row.
+
+        Rows of a file that go on from each other in time are placed together; around all others, and where there is no
+        step, rows are taken one by one.
+        """
+        first = 0
+        while first < len(rows):
+            n_regular = self._count_regular(rows.time[first:])
+            if n_regular >= SHORTEST:
+                last = first + n_regular
+                points = self._take_regular(rows.part(slice(first, last)))
+                if points is not None:
+                    yield points
+            else:
+                last = min(first + n_regular + LOOK_BACK, len(rows))
+                one_by_one = (self.push(rows.row(k)) for k in range(first, last))
+                yield from blocks_of_points(chain.from_iterable(one_by_one))
+            first = last
+
+    def _count_regular(self, time: FloatArray) -> int:
+        """Give how many of these rows, (n_rows,), follow all that came before, in order and without too long a gap."""
+        waiting = sorted(self._waiting)
+        halted = self._live or self._behind or self._passed > -math.inf or any(late for _, _, late, _ in waiting)
+        if halted or self._step is None or self._origin is None or len(waiting) + len(time) > MAX_WAITING:
+            return 0
+        if not self._newest <= (waiting[-1][0] if waiting else self._times[-1]):
+            return 0
+        before = [self._times[-1], *(item[0] for item in waiting)]
+        steps = np.diff(np.concatenate([before, time]))
+        regular = (steps > 0.0) & ~(steps / self._step - 1.0 > MAX_GAP)
+        regular[len(waiting) :] &= np.abs(time) <= LATEST
+        n_regular = len(regular) if regular.all() else int(np.argmin(regular))
+        return max(n_regular - len(waiting), 0)
+
+    def _take_regular(self, rows: RowBlock) -> PointBlock | None:
+        """Take rows that follow all that came before, as `_take` and `_release` do one by one."""
+        step = self._step or 0.0
+        waiting = sorted(self._waiting)
+        if waiting:
+            rows = joined(block_of_rows([item[3] for item in waiting]), rows)
+        newest, n_waiting = float(rows.time[-1]), len(waiting)
+        n_settled = int(np.count_nonzero(rows.time <= newest - LOOK_BACK * step))
+        n_placed = max(min(n_settled, len(rows) - LOOK_BACK), 0)
+        arrivals = range(self._arrivals + 1, self._arrivals + 1 + len(rows) - n_waiting)
+        kept = [
+            waiting[k] if k < n_waiting else (float(rows.time[k]), arrivals[k - n_waiting], False, rows.row(k))
+            for k in range(n_placed, len(rows))
+        ]
+        self._waiting, self._arrivals, self._newest = kept, self._arrivals + len(arrivals), newest
+        return self._place_regular(rows.part(slice(n_placed))) if n_placed else None
+
+    def _place_regular(self, rows: RowBlock) -> PointBlock | None:
+        """Assign rows to their grid points, as `_place` does one by one."""
+        last = [rows.row(k) for k in range(max(len(rows) - LOOK_BACK, 0), len(rows))]
+        self._placed.extend(last)
+        self._times.extend(row.time for row in last)
+        origin, step = self._origin or (0, 0.0), self._step or 1.0
+        position = origin[0] + (rows.time - origin[1]) / step
+        index = np.floor(position + 0.5).astype(np.intp)
+        distance = np.abs(position - index)
+        n_passed = int(np.searchsorted(index, self._last_index, side="right"))
+        self._tally["unused"] += n_passed
+        if n_passed == len(rows):
+            return None
+        rows, index, distance = rows.part(slice(n_passed, None)), index[n_passed:], distance[n_passed:]
+        if self._best is not None:
+            rows = joined(block_of_rows([self._best[2]]), rows)
+            index, distance = np.append(self._best[0], index), np.append(self._best[1], distance)
+        chosen = _nearest(index, distance)
+        self._tally["unused"] += len(index) - len(chosen)
+        newest = int(chosen[-1])
+        self._best = (int(index[newest]), float(distance[newest]), rows.row(newest))
+        served = chosen[:-1]
+        if not len(served):
+            return None
+        return self._serve_regular(index[served], rows.u[served], rows.y[served], int(rows.saturated[served].sum()))
+
+    def _serve_regular(self, index: IntArray, u: FloatArray, y: FloatArray, saturated: int) -> PointBlock:
+        """Give the points of rows, and the empty ones between, as `_serve` does one by one."""
+        first, (began, start), step = self._last_index + 1, self._origin or (0, 0.0), self._step or 0.0
+        every = np.arange(first, index[-1] + 1)
+        place = index - first
+        times = start + (every - began) * step
+        values = np.full((len(every), u.shape[1]), np.nan), np.full((len(every), y.shape[1]), np.nan)
+        values[0][place], values[1][place] = u, y
+        resumes = np.zeros(len(every), dtype=bool)
+        resumes[place] = (index == began) & (began > 0)
+        self._last_index, self._last_time = int(index[-1]), float(times[-1])
+        complete = np.isfinite(u).all(axis=1) & np.isfinite(y).all(axis=1)
+        self._tally["samples"] += len(every)
+        self._tally["missing"] += len(every) - int(complete.sum())
+        self._tally["clock_jumps"] += int(resumes.sum())
+        self._tally["saturated"] += saturated
+        if self._frozen is not None:
+            self._tally["frozen"] += self._frozen.add_block(y)
+        dt = np.where(every == 0, 0.0, step)
+        return PointBlock(index=every, time=times, dt=dt, u=values[0], y=values[1], resumes=resumes)
+
     def finish(self) -> Iterable[GridPoint]:
         """Give the points that were held back; to be called once, after the last row."""
         self._give_up_behind()
@@ -367,6 +503,16 @@ class Grid:
             return (point,)
         times = (start + (k - began) * (step or 0.0) for k in range(first, index))
         return chain(_empty_points(first, times, step or 0.0, row), (point,))
+
+
+def _nearest(index: IntArray, distance: FloatArray) -> IntArray:
+    """Give, of each run of equal indices, the place of the first with the smallest distance; all (n_rows,)."""
+    starts = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
+    if len(starts) == len(index):
+        return starts
+    runs = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(index)))
+    least = np.flatnonzero(distance == np.minimum.reduceat(distance, starts)[runs])
+    return least[np.unique(runs[least], return_index=True)[1]]
 
 
 def _empty_points(first: int, times: Iterable[float], step: float, like: Row) -> Iterator[GridPoint]:

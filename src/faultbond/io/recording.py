@@ -10,25 +10,29 @@ import io
 import math
 import re
 import sys
+from codecs import getincrementaldecoder
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import chain
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
-from faultbond.io.grid import Row
+from faultbond.io.row_block import Row, RowBlock, block_of_rows
 from faultbond.io.times import finite_number, parse_time, unix_seconds
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
 MAX_LINE = 200_000  # characters
+MAX_PLAIN = 100_000  # the same of a line that is not looked at more closely
+STRANGE = '"\0_'  # what a line with plain numbers has not: quotations, what is no text, and digits grouped as in Python
+READ_AHEAD = 2**17  # characters
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
 FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
@@ -107,6 +111,21 @@ def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
     return _rows(records, columns, str(source))
 
 
+def read_blocks(source: str | Path, columns: Columns) -> Iterator[RowBlock]:
+    """Give the same rows in blocks: of a CSV file some thousand at once, of standard input what is there.
+
+    Of all else, which may be slow, single ones.
+
+    Rows before an error come before it. Parameters and errors are those of `read_rows`.
+    """
+    path = Path(source)
+    if str(source) == STANDARD_INPUT:
+        return _csv_blocks(source, columns, "standard input")
+    if not path.is_file() or _is_parquet(path):
+        return (block_of_rows([row]) for row in read_rows(source, columns))
+    return _csv_blocks(path, columns, str(path))
+
+
 def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
     """Write columns of equal length as CSV, the header first; nan becomes an empty field.
 
@@ -135,22 +154,45 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
             writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
 
 
-def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str) -> Iterator[Row]:
-    """Turn records into rows; the first record is the header."""
-    header = [str(name).strip() for name in next(records, (0, ()))[1]]
-    if not any(header):
-        raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
-    needed = columns.needed(header)
-    for column in needed:
-        if header.count(column.header) != 1:
-            raise RecordingError(_no_column(column, header, title))
-    clock = header.index(needed[0].header) if needed and needed[0].role == "time" else None
-    inputs, outputs = ([header.index(item.header) for item in of] for of in (columns.inputs, columns.outputs))
-    lowest, highest = _ends(columns.outputs, inwards=True)
-    least, most = _ends(columns.inputs, inwards=False)
-    count = 0
-    for count, (line, values) in enumerate(records, start=1):
-        where = f"{title}:{line}"
+class _Layout:
+    """Where the columns of a model stand in a recording, and how its records become rows.
+
+    Parameters
+    ----------
+    columns : what to read
+    header : the first record of the recording
+    title : its name, for messages
+
+    Raises
+    ------
+    RecordingError
+        Where a column is not there, or is there twice.
+    """
+
+    def __init__(self, columns: Columns, header: Sequence[object], title: str) -> None:
+        self.header = [str(name).strip() for name in header]
+        if not any(self.header):
+            raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
+        needed = columns.needed(self.header)
+        for column in needed:
+            if self.header.count(column.header) != 1:
+                raise RecordingError(_no_column(column, self.header, title))
+        self._columns, self._title = columns, title
+        self._clock = self.header.index(needed[0].header) if needed and needed[0].role == "time" else None
+        inputs, outputs = columns.inputs, columns.outputs
+        self._inputs, self._outputs = ([self.header.index(item.header) for item in of] for of in (inputs, outputs))
+        self._lowest, self._highest = _ends(outputs, inwards=True)
+        self._least, self._most = _ends(inputs, inwards=False)
+
+    def row(self, count: int, line: int, values: Sequence[object]) -> Row:
+        """Give the row of a record; `count` is its number, from 1.
+
+        Raises
+        ------
+        RecordingError
+            Where it has too many fields, or decimal commas.
+        """
+        columns, clock, header, where = self._columns, self._clock, self.header, f"{self._title}:{line}"
         if any(str(value).strip() for value in values[len(header) :]):  # no field is then sure to be its column's
             raise RecordingError(
                 f"{where}: this row has {len(values)} fields, the header {len(header)}. Decimal commas? "
@@ -160,18 +202,115 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
             moment = columns.first_time + (count - 1) * (columns.sample_time or 1.0)
         else:
             moment = _moment(_field(values, clock), columns.time.unit)
-        u, y = _numbers(values, inputs, columns.inputs), _numbers(values, outputs, columns.outputs)
+        u, y = _numbers(values, self._inputs, columns.inputs), _numbers(values, self._outputs, columns.outputs)
         if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
-            for k in (*(() if clock is None else (clock,)), *inputs, *outputs):
+            for k in (*(() if clock is None else (clock,)), *self._inputs, *self._outputs):
                 text = _field(values, k)
                 if isinstance(text, str) and WITH_COMMA.fullmatch(text):  # it would pass for a missing value
                     found = f"{header[k]!r} is {text.strip()!r}"
                     raise RecordingError(f"{where}: {found}. Decimal commas? Write numbers with a point.")
-        saturated, beyond = (y <= lowest) | (y >= highest), (u < least) | (u > most)
+        saturated, beyond = (y <= self._lowest) | (y >= self._highest), (u < self._least) | (u > self._most)
         y[saturated], u[beyond] = math.nan, math.nan
-        yield Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
+        return Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
+
+    def block(self, count: int, line: int, lines: Sequence[str], delimiter: str) -> RowBlock | None:
+        """Give the rows of lines, each a record with as many fields as the header, as `row` does for each of them.
+
+        None where there may be decimal commas. `count`, `line`: numbers of the first.
+        """
+        columns, n = self._columns, len(lines)
+        places = [*(() if self._clock is None else (self._clock,)), *self._inputs, *self._outputs]
+        units = [*(() if self._clock is None else (columns.time.unit,)), *(item.unit for item in columns.inputs)]
+        units += [item.unit for item in columns.outputs]
+        numbers = _plain_numbers(lines, delimiter, places)
+        fields = None
+        if numbers is None:  # not all of them are numbers
+            fields = [*zip(*csv.reader(lines, delimiter=delimiter), strict=True)]
+            numbers = np.array([[finite_number(text) for text in fields[place]] for place in places]).T
+        numbers[~np.isfinite(numbers)] = math.nan
+        numbers = np.array([unit.factor for unit in units]) * numbers + np.array([unit.offset for unit in units])
+        if self._clock is None:
+            numbered = np.arange(count - 1, count - 1 + n, dtype=np.float64)
+            time = columns.first_time + numbered * (columns.sample_time or 1.0)
+            values = numbers
+        else:
+            time, values = numbers[:, 0].copy(), numbers[:, 1:]
+            if fields is not None:
+                for k in np.flatnonzero(np.isnan(time)):
+                    time[k] = _moment(fields[self._clock][k], columns.time.unit)
+        if fields is not None:
+            strange = np.flatnonzero(np.isnan(time) | np.isnan(values).any(axis=1))
+            if any("," in fields[place][k] for k in strange for place in places):
+                return None
+        u, y = values[:, : len(self._inputs)].copy(), values[:, len(self._inputs) :].copy()
+        saturated, beyond = (y <= self._lowest) | (y >= self._highest), (u < self._least) | (u > self._most)
+        y[saturated], u[beyond] = math.nan, math.nan
+        n_saturated = np.asarray(saturated.sum(axis=1) + beyond.sum(axis=1))
+        return RowBlock(time=time, u=u, y=y, saturated=n_saturated, line=np.arange(line, line + n))
+
+
+def _plain_numbers(lines: Sequence[str], delimiter: str, places: Sequence[int]) -> FloatArray | None:
+    """Give the fields at some places of all lines, shape (n_lines, n_places); None if one of them is no number."""
+    wanted, back = np.unique(places, return_inverse=True)
+    try:
+        found = np.loadtxt(lines, delimiter=delimiter, comments=None, usecols=tuple(wanted.tolist()), ndmin=2)
+    except ValueError:
+        return None
+    return found[:, back] if len(found) == len(lines) else None
+
+
+def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str) -> Iterator[Row]:
+    """Turn records into rows; the first record is the header."""
+    layout = _Layout(columns, next(records, (0, ()))[1], title)
+    count = 0
+    for count, (line, values) in enumerate(records, start=1):
+        yield layout.row(count, line, values)
     if count == 0:
-        raise RecordingError(f"{title}: there is no row below the header.")
+        raise RecordingError(_no_row(title))
+
+
+def _no_row(title: str) -> str:
+    return f"{title}: there is no row below the header."
+
+
+def _csv_blocks(source: str | Path, columns: Columns, title: str) -> Iterator[RowBlock]:
+    """Turn CSV text into rows, many lines at a time where each of them is a plain record."""
+    count = 0
+    with _reading(title), _text(source) as stream:
+        lines = _Lines(stream, title)
+        delimiter = _delimiter(lines, title)
+        layout = _Layout(columns, next(_records(lines, delimiter, title), (0, ()))[1], title)
+        while ahead := lines.ahead():
+            plain = _are_plain(ahead, delimiter, len(layout.header))
+            block = layout.block(count + 1, lines.number + 1, ahead, delimiter) if plain else None
+            if block is not None:
+                lines.skip()
+                count += len(block)
+                yield block
+                continue
+            rows: list[Row] = []
+            try:
+                for line, values in _records(lines, delimiter, title):
+                    rows.append(layout.row(count + len(rows) + 1, line, values))
+                    if lines.is_at_end:
+                        break
+            except (RecordingError, OSError):
+                if rows:
+                    yield block_of_rows(rows)
+                raise
+            if rows:
+                count += len(rows)
+                yield block_of_rows(rows)
+        if count == 0:
+            raise RecordingError(_no_row(title))
+
+
+def _are_plain(lines: Sequence[str], delimiter: str, n_fields: int) -> bool:
+    """Whether each line is a record with so many fields, for sure."""
+    text = "".join(lines)
+    if any(letter in text for letter in STRANGE) or max(map(len, lines)) >= MAX_PLAIN:
+        return False
+    return {line.count(delimiter) for line in lines} == {n_fields - 1} and (n_fields > 1 or all(map(str.strip, lines)))
 
 
 def _numbers(values: Sequence[object], places: Sequence[int], columns: tuple[Column, ...]) -> FloatArray:
@@ -231,57 +370,130 @@ def _reading(title: str) -> Iterator[None]:
 
 
 @contextmanager
-def _text(source: str | Path) -> Iterator[TextIO]:
+def _text(source: str | Path) -> Iterator["TextIO | _Arriving"]:
     """Open a text file, or standard input without closing it at the end."""
     if str(source) != STANDARD_INPUT:
         with Path(source).open(encoding="utf-8-sig", errors="replace", newline="") as stream:
             yield stream
         return
-    stream = io.TextIOWrapper(sys.stdin.buffer, encoding="utf-8-sig", errors="replace", newline="")
-    try:
-        yield stream
-    finally:
-        stream.detach()
+    yield _Arriving(sys.stdin.buffer)
 
 
-def _lines(stream: TextIO, title: str) -> Iterator[str]:
-    """Give the lines of a stream as they come, none of them beyond all measure."""
-    number = 0
-    while line := stream.readline(MAX_LINE):
-        number += 1
+class _Arriving:
+    """Text that arrives at its own pace: whole lines as soon as they are there."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._decoder = getincrementaldecoder("utf-8-sig")("replace")
+        self._text = ""
+
+    def read(self, most: int) -> str:
+        """Give all whole lines that are there, one at least; at the end what is left, then nothing."""
+        while (end := self._text.rfind("\n") + 1) == 0 and len(self._text) < most and self._more():
+            pass
+        end = end or len(self._text)
+        text, self._text = self._text[:end], self._text[end:]
+        return text
+
+    def readline(self, most: int) -> str:
+        """Give the next line, or what there is of it at the end, and not more than so many letters of it."""
+        while (end := self._text.find("\n") + 1) == 0 and len(self._text) < most and self._more():
+            pass
+        end = min(end or len(self._text), most)
+        line, self._text = self._text[:end], self._text[end:]
+        return line
+
+    def _more(self) -> bool:
+        """Wait for more; tell whether any came."""
+        found = self._stream.read1(READ_AHEAD) if hasattr(self._stream, "read1") else self._stream.readline()
+        self._text += self._decoder.decode(found, final=not found)
+        return bool(found)
+
+
+class _Lines:
+    """The lines of a stream as they come, none of them beyond all measure.
+
+    number : how many were given
+    """
+
+    def __init__(self, stream: TextIO | _Arriving, title: str) -> None:
+        self._stream, self._title = stream, title
+        self.number = 0
+        self._ahead: deque[str] = deque()
+
+    def __iter__(self) -> "_Lines":
+        return self
+
+    def __next__(self) -> str:
+        line = self._ahead.popleft() if self._ahead else self._stream.readline(MAX_LINE)
+        if not line:
+            raise StopIteration
+        self.number += 1
+        where = f"{self._title}:{self.number}"
         if len(line) >= MAX_LINE:
-            raise RecordingError(
-                f"{title}:{number}: a line of more than {MAX_LINE:,} characters is no row of a recording."
-            )
+            raise RecordingError(f"{where}: a line of more than {MAX_LINE:,} characters is no row of a recording.")
         if "\0" in line:
-            raise RecordingError(f"{title}:{number}: this is not text. Recordings are CSV or Parquet files.")
-        yield line
+            raise RecordingError(f"{where}: this is not text. Recordings are CSV or Parquet files.")
+        return line
+
+    def put_back(self, lines: Sequence[str]) -> None:
+        """Take back the lines that were given last."""
+        self._ahead.extendleft(reversed(lines))
+        self.number -= len(lines)
+
+    def ahead(self) -> list[str]:
+        """Give the lines that are read, but not given yet; if there are none, read some. Nothing is checked."""
+        if not self._ahead and (text := self._stream.read(READ_AHEAD)):
+            if not text.endswith("\n"):
+                text += self._stream.readline(MAX_LINE)
+            self._ahead.extend(io.StringIO(text, newline=""))
+        return list(self._ahead)
+
+    def skip(self) -> None:
+        """Count the lines that are read as given."""
+        self.number += len(self._ahead)
+        self._ahead.clear()
+
+    @property
+    def is_at_end(self) -> bool:
+        """Whether all lines that are read were given."""
+        return not self._ahead
+
+
+def _delimiter(lines: _Lines, title: str) -> str:
+    """Give what separates the fields, by the first line that is not empty."""
+    head: list[str] = []
+    for line in lines:
+        head.append(line)
+        if line.strip("\r\n"):
+            break
+    first = head[-1] if head else ""
+    if first.count("\ufffd") > len(first) // 10:
+        raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
+    lines.put_back(head)
+    return max(",;\t", key=first.count)
+
+
+def _records(lines: _Lines, delimiter: str, title: str) -> Iterator[tuple[int, Sequence[str]]]:
+    """Give (line, fields) of each record; empty lines are passed over."""
+    reader = csv.reader(lines, delimiter=delimiter)
+    try:
+        before = lines.number
+        for fields in reader:
+            if lines.number - before > MAX_RECORD_LINES:
+                raise RecordingError(f"{title}:{before + 1}: a quotation mark is opened here and never closed.")
+            before = lines.number
+            if fields:
+                yield before, fields
+    except csv.Error as error:
+        raise RecordingError(f"{title}:{lines.number}: this is not a row of a CSV file ({error}).") from error
 
 
 def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence[object]]]:
-    """Give (line, fields) of a CSV text, header first; empty lines are passed over."""
+    """Give (line, fields) of a CSV text, header first."""
     with _reading(title), _text(source) as stream:
-        lines = _lines(stream, title)
-        head: list[str] = []
-        for line in lines:
-            head.append(line)
-            if line.strip("\r\n"):
-                break
-        first = head[-1] if head else ""  # the first line that is not empty
-        delimiter = max(",;\t", key=first.count)
-        if first.count("\ufffd") > len(first) // 10:
-            raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
-        reader = csv.reader(chain(head, lines), delimiter=delimiter)
-        try:
-            before = 0
-            for fields in reader:
-                if reader.line_num - before > MAX_RECORD_LINES:
-                    raise RecordingError(f"{title}:{before + 1}: a quotation mark is opened here and never closed.")
-                before = reader.line_num
-                if fields:
-                    yield before, fields
-        except csv.Error as error:
-            raise RecordingError(f"{title}:{reader.line_num}: this is not a row of a CSV file ({error}).") from error
+        lines = _Lines(stream, title)
+        yield from _records(lines, _delimiter(lines, title), title)
 
 
 def _is_parquet(path: Path) -> bool:

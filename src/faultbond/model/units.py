@@ -1,7 +1,7 @@
 """Units: text to SI factor, offset and dimension.
 
-Our own small grammar reads `255 Pa^0.5*s/m^3/percent^2`; pint is asked only about single words such as `kPa`, so no
-text of the user reaches its expression evaluator. It is imported when the first word is looked up.
+Our own small grammar reads `255 Pa^0.5*s/m^3/percent^2`; the usual words such as `kPa` stand in a table. Pint is asked
+only about other single words, so no text of the user reaches its expression evaluator. It is imported then.
 Percent is a base unit (0..100, never a fraction), rad is 1, temperatures are K inside.
 """
 
@@ -32,12 +32,28 @@ _SYMBOLS = {
     "candela": "cd",
     "percent": "percent",
 }
+_BASES = {symbol: name for name, symbol in _SYMBOLS.items()}
 _COMMON = (  # what a misspelt unit may have been meant to be
     *("m", "cm", "mm", "km", "m^2", "s", "ms", "min", "h", "day", "kg", "g", "t", "K", "degC", "degF", "mol"),
     *("A", "mA", "V", "mV", "kV", "ohm", "kohm", "Mohm", "F", "mF", "uF", "nF", "H", "mH", "uH", "W", "kW", "MW"),
     *("J", "kJ", "Hz", "kHz", "N", "kN", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "rad", "deg", "rpm"),
     *("l", "L", "ml", "percent", "C"),
 )
+# Words that need no pint, whose import takes longer than reading a model: factor, unit, and offset where there is one.
+# A test compares them with pint's.
+_WORDS: Mapping[str, tuple[str | float, str] | tuple[str | float, str, float]] = {
+    **{"cm": ("0.01", "m"), "mm": ("0.001", "m"), "um": ("1e-6", "m"), "km": ("1000", "m"), "g": ("0.001", "kg")},
+    **{"ms": ("0.001", "s"), "min": ("60", "s"), "h": ("3600", "s"), "day": ("86400", "s"), "days": ("86400", "s")},
+    **{"t": ("1000", "kg"), "l": ("0.001", "m^3"), "L": ("0.001", "m^3"), "ml": ("1e-6", "m^3"), "mA": ("0.001", "A")},
+    **{"degC": ("1", "K", 273.15), "degF": (0.5555555555555556, "K", 255.37222222222223), "Hz": ("1", "1/s")},
+    **{"kHz": ("1000", "Hz"), "rpm": (0.10471975511965977, "1/s"), "deg": (0.017453292519943295, "rad")},
+    **{"N": ("1", "kg*m/s^2"), "kN": ("1000", "N"), "J": ("1", "N*m"), "kJ": ("1000", "J"), "W": ("1", "J/s")},
+    **{"kW": ("1000", "W"), "MW": ("1e6", "W"), "Pa": ("1", "N/m^2"), "kPa": ("1000", "Pa"), "MPa": ("1e6", "Pa")},
+    **{"bar": ("1e5", "Pa"), "mbar": ("100", "Pa"), "psi": (6894.7572931683635, "Pa"), "C": ("1", "A*s")},
+    **{"V": ("1", "W/A"), "mV": ("0.001", "V"), "kV": ("1000", "V"), "ohm": ("1", "V/A"), "kohm": ("1000", "ohm")},
+    **{"Mohm": ("1e6", "ohm"), "F": ("1", "C/V"), "mF": ("0.001", "F"), "uF": ("1e-6", "F"), "nF": ("1e-9", "F")},
+    **{"H": ("1", "V*s/A"), "mH": ("0.001", "H"), "uH": ("1e-6", "H")},
+}
 _TOKEN = re.compile(
     r"(?P<space> +)|(?P<name>[A-Za-zµμΩ°][A-Za-z0-9_µμΩ°]*)|(?P<number>\d+(?:\.\d+)?)|(?P<operator>\*\*|[-*/^()])"
 )
@@ -125,8 +141,19 @@ def _registry() -> Any:
 @lru_cache(maxsize=4096)
 def _word(name: str) -> _Product | None:
     """Give one word of a unit, such as `kPa`; None if nobody knows it."""
-    if name in ("percent", "rad"):
-        return _Product(Fraction(1), dimension_of({"percent": Fraction(1)}) if name == "percent" else DIMENSIONLESS)
+    if name == "rad":
+        return _Product(Fraction(1), DIMENSIONLESS)
+    if name in _BASES:
+        return _Product(Fraction(1), dimension_of({_BASES[name]: Fraction(1)}))
+    if name in _WORDS:
+        factor, text, *offset = _WORDS[name]
+        of = _Reader(text).whole()
+        return _Product(Fraction(factor) * of.factor, of.dimension, *offset)
+    return _asked(name)
+
+
+def _asked(name: str) -> _Product | None:
+    """Give one word as pint knows it."""
     registry = _registry()
     try:
         unit = registry.parse_units(name)

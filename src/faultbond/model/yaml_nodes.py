@@ -20,9 +20,9 @@ from yaml.events import (
     StreamEndEvent,
 )
 
+from faultbond.model.document import MAX_BYTES
 from faultbond.model.source import Entry, Items, Node, Source, Table, Text, shown
 
-MAX_BYTES = 2**20
 MAX_ENTRIES = 5000
 MAX_LEVELS = 10
 

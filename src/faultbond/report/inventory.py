@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from rich.console import Console
 
 from faultbond.contract import lanes
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.findings import MAX_CANDIDATES
 from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
@@ -19,7 +21,6 @@ from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.verdict import step_text, unfalsifiable_text
-from faultbond.runtime import monitor, onsets, packing, ranking, trail, unseen
 from faultbond.synthesis.specify import PROCESS_NOISE
 from faultbond.types import CheckKind, TimeGrid
 
@@ -42,39 +43,43 @@ THRESHOLDS = {
     "warm_up_samples": "samples without alarms at the start, with those of the model's warm-up",
     "history_samples": "samples kept to look back for the onset",
 }
+_CORE = core_settings()
 SETTINGS = {  # value and meaning of the numbers of the method beside its thresholds
-    "start_samples": (monitor.START_SAMPLES, "samples gathered to solve an unknown start"),
-    "diagnosis_every": (monitor.DIAGNOSIS_EVERY, "samples from one diagnosis to the next"),
-    "change_memory": (packing.CHANGE_MEMORY, "changes of an input add up over, s"),
+    "start_samples": (_CORE["START_SAMPLES"], "samples gathered to solve an unknown start"),
+    "diagnosis_every": (_CORE["DIAGNOSIS_EVERY"], "samples from one diagnosis to the next"),
+    "change_memory": (_CORE["CHANGE_MEMORY"], "changes of an input add up over, s"),
     "start_patience": (
-        monitor.START_PATIENCE,
+        _CORE["START_PATIENCE"],
         "samples for which a sensor without any value holds up the start, at most",
     ),
     "first_renewal": (
-        monitor.RENEWALS[0],
+        _CORE["FIRST_RENEWAL"],
         "samples from the alarm to the first new beginning of each hypothesis from what it has found",
     ),
-    "last_renewal": (monitor.RENEWALS[-1], "samples from the alarm to the last such beginning"),
-    "onset_dense": (onsets.DENSE, "samples before the alarm of which each is tried as onset"),
-    "onset_ratio": (onsets.RATIO, "ratio of the distances from the alarm of neighbouring onsets further back"),
-    "onset_many": (onsets.MANY, "numbers in the covariances of all filters from which on fewer onsets are tried"),
-    "wild": (trail.WILD, "standard deviations of an innovation beyond which its sample is tried as onset, too"),
+    "last_renewal": (_CORE["LAST_RENEWAL"], "samples from the alarm to the last such beginning"),
+    "onset_dense": (_CORE["DENSE"], "samples before the alarm of which each is tried as onset"),
+    "onset_ratio": (_CORE["RATIO"], "ratio of the distances from the alarm of neighbouring onsets further back"),
+    "onset_many": (_CORE["MANY"], "numbers in the covariances of all filters from which on fewer onsets are tried"),
+    "wild": (_CORE["WILD"], "standard deviations of an innovation beyond which its sample is tried as onset, too"),
     "process_noise": (PROCESS_NOISE, "sd added to a state each sample, noises of the sensor that shows it best"),
     "gap": (
-        packing.GAP,
+        _CORE["GAP_FROM"],
         "samples without any value, and three times the usual number, after which the states are uncertain",
     ),
-    "unknown_gap": (packing.UNKNOWN_GAP, "samples that a gap of unknown length counts as"),
-    "gap_far": (unseen.FAR, "samples of a gap after which a state may be wherever it has been"),
-    "unseen_longest": (unseen.LONGEST, "samples at most for which a missing input counts as having moved"),
-    "unseen_lost": (unseen.LOST, "samples without an input that usually is told, from which on no sum grows"),
-    "input_rarely": (unseen.RARELY, "part of the samples in which an input is told that is not only logged at changes"),
+    "unknown_gap": (_CORE["GAP_UNKNOWN"], "samples that a gap of unknown length counts as"),
+    "gap_far": (_CORE["GAP_WHOLE"], "samples of a gap after which a state may be wherever it has been"),
+    "unseen_longest": (_CORE["LONGEST_DOUBT"], "samples at most for which a missing input counts as having moved"),
+    "unseen_lost": (_CORE["UNKNOWN_FROM"], "samples without an input that usually is told, after which no sum grows"),
+    "input_rarely": (
+        _CORE["RARELY"],
+        "part of the samples in which an input is told that is not just logged at changes",
+    ),
     "first_start": (lanes.FIRST_START, "first starting value of a suspect, nominals; each next one is twice as large"),
     "start_spread": (lanes.START_SPREAD, "standard deviation of a start, starts"),
     "reach": (lanes.REACH, "starting values lie within this many `change` of nominal"),
     "coarse_from": (lanes.COARSE_FROM, "sets of this size and more use two starts for each suspect"),
     "many_lanes": (lanes.MANY_LANES, "filters beyond which pairs too use two starts for each suspect"),
-    "max_candidates": (ranking.MAX_CANDIDATES, "candidates given in a record, at most"),
+    "max_candidates": (MAX_CANDIDATES, "candidates given in a record, at most"),
     "max_substeps": (MAX_SUBSTEPS, "substeps of a sample, at most"),
     "newton_steps": (NEWTON_STEPS, "Newton steps for a loop without closed form"),
     "sqrt_width": (SQRT_WIDTH, "smoothing of sqrt(x) at 0, of the size of its terms"),

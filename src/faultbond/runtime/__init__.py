@@ -1,5 +1,5 @@
-"""The on-line part: what runs beside the plant, on numbers alone; it needs numpy and nothing that knows a model.
+"""The on-line part as Python sees it: the compiled core of a model at work. It needs numpy, and knows no model file.
 
-In: a specification, an engine and samples. Out: a report for each, with a detection and diagnoses.
-Read `state`, `packing`, `wild`, `start`, `monitor`, `alarm`, `bank`, `stepped`, `slotted`, `ranking`, `accepting`.
+In: a core and samples. Out: reports, with a detection and diagnoses, told by names.
+Read `core`, `monitor`, `candidates`, `names`, `rule`, `advice`, `trace`, `allowed`.
 """

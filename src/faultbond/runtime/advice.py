@@ -16,8 +16,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Advice, Candidate, Diagnosis
 from faultbond.contract.spec import CheckSpec, Engine, EngineSpec
-from faultbond.runtime.ranking import best_lanes
-from faultbond.runtime.state import State
+from faultbond.runtime.monitor import Monitor
 from faultbond.types import CheckKind
 
 AHEAD = 300  # samples for which candidates are predicted under a move
@@ -30,6 +29,20 @@ WORTH = 0.1  # bits that a check has to tell; a move, more than waiting would
 Probe = Callable[[FloatArray, FloatArray], FloatArray]  # (lane, inputs) -> values of the signals measured by hand, SI
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Inputs:
+    """Where the inputs stand, and have been; (n_inputs,) each, SI."""
+
+    held: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+
+    @property
+    def peak(self) -> FloatArray:
+        """Largest size of each input; 0 where none was seen."""
+        return np.where(self.lowest <= self.highest, np.maximum(np.abs(self.lowest), np.abs(self.highest)), 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rival:
     """A candidate, its lane, and the engine that runs it."""
@@ -40,44 +53,35 @@ class _Rival:
     engine: Engine
 
 
-def advise(
-    spec: EngineSpec, engine: Engine, state: State, diagnosis: Diagnosis, probe: Probe | None = None
-) -> tuple[Advice, ...]:
+def advise(monitor: Monitor, diagnosis: Diagnosis, probe: Probe | None = None) -> tuple[Advice, ...]:
     """Give what to do next, the best for its cost first; nothing while one candidate stands alone.
 
     Parameters
     ----------
-    spec, engine, state : the run, after the sample of the diagnosis
+    monitor : after the sample of the diagnosis
     diagnosis : the candidates
     probe : gives what each candidate expects of the signals that the model file lists as checks; None: there are none
     """
-    rivals = _rivals(spec, engine, state, diagnosis)
+    spec, rivals = monitor.spec, _rivals(monitor, diagnosis)
     if len(rivals) < 2:
         return ()
-    found = [*_looks(spec, rivals), *_moves(spec, state, rivals)]
+    inputs = _Inputs(*(monitor.numbers(f"inputs.{name}") for name in ("held", "lowest", "highest")))
+    found = [*_looks(spec, rivals), *_moves(spec, inputs, rivals)]
     if probe is not None:
-        found += _measurements(spec, state, rivals, probe)
+        found += _measurements(spec, inputs, rivals, probe)
     return tuple(sorted(found, key=lambda item: (-item.gain / max(item.cost, 1e-9), item.target)))
 
 
-def _rivals(spec: EngineSpec, engine: Engine, state: State, diagnosis: Diagnosis) -> list[_Rival]:
+def _rivals(monitor: Monitor, diagnosis: Diagnosis) -> list[_Rival]:
     """Give the candidates that matter, with probabilities that add up to 1."""
     kept = [item for item in diagnosis.candidates[:MOST] if item.probability >= LEAST]
     total = sum(item.probability for item in kept)
-    lanes = best_lanes(spec, state.bank)
-    bank = state.bank
-    steps, rivals = bank.steps.shape[1], []
+    rivals = []
     for item in kept:
-        lane = int(lanes[item.hypothesis])
-        own = lane < steps
-        numbers = bank.steps[:, lane] if own else bank.slots[:, lane - steps]
+        lane, core = monitor.lane(item.lane), monitor.core
+        plain = len(lane) == monitor.spec.n_numbers
         rivals.append(
-            _Rival(
-                candidate=item,
-                probability=item.probability / total,
-                lane=numbers,
-                engine=engine if own else engine.slot,
-            )
+            _Rival(candidate=item, probability=item.probability / total, lane=lane, engine=core if plain else core.slot)
         )
     return rivals
 
@@ -91,18 +95,18 @@ def _looks(spec: EngineSpec, rivals: Sequence[_Rival]) -> Iterator[Advice]:
         yield from _advice(rivals, [with_it, without], CheckKind.COMPONENT, part, costs.get(part, 1.0))
 
 
-def _moves(spec: EngineSpec, state: State, rivals: Sequence[_Rival]) -> Iterator[Advice]:
+def _moves(spec: EngineSpec, inputs: _Inputs, rivals: Sequence[_Rival]) -> Iterator[Advice]:
     """Moving an input lets candidates go apart that agree now."""
     step = spec.sample_time or 1.0
-    waited = _entropy(rivals, _told_apart(spec, rivals, _ahead(spec, state, state.inputs.held)))
+    waited = _entropy(rivals, _told_apart(spec, rivals, _ahead(spec, inputs, inputs.held)))
     listed = {item.name: item for item in spec.checks if item.kind is CheckKind.INPUT}
     for k, item in enumerate(spec.inputs):
         check = listed.get(item.name)
         moves = []
-        for value in _values(spec, state, k, check):
-            held = state.inputs.held.copy()
+        for value in _values(spec, inputs, k, check):
+            held = inputs.held.copy()
             held[k] = value
-            groups = _told_apart(spec, rivals, _ahead(spec, state, held))
+            groups = _told_apart(spec, rivals, _ahead(spec, inputs, held))
             cost = 1.0 if check is None else check.cost
             moves += _advice(
                 rivals, groups, CheckKind.INPUT, item.name, cost, value=value, within=AHEAD * step, least=waited + WORTH
@@ -110,17 +114,17 @@ def _moves(spec: EngineSpec, state: State, rivals: Sequence[_Rival]) -> Iterator
         yield from sorted(moves, key=lambda move: -round(move.gain, 2))[:1]
 
 
-def _values(spec: EngineSpec, state: State, index: int, check: CheckSpec | None) -> list[float]:
+def _values(spec: EngineSpec, inputs: _Inputs, index: int, check: CheckSpec | None) -> list[float]:
     """Give the values to which an input may be moved, the nearest first: up and down, not beyond where it has been.
 
     Zero counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0
     to 100; how far a stated move may go is left to whoever stated it.
     """
-    item, now = spec.inputs[index], float(state.inputs.held[index])
-    low, high = float(state.inputs.lowest[index]), float(state.inputs.highest[index])
+    item, now = spec.inputs[index], float(inputs.held[index])
+    low, high = float(inputs.lowest[index]), float(inputs.highest[index])
     full = high - low
     if not item.unit_offset:
-        low, high, full = min(low, 0.0), max(high, 0.0), float(state.inputs.peak[index])
+        low, high, full = min(low, 0.0), max(high, 0.0), float(inputs.peak[index])
     if item.percent:
         low, high, full = 0.0, 100.0, 100.0
     sizes = [part * full for part in MOVES]
@@ -131,17 +135,17 @@ def _values(spec: EngineSpec, state: State, index: int, check: CheckSpec | None)
     return [value for value in wanted if abs(value - now) > 0.5 * sizes[0] > 0.0]
 
 
-def _ahead(spec: EngineSpec, state: State, held: FloatArray) -> FloatArray:
+def _ahead(spec: EngineSpec, inputs: _Inputs, held: FloatArray) -> FloatArray:
     """Give samples without measurements under held inputs; what settles first is not counted."""
     fields, step = spec.sample_fields, spec.sample_time or 1.0
     samples = np.zeros((AHEAD, spec.n_sample))
     samples[:, fields["dt"]] = step
     samples[:, fields["u"]] = samples[:, fields["u_before"]] = held
-    samples[0, fields["u_before"]] = state.inputs.held
+    samples[0, fields["u_before"]] = inputs.held
     samples[:, fields["scale"]] = 1.0
     samples[:, fields["again"]] = 1.0
     settling = np.array([item.settling for item in spec.inputs])
-    moved = np.where(held != state.inputs.held, settling, 0.0)
+    moved = np.where(held != inputs.held, settling, 0.0)
     for j, output in enumerate(spec.outputs):
         blank = max((float(moved[i]) for i in output.direct_inputs), default=0.0)
         samples[: int(np.ceil(blank / step)), fields["scale"].start + j] = spec.thresholds.blank_factor
@@ -176,9 +180,9 @@ def _separation(apart: FloatArray, variance: FloatArray, noise: FloatArray) -> f
     return size / float(np.sqrt(1.0 + along**2))
 
 
-def _measurements(spec: EngineSpec, state: State, rivals: Sequence[_Rival], probe: Probe) -> Iterator[Advice]:
+def _measurements(spec: EngineSpec, inputs: _Inputs, rivals: Sequence[_Rival], probe: Probe) -> Iterator[Advice]:
     """Measuring a signal by hand tells candidates apart that expect different values of it."""
-    values = np.stack([probe(rival.lane, state.inputs.held) for rival in rivals])
+    values = np.stack([probe(rival.lane, inputs.held) for rival in rivals])
     signals = [item for item in spec.checks if item.kind is CheckKind.SIGNAL]
     for k, item in enumerate(signals):
         scaled = (values[:, k] / max(item.noise, 1e-300)).tolist()

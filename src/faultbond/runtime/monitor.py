@@ -1,328 +1,240 @@
-"""The on-line part: `step`, a pure function on a state of numbers. No clock, file or socket.
+"""A monitor: the core of a model at work on one plant, with the state that it remembers."""
 
-Each sample passes the healthy filter; CUSUMs of each sensor (Page 1954), of its error and of its scatter, and the slow
-errors decide on an alarm; from the alarm on the bank runs beside it. Thesis 4.5.2 calls this part the universal
-algorithms.
-"""
-
-from dataclasses import replace
-from math import inf
+from ctypes import c_void_p
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.findings import Diagnosis, Unexplained
-from faultbond.contract.slots import plan_slots
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime.alarm import accumulated, counted, detect, slow_ratios, statistic
-from faultbond.runtime.bank import Bank, advance_bank, begin_bank, renew_bank
-from faultbond.runtime.drifting import drifting
-from faultbond.runtime.estimates import Absorbed
-from faultbond.runtime.outliers import begin
-from faultbond.runtime.packing import corrected
-from faultbond.runtime.ranking import leading_lane, rank, scores, table_of
-from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.state import (
-    SNAPSHOT_EVERY,
-    Clock,
-    Healthy,
-    Report,
-    Sample,
-    State,
-    Status,
-    init,
-    no_detector_sums,
-)
-from faultbond.runtime.trail import Trail, bursts, wildness_of
-from faultbond.runtime.untested import untested
-from faultbond.runtime.wild import admit, judged, seen, surprising, without_spike
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.findings import Candidate, Detection, Diagnosis
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.reserve import PER_SET, n_grown
+from faultbond.contract.samples import Report, Reports, Sample, Samples
+from faultbond.contract.spec import EngineSpec
+from faultbond.errors import FaultbondError, RecordingError
+from faultbond.runtime.candidates import candidate_of, diagnosis_of
+from faultbond.runtime.core import Core, at, memory
+from faultbond.runtime.names import hypothesis_names
 
-START_SAMPLES = 20  # gathered before an unknown start is solved
-START_PATIENCE = 300  # samples for which a sensor without any value holds up the start
-RENEWALS = (30, 100, 200)  # samples after the alarm at which the bank begins again from what it has found
-DIAGNOSIS_EVERY = 20  # samples between diagnoses
-FOLLOWED = 10.0  # nats by which a drift that follows nearly anything fits better than what does not: nothing else fits
+_NO_ALARM, _NO_SUCH_NUMBER = -1, -2
+BEGIN_ANEW = "Delete its file to begin anew."
+_REFUSED = {  # by what `fb_restore` gives
+    -1: "this is no state of faultbond",
+    -2: "the saved state was made by another version of faultbond",
+    -3: "the saved state was made by another version of faultbond, or is of another model",
+    -4: "the saved state is damaged",
+}
 
 
-def quiet(spec: EngineSpec) -> EngineSpec:
-    """Give the specification with the alarms off, and only as much history as the start may need."""
-    limits = replace(spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf)
-    return replace(spec, thresholds=replace(limits, history_samples=START_PATIENCE + 2))
-
-
-def step(spec: EngineSpec, engine: Engine, state: State, sample: Sample) -> tuple[State, Report]:
-    """Take one sample.
+class Monitor:
+    """Watches one plant.
 
     Parameters
     ----------
-    spec, engine : the model
-    state : State
-        Before the sample; not changed.
-    sample : Sample
-        Missing values are nan.
+    core : of the model
+    saved : what another monitor saved; None begins anew
+    time : of the beginning, s
+    quiet : whether no alarm is ever raised
 
-    Returns
-    -------
-    state, report : State, Report
-        Nothing raises on data; what was missing shows in the report's status and nan values.
+    Raises
+    ------
+    RecordingError
+        Where what was saved is of another model or version, or damaged.
     """
-    sample = corrected(state.normal, sample)
-    u = np.where(np.isfinite(sample.u), sample.u, state.inputs.held)
-    if not np.all(np.isfinite(u)):
-        waiting = replace(state, inputs=replace(state.inputs, held=u))
-        return _after(waiting, time=sample.time), _silent(spec, Status.WAITING)
-    moving = drifting(spec, engine, state.normal.rates, state.normal.wander)
-    before, packed, state, wild = admit(spec, moving, state, sample)
-    state = replace(state, clock=replace(state.clock, time=sample.time))
-    if not state.clock.running:
-        return _gather(spec, moving, _kept(spec, moving, state, packed, np.zeros(spec.n_numbers), 0.0))
-    lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
-    if before.sensors.spent.any() or surprising(spec, packed, innovations[0, :, 0]):
-        smooth = without_spike(spec, moving, before, packed)
-        if smooth is not packed:
-            lane, innovations = moving.advance(before.healthy.lane, smooth[None, :])
-            wild += 1
-        packed, sensors, n_wild = judged(spec, state, smooth, innovations[0, :, 0])
-        if n_wild:
-            lane, innovations = moving.advance(before.healthy.lane, packed[None, :])
-            wild += n_wild
-    else:
-        sensors = seen(state.sensors, *_readings(spec, packed))
-    state = replace(state, sensors=sensors)
-    state = _kept(spec, moving, state, packed, lane[:, 0], wildness_of(spec, packed, innovations[0, :, 0]))
-    if not np.all(np.isfinite(lane)):
-        return _lost(spec, state), replace(_silent(spec, Status.LOST), wild=wild)
-    state, report = _judge(spec, moving, state, lane, packed, innovations[0, :, 0])
-    return state, replace(report, wild=wild) if wild else report
+
+    def __init__(
+        self, core: Core, saved: NDArray[np.uint8] | None = None, *, time: float = 0.0, quiet: bool = False
+    ) -> None:
+        self.core, self.spec = core, core.spec
+        self._state = memory(core.sizes["state"])
+        self._work = memory(core.sizes["work"])
+        self._found = np.zeros(1, core.diagnosis)
+        self._candidate = np.zeros(1, core.candidate)
+        self._row = np.zeros(2 + len(self.spec.inputs) + len(self.spec.outputs))
+        self._report = np.zeros(1, core.report)
+        addresses = (at(part) for part in (self._state, self._work, self._row, self._report, self._found))
+        self._push = partial(core.library.fb_step, *map(c_void_p, addresses))
+        plan = plan_lanes(self.spec)
+        self._steps = plan.n_lanes + PER_SET * n_grown(self.spec)
+        core.library.fb_init(at(self._state), time, int(quiet))
+        if saved is not None:
+            self._restore(np.ascontiguousarray(saved, dtype=np.uint8))
+
+    def take(self, samples: Samples) -> Reports:
+        """Take samples in order, up to one at which something is found; gives reports of those that were taken.
+
+        Raises
+        ------
+        ValueError
+            Where the samples have other numbers of inputs or sensors than the model.
+        """
+        n_u, n_y, count = len(self.spec.inputs), len(self.spec.outputs), len(samples)
+        time, dt = (np.ascontiguousarray(values, dtype=np.float64) for values in (samples.time, samples.dt))
+        u, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (samples.u, samples.y))
+        if (time.shape, dt.shape, u.shape, y.shape) != ((count,), (count,), (count, n_u), (count, n_y)):
+            raise ValueError(f"samples of {n_u} inputs and {n_y} sensors are expected")
+        rows = np.zeros(count, self.core.report)
+        taken = self.core.library.fb_block(
+            at(self._state), at(self._work), count, at(time), at(dt), at(u), at(y), at(rows), at(self._found)
+        )
+        return self._told(rows[:taken])
+
+    def push(self, sample: Sample) -> bool:
+        """Take one sample, and tell whether something was found; `report` says what, and all else that it brought."""
+        row, n_u = self._row, len(sample.u)
+        row[0], row[1], row[2 : 2 + n_u], row[2 + n_u :] = sample.time, sample.dt, sample.u, sample.y
+        return bool(self._push())
+
+    @property
+    def report(self) -> Report:
+        """What the last sample brought that was pushed."""
+        return self._told(self._report).last
+
+    def step(self, sample: Sample) -> Report:
+        """Take one sample."""
+        self.push(sample)
+        return self.report
+
+    def resume(self) -> None:
+        """Expect a sample after a time of unknown length."""
+        self.core.library.fb_resume(at(self._state))
+
+    def conclude(self) -> Diagnosis:
+        """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect."""
+        self.core.library.fb_diagnosis(at(self._state), at(self._work), at(self._found))
+        return diagnosis_of(self.spec, self._found[0])
+
+    def finish(self) -> Diagnosis | None:
+        """Give the last diagnosis, if a fault was detected."""
+        return self.conclude() if self.number("clock.alarm") >= 0 else None
+
+    def accept(self, hypothesis: int) -> Candidate:
+        """Take a hypothesis as the new healthy model, and give the candidate as it stood.
+
+        Raises
+        ------
+        FaultbondError
+            Where there is no alarm to explain, or it is not among the candidates.
+        """
+        return self._decided(self.core.library.fb_accept, hypothesis)
+
+    def reject(self, hypothesis: int) -> Candidate:
+        """Rule a hypothesis out until the next alarm, with all sets that contain it, and give it as it stood.
+
+        Raises
+        ------
+        FaultbondError
+            Where there is no alarm to explain, it is not among the candidates, it is rejected already, or nothing would
+            be left.
+        """
+        return self._decided(self.core.library.fb_reject, hypothesis)
+
+    def save(self) -> NDArray[np.uint8]:
+        """Give what is remembered, as bytes (n,)."""
+        saved = np.zeros(self.core.sizes["saved"], dtype=np.uint8)
+        self.core.library.fb_save(at(self._state), at(saved))
+        return saved
+
+    def copy(self) -> "Monitor":
+        """Give another monitor that remembers the same."""
+        other = Monitor(self.core)
+        other._state[:] = self._state
+        return other
+
+    def numbers(self, name: str) -> FloatArray:
+        """Give numbers that are remembered, (n,), by their name in `fields.h`, such as `inputs.held`."""
+        field = self.core.fields[name]
+        part = self._state[field.offset : field.offset + 8 * field.count]
+        return np.array(part.view(np.int64 if field.whole else np.float64), dtype=np.float64)
+
+    def number(self, name: str) -> float:
+        """Give the first of some numbers, see `numbers`."""
+        return float(self.numbers(name)[0])
+
+    @property
+    def in_use(self) -> BoolArray:
+        """Which sensors are used, (n_outputs,); one that was accepted as stuck is not."""
+        return np.isfinite(self.numbers("normal.noise"))
+
+    @property
+    def knows_inputs(self) -> bool:
+        """Whether no input has been missing for some samples, though it usually is told and does move."""
+        settings = core_settings()
+        restless = (self.numbers("inputs.leap") > 0.0) & (self.numbers("inputs.habit") > settings["RARELY"])
+        return not np.any(restless & (self.numbers("inputs.guessed") >= settings["UNKNOWN_FROM"]))
+
+    def lane(self, number: int) -> FloatArray:
+        """Give a lane of the bank, (n_numbers,) of plain lanes, which come first, or of those with a slot."""
+        plain = number < self._steps
+        lane = np.zeros(self.spec.n_numbers if plain else self.spec.slotted.n_numbers)
+        self.core.library.fb_lane(at(self._state), number, at(lane))
+        return lane
+
+    def row(self, number: int) -> tuple[FloatArray, FloatArray]:
+        """Give one of the last samples by number: packed (n_sample,), and the healthy lane after it (n_numbers,)."""
+        row = np.zeros(self.spec.n_sample + self.spec.n_numbers + 2)
+        self.core.library.fb_row(at(self._state), number, at(row))
+        return row[: self.spec.n_sample], row[self.spec.n_sample : -2]
+
+    def pack(self, sample: Sample) -> FloatArray | None:
+        """Give a sample as the filter takes it, (n_sample,), and learn its inputs only; None before all had a value."""
+        packed = np.zeros(self.spec.n_sample)
+        u, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (sample.u, sample.y))
+        ready = self.core.library.fb_pack(at(self._state), sample.time, sample.dt, at(u), at(y), at(packed))
+        return packed if ready else None
+
+    def go_on(self, lane: FloatArray) -> None:
+        """Let the healthy filter go on from a lane (n_numbers, 1)."""
+        numbers = np.ascontiguousarray(lane, dtype=np.float64)
+        self.core.library.fb_go_on(at(self._state), at(numbers))
+
+    def _told(self, rows: NDArray[Any]) -> Reports:
+        """Give reports (n,) of the core, as it wrote them, with what was found at the last of them."""
+        last = rows[-1:]
+        return Reports(
+            status=rows["status"].copy(),
+            wild=rows["wild"].copy(),
+            expected=rows["expected"].copy(),
+            variance=rows["variance"].copy(),
+            cusum=rows["cusum"].copy(),
+            slow=rows["slow"][:, : len(self.spec.slow_errors)].copy(),
+            detection=self._detection() if last["detected"].any() else None,
+            diagnosis=diagnosis_of(self.spec, self._found[0]) if last["due"].any() else None,
+        )
+
+    def _detection(self) -> Detection:
+        crossed = self.numbers("alarm.crossed") > 0
+        return Detection(
+            time=self.number("alarm.time"),
+            sample=int(self.number("clock.alarm")),
+            change_time=self.number("alarm.change_time"),
+            signals=tuple(output.name for output, chosen in zip(self.spec.outputs, crossed, strict=True) if chosen),
+        )
+
+    def _decided(self, call: Any, hypothesis: int) -> Candidate:
+        refused = call(at(self._state), at(self._work), hypothesis, at(self._candidate))
+        if refused:
+            raise FaultbondError(_refusal(self.spec, hypothesis, refused))
+        return candidate_of(self.spec, self._candidate[0])
+
+    def _restore(self, saved: NDArray[np.uint8]) -> None:
+        refused = self.core.library.fb_restore(at(self._state), at(saved), len(saved))
+        if refused:
+            raise RecordingError(f"{_REFUSED[refused]}. {BEGIN_ANEW}")
 
 
-def _after(state: State, **changes: Any) -> State:
-    """Give the state as it is for the next sample, with other changes of its clock."""
-    return replace(state, clock=replace(state.clock, index=state.clock.index + 1, **changes))
-
-
-def _kept(
-    spec: EngineSpec, engine: Engine, state: State, packed: FloatArray, lane: FloatArray, wildness: float
-) -> State:
-    """Give the state with a packed sample and the healthy lane (n_numbers,) in its past, and the bank after it."""
-    clock = state.clock
-    past = state.past.followed(clock.index, packed, lane, clock.time, wildness)
-    if clock.alarm < 0:
-        return replace(state, past=past)
-    use = counted(spec, state, packed)
-    return replace(state, past=past, bank=advance_bank(spec, engine, state.bank, packed, use, clock.index))
-
-
-def _lost(spec: EngineSpec, state: State) -> State:
-    """Give the state with which the filter starts anew; where a lost one believed the plant it has not been."""
-    fresh = init(spec)
-    return replace(
-        _after(state, begun=-1, running=0),
-        inputs=replace(state.inputs, odd=fresh.inputs.odd),
-        sensors=replace(state.sensors, **no_detector_sums(len(spec.outputs))),
-        healthy=replace(state.healthy, travel=fresh.healthy.travel),
-    )
-
-
-def _silent(spec: EngineSpec, status: Status) -> Report:
-    nothing = np.full(len(spec.outputs), np.nan)
-    return Report(
-        status=status, expected=nothing, variance=nothing, cusum=nothing, slow=np.full(len(spec.slow_errors), np.nan)
-    )
-
-
-def _gather(spec: EngineSpec, engine: Engine, state: State) -> tuple[State, Report]:
-    """Collect the first samples, then solve the start and filter what was collected."""
-    clock = state.clock
-    count = clock.index - clock.begun + 1
-    used = state.past.samples[-count:, spec.sample_fields["use"]] > 0
-    again = bool(np.any(state.healthy.lane))  # the filter ran before: the start that the model gives is long past
-    unknown = again or any(item.start_sd is None for item in spec.states)
-    if count < START_SAMPLES or (unknown and count < START_PATIENCE and not np.all(used.any(axis=0))):
-        return _after(state), _silent(spec, Status.STARTING)
-    if count > START_SAMPLES and all(item.start_sd is None for item in spec.states):
-        # Enough of them, with the last value of each sensor: over all of a long wait nominal parameters would not hold.
-        last = [int(np.flatnonzero(column)[-1]) for column in used.T if np.any(column)]
-        begun = clock.begun + min([count - START_SAMPLES, *last])
-        state = replace(state, clock=replace(clock, begun=begun))
-        count = clock.index - begun + 1
-    count = min(count, len(state.past.rows))
-    known = state.normal.lane if clock.accepted >= 0 else None
-    found = begin(spec, engine, state, state.past.samples[-count:], known, again=again)
-    state = found.state
-    lane = healthy_lane(spec, found.mean, found.covariance, known)
-    sensors = replace(state.sensors, shown=init(spec).sensors.shown)
-    lanes, wildness = np.zeros((count, spec.n_numbers)), np.zeros(count)
-    innovations = np.zeros((1, 2 * len(spec.outputs), 1))
-    for k, sample in enumerate(found.samples):
-        lane, innovations = engine.advance(lane, sample[None, :])
-        lanes[k], wildness[k] = lane[:, 0], wildness_of(spec, sample, innovations[0, :, 0])
-        sensors = seen(sensors, *_readings(spec, sample))
-    state = replace(
-        state,
-        clock=replace(state.clock, running=1),
-        sensors=sensors,
-        healthy=replace(state.healthy, lane=lane),
-        past=state.past.mended(found.samples, lanes, wildness),
-    )
-    report = _report(spec, state, Status.WARMING, found.samples[-1], innovations[0, :, 0])
-    return _after(state), replace(report, wild=found.wild)
-
-
-def _readings(spec: EngineSpec, packed: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Give the readings of a packed sample and which of them are there, (n_outputs,) each."""
-    return packed[spec.sample_fields["y"]], packed[spec.sample_fields["use"]] > 0
-
-
-def _remembered(state: State, lane: FloatArray) -> Healthy:
-    """Give the healthy filter after a sample, with what is kept of it for long."""
-    clock, before = state.clock, state.healthy
-    travel, snapshots = before.travel, before.snapshots
-    x, (low, high) = lane[: travel.shape[1], 0], travel
-    if ((x < low) | (x > high)).any() and not before.astray.any():  # else the states are sought, and not known well
-        travel = np.stack([np.minimum(low, x), np.maximum(high, x)])
-    number, rest = divmod(clock.index - _learned_from(clock), SNAPSHOT_EVERY)
-    if rest == 0 and number >= 0:
-        snapshots = snapshots.copy()
-        snapshots[number % len(snapshots)] = lane[:, 0]
-    return replace(before, lane=lane, travel=travel, snapshots=snapshots)
-
-
-def _learned_from(clock: Clock) -> int:
-    """Give the sample from which healthy lanes are kept for long: a while after the start, or what was accepted."""
-    return max(clock.begun, clock.accepted) + SNAPSHOT_EVERY
-
-
-def _oldest(state: State) -> FloatArray | None:
-    """Give the oldest healthy lane that is kept; None before the first, and where that is of after the alarm."""
-    clock, snapshots = state.clock, state.healthy.snapshots
-    first = _learned_from(clock)
-    number = (clock.index - first) // SNAPSHOT_EVERY
-    oldest = max(number - len(snapshots) + 1, 0)
-    if number < 0 or 0 <= clock.alarm < first + oldest * SNAPSHOT_EVERY:
-        return None
-    lane: FloatArray = snapshots[oldest % len(snapshots)]
-    return lane
-
-
-def _report(spec: EngineSpec, state: State, status: Status, packed: FloatArray, innovations: FloatArray) -> Report:
-    n_y = len(spec.outputs)
-    present = packed[spec.sample_fields["use"]] > 0
-    measured = np.where(present, packed[spec.sample_fields["y"]], 0.0)
-    scale = packed[spec.sample_fields["scale"]]  # while a sensor is blanked, no part of what the model expects
-    blank = np.where(scale >= spec.thresholds.blank_factor, scale - 1.0, 0.0) * spec.output_noise**2
-    return Report(
-        status=status,
-        expected=measured - innovations[:n_y],
-        variance=innovations[n_y:] - blank,
-        cusum=statistic(spec, state.sensors),
-        slow=slow_ratios(spec, state.healthy.lane),
-    )
-
-
-def _judge(
-    spec: EngineSpec, engine: Engine, state: State, lane: FloatArray, packed: FloatArray, innovations: FloatArray
-) -> tuple[State, Report]:
-    """Update the statistics, raise the alarm, run the bank."""
-    clock = state.clock
-    warm = clock.index - clock.begun >= spec.thresholds.warm_up_samples
-    sensors = accumulated(spec, state, packed, innovations) if warm else state.sensors
-    state = replace(state, healthy=_remembered(state, lane), sensors=sensors)
-    status = Status.DIAGNOSING if clock.alarm >= 0 else (Status.WATCHING if warm else Status.WARMING)
-    report, bank = _report(spec, state, status, packed, innovations), state.bank
-    if clock.alarm >= 0:
-        since = clock.index - clock.alarm
-        if since in RENEWALS and clock.alarm > clock.begun:  # of a filter that was lost, no lanes are kept
-            trail, _ = _cut_trail(state, clock.alarm)
-            last = since == RENEWALS[-1]
-            bank = renew_bank(spec, engine, trail, bank, clock.index, state.inputs.peak, last=last)
-    elif warm:
-        detection, change = detect(spec, state, report.cusum)
-        if detection is not None:
-            clock = replace(clock, alarm=clock.index, detections=clock.detections + 1)
-            bank = begin_bank(spec, engine, *_cut_trail(state, change), state.inputs.peak, clock.index)
-            report = replace(report, status=Status.DIAGNOSING, detection=detection)
-    state = replace(state, clock=clock, bank=bank)
-    if clock.alarm >= 0 and (clock.index - clock.alarm) % DIAGNOSIS_EVERY == 0:
-        report = replace(report, diagnosis=conclude(spec, state))
-    return _after(state), report
-
-
-def _cut_trail(state: State, change: int) -> tuple[Trail, int]:
-    """Give the trail up to now, oldest first, and the place of the onset in it."""
-    clock, past = state.clock, state.past
-    oldest = max(clock.begun, clock.accepted, clock.index - len(past.rows) + 1)
-    first, alarm = past.place(oldest), (clock.alarm if clock.alarm >= 0 else clock.index) - oldest
-    return Trail(
-        samples=past.samples[first:],
-        lanes=past.lanes[first:],
-        old=_oldest(state),
-        alarm=alarm,
-        bursts=bursts(past.wildness[first:][: alarm + 1]),
-    ), change - oldest
-
-
-def conclude(spec: EngineSpec, state: State) -> Diagnosis:
-    """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect."""
-    if not spec.n_hypotheses:
-        return Diagnosis(time=state.clock.time, candidates=())
-    bank = _not_rejected(spec, state.bank)
-    steady = _steady(spec, bank)
-    followed = float(np.max(scores(spec, bank)) - np.max(scores(spec, steady))) > FOLLOWED
-    unexplained = _unexplained(spec, state, leading_lane(spec, steady), followed=followed)
-    since = state.clock.index - state.clock.alarm
-    fresh = any(0 <= since - begun <= RENEWALS[0] for begun in (0, *RENEWALS))
-    bounded = (
-        unexplained is None and state.clock.alarm >= 0 and not fresh
-    )  # sums of what began just now tell nothing yet
-    return replace(
-        rank(
-            spec,
-            state.clock.time,
-            bank,
-            Absorbed(rates=state.normal.rates, noise=state.normal.noise * state.sensors.nis),
-        ),
-        unexplained=unexplained,
-        untested=untested(spec, bank, state.clock.index, bounded=bounded),
-    )
-
-
-def _steady(spec: EngineSpec, bank: Bank) -> Bank:
-    """Give the bank without drifts whose rate may change: these follow nearly anything, so their fit says little."""
-    slots = bank.slots.copy()
-    slots[-1, [lane.span > 0.0 for lane in plan_slots(spec).lanes]] = -np.inf
-    return replace(bank, slots=slots)
-
-
-def _not_rejected(spec: EngineSpec, bank: Bank) -> Bank:
-    """Give the bank without the hypotheses that were rejected."""
-    if not np.any(bank.rejected):
-        return bank
-    out = bank.rejected[table_of(spec, bank).hypothesis] > 0
-    steps, slots, n = bank.steps.copy(), bank.slots.copy(), bank.steps.shape[1]
-    steps[-1, out[:n]] = slots[-1, out[n:]] = -np.inf
-    return replace(bank, steps=steps, slots=slots)
-
-
-def _unexplained(spec: EngineSpec, state: State, lane: int, *, followed: bool) -> Unexplained | None:
-    """Tell where the best lane does not fit, if the detector would raise an alarm on it.
-
-    followed : whether a drift whose rate may change fits better by far; then this lane does not fit anyhow
-    """
-    sums, clock = state.bank.misfit.sums[:, :, lane], state.clock
-    side, signal = np.unravel_index(int(np.argmax(sums)), sums.shape)
-    if sums[side, signal] <= spec.thresholds.cusum_limit and not followed:
-        return None
-    past, length = state.past, clock.index - int(state.bank.misfit.since[side, signal, lane])
-    return Unexplained(
-        signal=spec.outputs[signal].name,
-        sd=float(sums[side, signal] / max(length, 1) + spec.thresholds.cusum_drift),
-        since=float(past.times[past.place(min(clock.index - min(length, len(past.rows) - 1), past.last))]),
-        until=clock.time,
-    )
-
-
-def finish(spec: EngineSpec, state: State) -> Diagnosis | None:
-    """Give the last diagnosis, if a fault was detected."""
-    return conclude(spec, state) if state.clock.alarm >= 0 else None
+def _refusal(spec: EngineSpec, hypothesis: int, refused: int) -> str:
+    """Say why a candidate cannot be accepted or rejected, by what the core gives (`decide.h`)."""
+    if refused == _NO_ALARM:
+        return "There is no alarm to explain, so nothing to accept or reject."
+    if refused == _NO_SUCH_NUMBER:
+        return f"{spec.model}: there is no candidate of the number {hypothesis}."
+    names = ", ".join(sorted(hypothesis_names(spec, hypothesis)))
+    return {
+        -3: f"{names}: not among the candidates that are listed.",
+        -4: f"{names}: rejected already, alone or with a set that it contains.",
+        -5: f"{names}: the last hypothesis cannot be rejected, and all that are left contain this.",
+    }[refused]

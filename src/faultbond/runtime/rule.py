@@ -8,8 +8,9 @@ alone has been sure for much longer is accepted too, with its likeliest kind.
 from dataclasses import dataclass
 
 from faultbond.contract.findings import Diagnosis
-from faultbond.runtime.accepting import SURE_SAMPLES, is_sure
+from faultbond.runtime.names import is_sure
 
+SURE_SAMPLES = 200  # for which a candidate has been the sure one before the rule accepts it
 LONG_SAMPLES = 600  # for which a set has been sure before it is accepted although its kind is not
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Diagnosis, History
+from faultbond.contract.samples import Reports, Samples
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.state import Report, Sample
 
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
 
@@ -41,25 +41,29 @@ class Trace:
         self._accepted: list[Decision] = []
         self._rejected: list[Decision] = []
 
-    def add(self, sample: Sample, report: Report) -> None:
-        """Take one sample and what the monitor said of it."""
-        if not self._curves and len(self._numbers) > self._width:
-            del self._numbers[self._width :]
-        row = (
-            (sample.time,),
-            sample.y,
-            report.expected,
-            report.variance,
-            sample.u,
-            report.cusum,
-            report.slow[self._slow],
+    def add(self, samples: Samples, reports: Reports) -> None:
+        """Take samples, one at least, and what a method said of them."""
+        columns = (
+            samples.time[:, None],
+            samples.y,
+            reports.expected,
+            reports.variance,
+            samples.u,
+            reports.cusum,
+            reports.slow[:, self._slow],
         )
-        self._numbers.frombytes(np.concatenate(row).tobytes())
-        if report.detection is not None:
-            self._detections.append(report.detection)
-            self._open = report.detection
-        if report.diagnosis is not None:
-            self.conclude(report.diagnosis)
+        rows = np.concatenate(columns, axis=1, dtype=np.float64)
+        if not self._curves and len(self._numbers):
+            del self._numbers[self._width :]
+            rows = rows[-1:]
+        elif not self._curves and len(rows) > 1:
+            rows = rows[[0, -1]]
+        self._numbers.frombytes(rows.tobytes())
+        if reports.detection is not None:
+            self._detections.append(reports.detection)
+            self._open = reports.detection
+        if reports.diagnosis is not None:
+            self.conclude(reports.diagnosis)
 
     def conclude(self, diagnosis: Diagnosis) -> None:
         """Take a diagnosis; that given last is always kept."""

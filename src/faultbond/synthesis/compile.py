@@ -1,50 +1,38 @@
-"""Compiling the emitted C in process, once per model, version, compiler and processor.
-
-Several processes may start at once: each compiles to a file of its own and renames it into place, so nobody ever sees
-half a library. A library is code: it is loaded only from a folder, and as a file, that nobody else may write, and if a
-checksum at its end, over its name and content, says that it is whole and in its place; else it is built anew.
-"""
+"""Compiling C in process, once per text, compiler and processor; the cache keeps the libraries."""
 
 import os
 import platform
 import shlex
 import shutil
-import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
 from hashlib import sha256
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-from faultbond.errors import CacheError, GenerationError
+from faultbond.errors import GenerationError
+from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
-FLAGS = (
-    "-O3",
-    "-march=native",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-shared",
-    "-fPIC",
-    "-std=gnu11",
-    "-w",
+FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
+FAST, QUICK = "-O3", "-O1"  # what runs for every lane and sample; what takes longer to compile than it saves
+CORE = files("faultbond").joinpath("core")
+# Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
+ZIG_FLAGS = ("-rtlib=none",) if sys.maxsize > 2**32 else ()
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+TO_INSTALL = (
+    "Install gcc or clang (Debian, Ubuntu: `apt install gcc libc6-dev`), "
+    "or `pip install 'faultbond[compiler]'`, which needs no rights"
 )
+NO_COMPILER = f"There is no C compiler. {TO_INSTALL}."
+_ANOTHER = f"{TO_INSTALL}; CC chooses the one to take, as CC='python -m ziglang cc'."
 _TIMEOUT = 600.0
-_CHECKSUM = 32  # bytes at the end of a library, behind what the loader reads
-
-
-def cache_folder() -> Path:
-    """Give the folder for compiled engines: `FAULTBOND_CACHE`, else the user's cache folder.
-
-    A user who has no home, as in some containers, has one below the system's folder for temporary files.
-    """
-    chosen, base = os.environ.get("FAULTBOND_CACHE"), os.environ.get("XDG_CACHE_HOME")
-    if chosen:
-        return Path(chosen)
-    try:
-        return (Path(base) if base else Path.home() / ".cache") / "faultbond"
-    except RuntimeError:
-        return Path(tempfile.gettempdir()) / f"faultbond-{os.getuid()}"
+_PROCESSOR = ("vendor_id", "cpu family", "model\t", "flags", "Features", "CPU ")  # lines of /proc/cpuinfo that tell it
 
 
 def find_compiler() -> tuple[str, ...] | None:
@@ -56,87 +44,135 @@ def find_compiler() -> tuple[str, ...] | None:
     for command in (chosen, ("cc",), ("gcc",), ("clang",)):
         if command and shutil.which(command[0]):
             return command
-    if find_spec("ziglang") is not None:
-        return (sys.executable, "-m", "ziglang", "cc")
-    return None
+    return ZIG if find_spec("ziglang") is not None else None
 
 
-def compile_library(source: str, compiler: tuple[str, ...]) -> Path:
-    """Give the path of the shared library of a C source, compiling it if the cache does not hold it.
+def required_compiler() -> tuple[str, ...]:
+    """Give the command of a C compiler.
 
     Raises
     ------
     GenerationError
-        Where the compiler fails; carries its first message.
+        Where there is none; says what to install.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        raise GenerationError(NO_COMPILER)
+    return compiler
+
+
+def compiler_title(compiler: tuple[str, ...]) -> str:
+    """Give a command as users know it."""
+    return "zig cc" if compiler == ZIG else " ".join(compiler)
+
+
+def compile_core(model: str, compiler: tuple[str, ...]) -> Library:
+    """Give the core of a model, `model.h`, compiling it if the cache does not hold it.
+
+    Raises
+    ------
+    GenerationError
+        Where the compiler fails; carries its first message, and says what to install.
     CacheError
         Where others may write the cache.
     """
-    folder = cache_folder()
-    key = sha256("\0".join((source, *compiler, *FLAGS, _processor())).encode()).hexdigest()[:32]
-    library = folder / f"{key}.so"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not _is_ours(folder.stat()):  # others may put a library of theirs there
-            raise CacheError(
-                f"{folder}: others own this folder or may write it, and it holds code that is run. "
-                f"Take it back, `chmod go-w {folder}`, or set FAULTBOND_CACHE to a folder of your own."
-            )
-        if _is_whole(library):
-            return library
-        with tempfile.TemporaryDirectory(dir=folder) as work:
-            built = _compile(source, compiler, Path(work))
-            built.write_bytes(_sealed(key, built.read_bytes()))
-            built.chmod(0o700)
-            built.replace(library)
-    except OSError as problem:
-        raise GenerationError(f"{folder}: the cache cannot be written ({problem}); set FAULTBOND_CACHE") from problem
-    return library
+    files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
+    parts = {"fast": ('#include "filters.c"\n', FAST), "rest": ('#define FB_APART\n#include "core.c"\n', QUICK)}
+    return _kept((model, *files), compiler, partial(_compile, {"model.h": model}, parts))
 
 
-def _is_ours(about: os.stat_result) -> bool:
-    """Whether only this user, or the system's, may write a file."""
-    if not hasattr(os, "geteuid"):
-        return True
-    return about.st_uid in (os.geteuid(), 0) and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
+    """Give the shared library of a C source, which may include files of the core; see `compile_core`.
+
+    Raises
+    ------
+    GenerationError
+        Where the compiler fails; carries its first message, and says what to install.
+    CacheError
+        Where others may write the cache.
+    """
+    files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
+    return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, FAST)}))
 
 
-def _is_whole(library: Path) -> bool:
-    """Whether a library is there, ours, undamaged and under its own name."""
-    try:
-        about = library.lstat()
-        if not stat.S_ISREG(about.st_mode) or not _is_ours(about):
-            return False
-        content = library.read_bytes()
-    except OSError:
-        return False
-    return content == _sealed(library.stem, content[:-_CHECKSUM])
+def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
+    """Give a library of some texts, built if the cache does not hold it."""
+    told = (*texts, *FLAGS, FAST, QUICK, compiler_identity(compiler), processor())
+    name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
+    kept = read_kept(name)
+    if kept is not None:
+        return Library(name=name, content=kept)
+    with tempfile.TemporaryDirectory() as work:
+        built = build(compiler, Path(work)).read_bytes()
+    with suppress(OSError):  # without a place to keep it, it is compiled again the next time
+        write_kept(name, built)
+    return Library(name=name, content=built)
 
 
-def _sealed(key: str, content: bytes) -> bytes:
-    """Give a library with its checksum."""
-    return content + sha256(key.encode() + content).digest()
-
-
-def _compile(source: str, compiler: tuple[str, ...], work: Path) -> Path:
-    """Give the path of the library, compiled in the folder `work`."""
-    text, built = work / "engine.c", work / "engine.so"
-    text.write_text(source)
-    command = [*compiler, *FLAGS, str(text), "-o", str(built), "-lm"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT, check=False)  # noqa: S603 - our own text, no shell
-    except (OSError, subprocess.TimeoutExpired) as problem:
-        raise GenerationError(f"the C compiler {compiler[0]} did not finish: {problem}") from problem
-    if done.returncode != 0:
-        first = (done.stderr.strip() or "no message").splitlines()[0]
-        raise GenerationError(f"the C compiler {compiler[0]} failed: {first}")
+def _compile(
+    headers: Mapping[str, str], parts: Mapping[str, tuple[str, str]], compiler: tuple[str, ...], work: Path
+) -> Path:
+    """Give the path of the library, compiled in the folder `work` from texts with their options, side by side."""
+    for name, text in (*headers.items(), *((f"{name}.c", text) for name, (text, _) in parts.items())):
+        (work / name).write_text(text, encoding="utf-8")
+    place = (f"-I{work}", f"-I{CORE}")
+    commands = [
+        (*compiler, *FLAGS, option, *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
+        for name, (_, option) in parts.items()
+    ]
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(partial(_run, compiler, work), commands))
+    built = work / "built.so"
+    objects = (str(work / f"{name}.o") for name in parts)
+    _run(compiler, work, (*compiler, *FLAGS, "-shared", *objects, "-o", str(built), "-lm"))
     return built
 
 
-def _processor() -> str:
-    """Name the machine's instruction set, so that a cache on a shared disk serves only like processors."""
+def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...]) -> None:
+    """Run the compiler in the folder `work`."""
+    title, flags = compiler_title(compiler), ZIG_FLAGS if "ziglang" in compiler else ()
+    # What zig keeps for another time would be of no use, since a library is compiled once; of `CC`, which may be zig
+    # itself, it would ask where the system's library is.
+    environment = {name: value for name, value in os.environ.items() if name != "CC"}
+    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        environment.setdefault(name, str(work / "zig"))
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        done = subprocess.run(  # noqa: S603 - our own text, no shell
+            [*command, *flags], capture_output=True, text=True, timeout=_TIMEOUT, check=False, env=environment
+        )
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        raise GenerationError(f"The C compiler {title} did not finish: {problem}. {_ANOTHER}") from problem
+    if done.returncode != 0:
+        lines = done.stderr.strip().splitlines() or ["no message"]
+        first = next((line for line in lines if "error" in line), lines[0])
+        raise GenerationError(f"The C compiler {title} failed: {first.rstrip('.')}. {_ANOTHER}")
+
+
+def compiler_identity(compiler: tuple[str, ...]) -> str:
+    """Give what changes with the compiler: its command, and which file that is; it need not be there."""
+    files = [shutil.which(compiler[0])]
+    if compiler[1:2] == ("-m",):  # a package of Python
+        package = find_spec(compiler[2])
+        files.append(package.origin if package is not None else None)
+    found = list(compiler)
+    for file in files:
+        with suppress(OSError):
+            real = Path(file or "").resolve()
+            about = real.stat()
+            found += [str(real), str(about.st_size), str(about.st_mtime_ns)]
+    return "\0".join(found)
+
+
+def processor() -> str:
+    """Name the machine's processor and instruction set, so that a cache on a shared disk serves only like ones."""
+    told = [platform.machine()]
+    try:
+        with Path("/proc/cpuinfo").open() as lines:
+            for line in lines:
+                if not line.strip():  # the first processor; there may be hundreds
+                    break
+                if line.startswith(_PROCESSOR):
+                    told.append(line)
     except OSError:
-        return platform.machine() + platform.processor()
-    flags = next((line for line in lines if line.startswith(("flags", "Features"))), "")
-    return platform.machine() + flags
+        told.append(platform.processor())
+    return "".join(told)

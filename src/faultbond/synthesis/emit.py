@@ -187,7 +187,7 @@ def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: b
         case "OP_INV":
             return f"1.0 / {first}"
     if operation not in _FUNCTIONS:
-        raise GenerationError(f"no C form for {operation}; run without a compiler (--engine vm)")
+        raise GenerationError(f"no C form for {operation}; please report it with the model")
     call = _FUNCTIONS[operation]
     if not wide:
         return f"{call}({', '.join(arguments)})"

@@ -1,18 +1,15 @@
-"""From a bond graph to a specification and a running engine."""
+"""From a bond graph to a specification and its compiled core."""
 
-from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
+from dataclasses import dataclass
 
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.equations.plant import build_plant
+from faultbond.contract.spec import EngineSpec
+from faultbond.equations.plant import Plant, build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.errors import GenerationError
+from faultbond.io.cache import Library, loadable
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.library import load_engine
-from faultbond.synthesis.compile import compile_library, find_compiler
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
-from faultbond.synthesis.model_text import core_text
+from faultbond.runtime.core import Core, load_core
+from faultbond.synthesis.compile import compile_core, compiler_title, required_compiler
+from faultbond.synthesis.model_text import model_text
 from faultbond.synthesis.specify import build_spec
 
 
@@ -21,32 +18,53 @@ def build_model(graph: BondGraph) -> StepModel:
     return build_step_model(build_plant(graph))
 
 
-def build_engine(graph: BondGraph, *, compiled: bool = True) -> tuple[EngineSpec, Engine]:
-    """Give the specification of a bond graph and an engine that runs it.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Built:
+    """A core, and what it was loaded from: the library, and which compiler made it."""
 
-    Parameters
-    ----------
-    graph : the plant
-    compiled : whether to use a C compiler if there is one; otherwise CasADi's virtual machine runs the same graph
+    core: Core
+    library: Library
+    compiler: str
+
+
+def build_engine(graph: BondGraph) -> tuple[EngineSpec, Core]:
+    """Give the specification of a bond graph, and its core.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no C compiler, or it fails.
+    """
+    core = build(graph).core
+    return core.spec, core
+
+
+def build(graph: BondGraph) -> Built:
+    """Give the core of a bond graph with its library, so that this can be kept.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no C compiler, or it fails.
     """
     plant = build_plant(graph)
-    model = build_step_model(plant)
-    spec = build_spec(model)
-    wide = build_step_model(plant, all_inputs=True)
-    compiler = find_compiler() if compiled else None
-    if compiler is None:
-        return spec, _interpreted(spec, model, wide)
-    sources = [core_text(layout, wide) for layout in (spec, spec.slotted)]
-    try:
-        with ThreadPoolExecutor() as pool:
-            libraries = list(pool.map(compile_library, sources, repeat(compiler)))
-    except GenerationError:
-        return spec, _interpreted(spec, model, wide)  # a broken compiler is as good as none
-    n_innovations = 2 * len(spec.outputs)
-    command = " ".join(compiler)
-    second = load_engine(libraries[1], n_innovations, command)
-    return spec, load_engine(libraries[0], n_innovations, command, second)
+    return _built(plant, build_spec(build_step_model(plant)))
 
 
-def _interpreted(spec: EngineSpec, model: StepModel, wide: StepModel) -> VirtualMachine:
-    return VirtualMachine(build_filter(spec, model), VirtualMachine(build_filter(spec.slotted, wide)))
+def build_core(plant: Plant, spec: EngineSpec) -> Core:
+    """Give the core of a plant with a specification of it.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no C compiler, or it fails.
+    """
+    return _built(plant, spec).core
+
+
+def _built(plant: Plant, spec: EngineSpec) -> Built:
+    compiler = required_compiler()
+    library = compile_core(model_text(spec, build_step_model(plant, all_inputs=True)), compiler)
+    title = compiler_title(compiler)
+    with loadable([library]) as (path,):
+        return Built(core=load_core(path, spec, title), library=library, compiler=title)

@@ -1,9 +1,12 @@
 """The generated part of a model's core: sizes, tables, and the text of its rates and readings.
 
-All else, one sample of a filter, is written once in `faultbond/core`; this text grows with the number of laws only.
+All else is written once in `faultbond/core`; this text grows with the number of laws only, and the tables with that of
+hypotheses.
 """
 
 from collections.abc import Iterable, Sequence
+from hashlib import sha256
+from textwrap import wrap
 
 import casadi as ca
 import numpy as np
@@ -11,38 +14,49 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
-from faultbond.synthesis.emit import core_files, literal, statements
+from faultbond.synthesis.emit import statements
+from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
 
-CORE = ("port.h", "lanes.h", "maths.h", "integrate.h", "filter.h", "core.c")  # in the order in which each needs others
+_HASH = "/* the hash of this text: a saved state is of one model */"
+# What a compiler is given: the model, then the core, which finds its own files.
+_CORE = '#include "core.c"\n'
 
 
 def core_text(spec: EngineSpec, model: StepModel) -> str:
-    """Give the whole source of the engine of a model, one compilation unit.
+    """Give the source of the on-line part of a model, one compilation unit, which includes the files of the core.
 
     Parameters
     ----------
     spec : what a lane holds
     model : the plant in discrete time, with an error of every input
     """
-    return core_files(*CORE[:3]) + model_text(spec, model) + core_files(*CORE[3:])
+    return model_text(spec, model) + _CORE
 
 
 def model_text(spec: EngineSpec, model: StepModel) -> str:
-    """Give sizes, tables and functions of a model as C text; see `core_text`. No name of the user's stands in it."""
+    """Give `model.h`: sizes, tables and functions of a model as C. No name of the user's stands in it."""
     rates, rate_entries = _with_sparse_slope("model_rates", model.rates)
     linear = _are_constant(model, model.rates)
     readings, reading_entries = _with_sparse_slope("model_readings", model.readings)
-    n_v = model.v.numel()
     parts = [
         "/* The model: sizes, tables, rates and readings. */",
+        "#ifndef FB_MODEL_H",
+        "#define FB_MODEL_H",
         _sizes(spec, model, rate_entries, reading_entries, linear=linear),
-        *_places(spec),
+        '#include "layout.h"',
+        _HASH,
         *_tables(spec),
-        *_state_tables(spec, rate_entries, n_v),
+        *_state_tables(spec, rate_entries, model.v.numel()),
         *_reading_tables(spec, reading_entries),
+        *plan_tables(spec),
+        "#ifdef FB_HOLDS_FILTERS",
         *(_function(item, outputs) for item, outputs in _functions(model, rates, readings, linear=linear)),
+        "#endif",
+        "#endif",
     ]
-    return "\n".join(parts) + "\n"
+    text = "\n".join(parts) + "\n"
+    words = ", ".join(f"0x{word}ULL" for word in wrap(sha256(f"{spec.version}\0{text}".encode()).hexdigest(), 16))
+    return text.replace(_HASH, f"static const uint64_t MODEL_HASH[] = {{{words}}};")
 
 
 def _sizes(
@@ -61,17 +75,13 @@ def _sizes(
         "N_OUTPUTS": len(spec.outputs),
         "N_IMPLICIT": len(spec.loops),
         "N_NOISY": len(spec.noisy_inputs),
-        "N_SLOT": spec.slot_slice.stop - spec.slot_slice.start,
         "N_V": model.v.numel(),
-        "N_SAMPLE": spec.n_sample,
-        "N_NUMBERS": spec.n_numbers,
         "N_RATE_SLOPES": len(rates),
         "N_READING_SLOPES": len(readings),
         "SUBSTEPS": model.substeps,
         "RATES_ARE_LINEAR": int(linear),
-        "READINGS_ARE_LINEAR": int(model.measure_is_linear and not spec.slot),
-        "WILDEST": repr(spec.thresholds.bank_bound**2),
-        "BLANK_FACTOR": repr(spec.thresholds.blank_factor),
+        "READINGS_ARE_LINEAR": int(model.measure_is_linear),
+        **plan_sizes(spec),
     }
     return "\n".join(f"#define {name} {size}" for name, size in sizes.items())
 
@@ -82,29 +92,29 @@ def _are_constant(model: StepModel, function: ca.Function) -> bool:
     return not ca.depends_on(slope, ca.vertcat(model.v, model.u, model.z))
 
 
-def _places(spec: EngineSpec) -> Iterable[str]:
-    """Where the fields of a sample, and the roles of a slot, stand."""
-    yield from (f"#define SAMPLE_{name.upper()} {place.start}" for name, place in spec.sample_fields.items())
-    yield from (f"#define ROLE_{name.upper()} {place.start}" for name, place in spec.role_fields.items())
-
-
 def _tables(spec: EngineSpec) -> Iterable[str]:
-    yield _numbers("STATE_VARIANCE", (item.noise**2 for item in spec.states))
-    yield _numbers("SLOW_VARIANCE", (item.sd**2 for item in spec.slow_errors))
-    yield _numbers("SLOW_MEMORY", (item.memory for item in spec.slow_errors))
-    yield _numbers("LOWER", (item.lower for item in spec.parameters))
-    yield _numbers("UPPER", (item.upper for item in spec.parameters))
-    yield _numbers("OUTPUT_VARIANCE", (item.noise**2 for item in spec.outputs))
-    yield _numbers("INPUT_VARIANCE", (spec.inputs[k].noise ** 2 for k in spec.noisy_inputs))
-    yield _integers("NOISY", spec.noisy_inputs)
+    yield numbers("STATE_VARIANCE", (item.noise**2 for item in spec.states))
+    yield numbers("SLOW_VARIANCE", (item.sd**2 for item in spec.slow_errors))
+    yield numbers("SLOW_MEMORY", (item.memory for item in spec.slow_errors))
+    yield numbers("LOWER", (item.lower for item in spec.parameters))
+    yield numbers("UPPER", (item.upper for item in spec.parameters))
+    yield numbers("OUTPUT_VARIANCE", (item.noise**2 for item in spec.outputs))
+    yield numbers("INPUT_VARIANCE", (spec.inputs[k].noise ** 2 for k in spec.noisy_inputs))
+    yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
-    yield _integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
-    n = spec.n_joint
-    rows, columns = np.triu_indices(n)
-    places = np.zeros((n, n), dtype=np.intp)
-    places[rows, columns] = places[columns, rows] = np.arange(len(rows))
-    lines = ",\n    ".join("{" + ", ".join(map(str, row)) + "}" for row in places)
-    yield f"static const int SYMMETRIC[{n}][{n}] = {{\n    {lines}}};"
+    yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
+    for layout, kind in _kinds(spec):
+        n = layout.n_joint
+        rows, columns = np.triu_indices(n)
+        places = np.zeros((n, n), dtype=np.intp)
+        places[rows, columns] = places[columns, rows] = np.arange(len(rows))
+        lines = ",\n    ".join("{" + ", ".join(map(str, row)) + "}" for row in places)
+        yield f"static const int SYMMETRIC{kind}[{n}][{n}] = {{\n    {lines}}};"
+
+
+def _kinds(spec: EngineSpec) -> Iterable[tuple[EngineSpec, str]]:
+    """Give the layouts of plain lanes and of wide ones, which have a slot, and how tables of each end their names."""
+    return ((spec, "_plain"), (spec.slotted, "_wide"))
 
 
 def _state_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]], n_v: int) -> Iterable[str]:
@@ -113,28 +123,30 @@ def _state_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]], n_v: int
     slopes = np.zeros((n_x, n_v), dtype=bool)
     for row, column in entries:
         slopes[row, column] = True
-    yield from _rows("RATE", [np.flatnonzero(row) for row in slopes], "COLUMN")
+    yield from ragged_table("RATE", [np.flatnonzero(row) for row in slopes], "COLUMN")
     reach = slopes | np.eye(n_x, n_v, dtype=bool)
     for k in range(n_x):  # Warshall: through each state in turn
         reach |= reach[:, k : k + 1] & reach[k]
     reaches_all = n_x > 0 and bool(reach.all())
     yield f"#define REACHES_ALL {int(reaches_all)}"
     if not reaches_all:
-        yield from _rows("REACH", [np.flatnonzero(row) for row in reach], "COLUMN")
+        yield from ragged_table("REACH", [np.flatnonzero(row) for row in reach], "COLUMN")
     filled = slopes[:, :n_x] | np.eye(n_x, dtype=bool)
     for k in range(n_x):
         below = filled[:, k] & (np.arange(n_x) > k)
         filled[np.ix_(below, np.arange(n_x) > k)] |= filled[k, k + 1 :]
-    yield from _rows("LOWER", [k + 1 + np.flatnonzero(filled[k + 1 :, k]) for k in range(n_x)], "PLACE")
-    yield from _rows("UPPER", [k + 1 + np.flatnonzero(filled[k, k + 1 :]) for k in range(n_x)], "PLACE")
-    yield from _rows("STATE", [_joint_places(spec, row) for row in reach], "PLACE")
+    yield from ragged_table("LOWER", [k + 1 + np.flatnonzero(filled[k + 1 :, k]) for k in range(n_x)], "PLACE")
+    yield from ragged_table("UPPER", [k + 1 + np.flatnonzero(filled[k, k + 1 :]) for k in range(n_x)], "PLACE")
+    for layout, kind in _kinds(spec):
+        yield from ragged_table("STATE", [_joint_places(layout, row) for row in reach], "PLACE", kind)
 
 
 def _reading_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]]) -> Iterable[str]:
     columns = [np.array([c for row, c in entries if row == j], dtype=np.intp) for j in range(len(spec.outputs))]
-    yield from _rows("READING", columns, "COLUMN")
+    yield from ragged_table("READING", columns, "COLUMN")
     patterns = [np.isin(np.arange(spec.parameter_slice.stop + len(spec.inputs)), item) for item in columns]
-    yield from _rows("OUT", [_joint_places(spec, row, slot=True) for row in patterns], "PLACE")
+    for layout, kind in _kinds(spec):
+        yield from ragged_table("OUT", [_joint_places(layout, row, slot=True) for row in patterns], "PLACE", kind)
 
 
 def _joint_places(spec: EngineSpec, pattern: BoolArray, *, slot: bool = False) -> list[int]:
@@ -177,21 +189,8 @@ def _function(function: ca.Function, outputs: dict[str, str]) -> str:
     wide = {name: kind == "lanes" for name, kind in outputs.items()}
     body = "\n".join(f"    {item.line}" for item in statements(function, inputs, wide))
     results = ", ".join(f"{kind} *FB_RESTRICT {name}" for name, kind in outputs.items())
+    unused = ", ".join(f"(void){name}" for name in (*inputs, *outputs))  # which of them are depends on the model
     return (
         f"\nstatic void {function.name()}(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,\n"
-        f"    const lanes *FB_RESTRICT z, {results})\n{{\n    (void)v, (void)u, (void)z;\n{body}\n}}"
+        f"    const lanes *FB_RESTRICT z, {results})\n{{\n    {unused};\n{body}\n}}"
     )
-
-
-def _rows(name: str, rows: Sequence[Sequence[int] | np.ndarray], what: str) -> Iterable[str]:
-    """Give rows of different length as one table, and where each begins."""
-    yield _integers(f"{name}_ROW", np.cumsum([0, *map(len, rows)]))
-    yield _integers(f"{name}_{what}", (int(place) for row in rows for place in row))
-
-
-def _integers(name: str, values: Iterable[int]) -> str:
-    return f"static const int {name}[] = {{{', '.join(str(int(value)) for value in values) or '0'}}};"
-
-
-def _numbers(name: str, values: Iterable[float]) -> str:
-    return f"static const double {name}[] = {{{', '.join(map(literal, values)) or '0.0'}}};"

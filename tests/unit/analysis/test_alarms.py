@@ -7,12 +7,11 @@ import pytest
 
 from faultbond.analysis.false_alarm_trials import Bisection, Detector, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
-from faultbond.runtime.cusum import added, height_of, no_sums
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Sample, init
+from faultbond.contract.samples import Sample
+from faultbond.fit.cusum import added, height_of, no_sums
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Inputs, simulate
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.engine import build_core, build_engine
 from faultbond.synthesis.specify import build_spec
 from plants import example
 
@@ -22,7 +21,7 @@ def test_innovations_without_a_fault_are_white_and_of_unit_size(name: str) -> No
     """Noise that passes the filter's recursion leaves as the filter expects: sd 1, no memory, and hardly an alarm."""
     model = example(name)
     spec = build_spec(model)
-    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 260)
+    operation = usual_operation(model, spec, build_engine(model.plant.graph)[1], 260)
     windows = windows_of(spec, operation, [60, 100], 100)
     noise = windows.noise
     assert np.std(noise, axis=(0, 1, 2)) == pytest.approx(1.0, abs=0.05)
@@ -34,7 +33,7 @@ def test_what_is_blanked_is_compared_with_nothing() -> None:
     """After a step that blanks a sensor the sum of its scatter begins anew, as in the monitor."""
     model = example("rlc")
     spec = build_spec(model)
-    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 200)
+    operation = usual_operation(model, spec, build_engine(model.plant.graph)[1], 200)
     always = replace(operation, blanked=np.ones_like(operation.counted))
     assert windows_of(spec, operation, [120], 20).sums.scatter.any()
     assert not windows_of(spec, always, [120], 20).sums.scatter.any()
@@ -48,18 +47,18 @@ def test_the_sums_are_those_of_the_monitor() -> None:
     model = example("dc_motor")
     built = build_spec(model)
     spec = replace(built, thresholds=replace(built.thresholds, fast_limit=12.0, cusum_limit=60.0))
-    engine = VirtualMachine(build_filter(spec, model))
+    monitor = Monitor(build_core(model.plant, spec))
     time = 0.02 * np.arange(160, dtype=np.float64)
     made = simulate(model.plant.graph, Inputs(time=time, values=np.where(time < 1.5, 4.0, 9.0)[:, None]), seed=3)
     outputs = made.outputs.copy()
     outputs[110:125] += np.random.default_rng(5).standard_normal((15, 1)) * 4.0 * spec.output_noise
-    state, sums, leading = init(spec), no_sums(3, 1), set()
+    sums, leading = no_sums(3, 1), set()
     for k in range(160):
         sample = Sample(time=float(time[k]), dt=0.02 * (k > 0), u=made.inputs[k], y=outputs[k])
-        state, report = step(spec, engine, state, sample)
+        report = monitor.step(sample)
         if (
-            state.clock.index > spec.thresholds.warm_up_samples
-            and state.clock.running
+            monitor.number("clock.index") > spec.thresholds.warm_up_samples
+            and monitor.number("clock.running")
             and k >= spec.thresholds.warm_up_samples
         ):
             score = (outputs[k] - report.expected) / np.sqrt(report.variance)
@@ -82,7 +81,7 @@ def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: b
     model = example("rlc")
     built = build_spec(model)
     spec = replace(built, thresholds=replace(built.thresholds, fast_limit=6.0)) if promised else built
-    operation = usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 200)
+    operation = usual_operation(model, spec, build_engine(model.plant.graph)[1], 200)
     windows = windows_of(spec, operation, [50, 70, 90], 100)
     effects = np.full((101, 1, 3, 1), 0.2) * np.array([1.0, 0.8, 1.2])[:, None]
     if shape == "burst":

@@ -8,8 +8,7 @@ import pytest
 from faultbond.analysis.equilibrium import at_rest, reference_levels
 from faultbond.analysis.operation import operate, usual_operation, usual_runs
 from faultbond.errors import RecordingError, StructureError
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
 from plants import example, stated
 
@@ -19,7 +18,7 @@ def test_the_linear_recursion_answers_like_the_engine(name: str) -> None:
     """A small deviation put through transition, slope and gain moves the estimate as the engine does."""
     model = example(name)
     spec = build_spec(model)
-    engine = VirtualMachine(build_filter(spec, model))
+    engine = build_engine(model.plant.graph)[1]
     samples = next(usual_runs(model, spec, 260)).samples
     wrong = 1e-4 * spec.output_noise * np.random.default_rng(5).standard_normal((len(samples), len(spec.outputs)))
     wrong[:30] = 0.0  # the start is solved from these
@@ -40,7 +39,7 @@ def test_the_usual_run_is_what_the_nominal_plant_does() -> None:
     model = example("tank")
     spec = build_spec(model)
     run = next(usual_runs(model, spec, 240))
-    operation = operate(model, spec, VirtualMachine(build_filter(spec, model)), run)
+    operation = operate(model, spec, build_engine(model.plant.graph)[1], run)
     factors = operation.mean[:, spec.parameter_slice]
     assert np.all(np.abs(factors - 1.0) < 0.01)
     u = np.array([item.u for item in run.samples])
@@ -52,7 +51,7 @@ def test_a_run_that_never_starts_is_refused() -> None:
     """Fewer samples than the start needs give one line that says what to do."""
     model = example("rc")
     spec = build_spec(model)
-    engine = VirtualMachine(build_filter(spec, model))
+    engine = build_engine(model.plant.graph)[1]
     with pytest.raises(RecordingError, match="does not get going on these 5 samples"):
         operate(model, spec, engine, next(usual_runs(model, spec, 5)).samples)
 
@@ -117,7 +116,7 @@ def test_a_plant_that_always_runs_away_asks_for_a_recording() -> None:
     model = stated(EXPLOSIVE.replace("LEVEL", "10"))
     spec = build_spec(model)
     with pytest.raises(StructureError, match=r"chain reaction has no finite solution over 300 samples.*--data"):
-        usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 300)
+        usual_operation(model, spec, build_engine(model.plant.graph)[1], 300)
 
 
 def test_a_pendulum_upside_down_asks_for_a_recording() -> None:
@@ -131,7 +130,7 @@ def test_a_pendulum_upside_down_asks_for_a_recording() -> None:
     )
     spec = build_spec(model)
     with pytest.raises(StructureError, match=r"with u near the usual values, or one that runs away.*--data"):
-        usual_operation(model, spec, VirtualMachine(build_filter(spec, model)), 640)
+        usual_operation(model, spec, build_engine(model.plant.graph)[1], 640)
 
 
 def test_inputs_that_settle_stand_still_in_between() -> None:
@@ -142,6 +141,6 @@ def test_inputs_that_settle_stand_still_in_between() -> None:
     moved = np.flatnonzero(np.diff([item.u[0] for item in run.samples]))
     assert len(moved) > 3
     assert set(np.diff(moved)) == {48}
-    engine = VirtualMachine(build_filter(spec, model))
+    engine = build_engine(model.plant.graph)[1]
     flow = [item.name for item in spec.outputs].index("flow")
     assert np.mean(operate(model, spec, engine, run.samples).counted[100:, flow]) > 0.6

@@ -7,25 +7,25 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
-from faultbond.contract.spec import Engine, EngineSpec
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Sample, State, init
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
 from faultbond.simulate.truth import healthy_parameters
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
+from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
 from plants import circuit, example, stated
 
-Built = tuple[StepModel, EngineSpec, Engine]
+Built = tuple[StepModel, EngineSpec, Core]
 
 
 def built(model: StepModel) -> Built:
-    """Give a model with its specification and an engine."""
+    """Give a model with its specification and its core."""
     spec = build_spec(model)
-    return model, spec, VirtualMachine(build_filter(spec, model))
+    return model, spec, build_engine(model.plant.graph)[1]
 
 
 def found(plant: Built, **options: object) -> dict[str, SmallestFault]:
@@ -45,25 +45,19 @@ def square(count: int, dt: float) -> Inputs:
     return Inputs(time=time, values=np.where(time % 2.0 < 1.0, 4.0, 10.0)[:, None])
 
 
-def watched(plant: Built, made: Simulation, state: State, rows: range) -> tuple[State, bool]:
-    """Pass rows of a recording through the monitor; say whether its CUSUM crosses the limit.
-
-    The bank, slow without a compiler, does not begin.
-    """
-    _, spec, engine = plant
-    deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
+def watched(monitor: Monitor, made: Simulation, rows: range) -> bool:
+    """Pass rows of a recording through a quiet monitor; say whether its CUSUM crosses the limit."""
     crossed = False
     for k in rows:
         dt = float(made.time[k] - made.time[k - 1]) if k else 0.0
-        sample = Sample(time=float(made.time[k]), dt=dt, u=made.inputs[k], y=made.outputs[k])
-        state, report = step(deaf, engine, state, sample)
-        crossed |= bool(np.any(report.cusum > spec.thresholds.cusum_limit))
-    return state, crossed
+        report = monitor.step(Sample(time=float(made.time[k]), dt=dt, u=made.inputs[k], y=made.outputs[k]))
+        crossed |= bool(np.any(report.cusum > monitor.spec.thresholds.cusum_limit))
+    return crossed
 
 
 def test_the_predicted_size_is_what_the_monitor_finds(motor: Built) -> None:
     """A fault 1.5 times as large as predicted is found in time in every plant; of a 1.5th of it some are missed."""
-    model, spec, dt, onset, window, spread = motor[0], motor[1], 0.02, 150, 60, 0.03 * sqrt(3.0)
+    model, core, dt, onset, window, spread = motor[0], motor[2], 0.02, 150, 60, 0.03 * sqrt(3.0)
     graph, inputs = model.plant.graph, square(onset + window + 1, dt)
     run = simulate(graph, inputs, seed=None)
     samples = [Sample(time=t, dt=dt * (k > 0), u=run.inputs[k], y=run.outputs[k]) for k, t in enumerate(run.time)]
@@ -72,12 +66,13 @@ def test_the_predicted_size_is_what_the_monitor_finds(motor: Built) -> None:
     counts = {1.5: 0, 1 / 1.5: 0}
     for seed in range(40, 49):
         true = healthy_parameters(graph, spread, np.random.default_rng(seed))[2]
-        state: State | None = None
+        begun = Monitor(core, quiet=True)
         for part in counts:
             fault = Fault(parameter="K", value=true + part * size, start=onset * dt)
             made = simulate(graph, inputs, [fault], seed=seed, effects=Effects(spread=spread))
-            state = state or watched(motor, made, init(spec), range(onset))[0]
-            counts[part] += watched(motor, made, state, range(onset, onset + window + 1))[1]
+            if not begun.number("clock.index"):
+                watched(begun, made, range(onset))
+            counts[part] += watched(begun.copy(), made, range(onset, onset + window + 1))
     assert counts[1.5] == 9
     assert counts[1 / 1.5] <= 5
 
@@ -166,11 +161,11 @@ def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
 
 def test_a_slow_error_alarms_too() -> None:
     """With the CUSUM switched off the tank's leak is still found, by the slow error of the flow out."""
-    model, spec, engine = built(example("tank", ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")))
+    model, spec, core = built(example("tank", ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")))
     deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
     deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf))
-    assert found((model, deaf, engine), parameters=["K6"], within=150.0)["K6"].up is not None
-    assert found((model, deafer, engine), parameters=["K6"], within=150.0)["K6"].value is None
+    assert found((model, deaf, core), parameters=["K6"], within=150.0)["K6"].up is not None
+    assert found((model, deafer, core), parameters=["K6"], within=150.0)["K6"].value is None
 
 
 def test_bad_requests_are_refused(motor: Built) -> None:

@@ -2,47 +2,11 @@
 
 import json
 
-import numpy as np
-
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
 from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
-from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, ParameterSpec, StateSpec, Thresholds
-from faultbond.runtime.bank import no_bank
-from faultbond.runtime.ranking import rank
+from faultbond.simulate import Fault
 from faultbond.types import FaultKind, Method
-
-
-def parameter(name: str, owner: str) -> ParameterSpec:
-    """Give a parameter of nominal 2 in units of 1e3."""
-    return ParameterSpec(
-        name=name,
-        component=owner,
-        nominal=2.0,
-        scale=2.0,
-        accuracy=0.03,
-        change=2.0,
-        lower=0.02,
-        upper=50.0,
-        suspect=True,
-        unit="kohm",
-        unit_factor=1e3,
-    )
-
-
-SPEC = EngineSpec(
-    model="circuit",
-    model_sha256="ab" * 32,
-    version="0.1.0",
-    sample_time=0.5,
-    states=(StateSpec(name="C.q", start_mean=0.0, start_sd=1.0, noise=0.0),),
-    slow_errors=(),
-    parameters=(parameter("R", "R"), parameter("C", "C")),
-    inputs=(InputSpec(name="V", noise=0.0, settling=0.0, step=1.0, step_part=0.0),),
-    outputs=(OutputSpec(name="V_C", noise=0.1, direct_inputs=(), unit="V", unit_factor=1.0, unit_offset=0.0),),
-    loops=(),
-    hypotheses=((0,), (1,), (0, 1)),
-    thresholds=Thresholds(),
-)
+from made import plant, recorded, run
 
 
 def test_the_first_record() -> None:
@@ -164,13 +128,13 @@ def test_the_last_record() -> None:
 
 
 def test_probabilities_of_all_tested_sets_sum_to_one() -> None:
-    """A ranked bank gives every set, best first, with probabilities and shares of kinds that sum to 1."""
-    bank = no_bank(SPEC)
-    bank.steps[-1] = np.linspace(-9.0, -3.0, bank.steps.shape[1])
-    bank.slots[-1] = np.linspace(-9.0, -3.0, bank.slots.shape[1])
-    record = json.loads(json.dumps(diagnosis_record(rank(SPEC, 1.0, bank))))
+    """The diagnosis of a run gives every set, best first, with probabilities and shares of kinds that sum to 1."""
+    _, spec, core = plant("rc")
+    found = run(core, recorded("rc", 300, Fault(parameter="C", factor=1.6, start=4.0)))[0].finish()
+    assert found is not None
+    record = json.loads(json.dumps(diagnosis_record(found)))
     probabilities = [candidate["probability"] for candidate in record["candidates"]]
-    assert len(probabilities) == SPEC.n_hypotheses
+    assert len(probabilities) == spec.n_hypotheses
     assert probabilities == sorted(probabilities, reverse=True)
     assert abs(sum(probabilities) - 1.0) < 1e-12
     assert all(abs(sum(candidate["kinds"].values()) - 1.0) < 1e-12 for candidate in record["candidates"])

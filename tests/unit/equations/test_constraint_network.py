@@ -122,5 +122,5 @@ def test_two_tanks_from_file_to_verdict(tmp_path_factory: pytest.TempPathFactory
     inputs.write_text("\n".join(["time,u", *(f"{k},{(0.05, 0.06, 0.045)[k // 100 % 3]}" for k in range(500))]) + "\n")
     common = ["simulate", str(model), "--inputs", str(inputs), "--seed", "1", "-o", str(faulty)]
     assert main([*common, "--fault", "K2=x0.8@300"]) == 0
-    assert main(["run", str(model), str(faulty), "--engine", "vm", "--json", str(records)]) == 1
+    assert main(["run", str(model), str(faulty), "--json", str(records)]) == 1
     assert '"components": ["outlet"]' in records.read_text().splitlines()[-2].partition('"probability"')[0]

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.app.identification import likelihood_engine
+from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
-from faultbond.fit.likelihood import build_likelihood
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
 from faultbond.model.text import parse_model
-from faultbond.runtime.state import Sample
 from faultbond.synthesis.engine import build_engine, build_model
-from faultbond.synthesis.machine import VirtualMachine
 
 RC = """
 name: rc
@@ -44,12 +43,11 @@ def recording(n: int = 60, seed: int = 1) -> list[Sample]:
 
 
 def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[HealthyRecording, ...], FitPoint]:
-    """Give what a fit needs, run without a compiler."""
+    """Give what a fit needs, from a model text and a recording."""
     graph = parse_model(text)
     model = build_model(graph)
-    spec, engine = build_engine(graph, compiled=False)
-    likelihood = VirtualMachine(build_likelihood(model))
-    return build_fit(model, likelihood, spec, engine, [("made", points)], free_parameters(graph))
+    core = build_engine(graph)[1]
+    return build_fit(model, likelihood_engine(model), core, [("made", points)], free_parameters(graph))
 
 
 def dense_likelihood(points: list[Sample]) -> float:

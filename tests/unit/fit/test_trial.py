@@ -6,8 +6,11 @@ from math import erf, log
 import numpy as np
 import pytest
 
+from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Thresholds
+from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
+from faultbond.fit.cusum import LAGS, added, no_sums
 from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
 from faultbond.fit.innovations import Watch, watch_recording
 from faultbond.fit.samples import healthy_recording
@@ -16,10 +19,9 @@ from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model
-from faultbond.runtime.cusum import LAGS, added, no_sums
-from faultbond.runtime.monitor import step
-from faultbond.runtime.state import Sample, init
-from faultbond.synthesis.engine import build_engine
+from faultbond.runtime.monitor import Monitor
+from faultbond.synthesis.engine import build_core, build_engine
+from made import run
 
 
 @pytest.mark.parametrize("lost", [{}, {"gap": slice(400, 480)}, {"input": slice(400, 440)}, {"wild": slice(400, 401)}])
@@ -30,8 +32,9 @@ def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
     input is missing, and where a reading lies far off all others.
     """
     graph = load_model(example("tank") / "model.yaml")
-    built, engine = build_engine(graph)
+    built, _ = build_engine(graph)
     spec = replace(built, thresholds=replace(built.thresholds, fast_limit=12.0, cusum_limit=60.0))
+    core = build_core(build_plant(graph), spec)
     rows = list(read_rows(example("tank") / "healthy.csv", columns_of(graph)))[:700]
     points = [
         Sample(time=item.time, dt=item.dt, u=item.u, y=item.y if item.index % 97 else np.full(2, np.nan))
@@ -44,10 +47,10 @@ def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
             u = points[k].u if what == "wild" else np.full(2, np.nan)
             y = {"gap": np.full(2, np.nan), "wild": np.array([1e6, 1e9])}.get(what, points[k].y)
             points[k] = replace(points[k], u=u, y=y)
-    (seen,) = watch_recording(spec, engine, healthy_recording("tank", points, spec))
-    state = init(spec)
+    (seen,) = watch_recording(core, healthy_recording("tank", points, core))
+    monitor = Monitor(core)
     for k, point in enumerate(points):
-        state, report = step(spec, engine, state, point)
+        report = monitor.step(point)
         if k > spec.thresholds.warm_up_samples:
             assert report.cusum == pytest.approx(seen.height[k], rel=1e-6, abs=1e-6)
             assert report.slow == pytest.approx(seen.slow[k], rel=1e-6, abs=1e-9)
@@ -74,17 +77,15 @@ def test_the_time_between_false_alarms_of_the_scatter_is_that_of_noise(size: flo
 def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     """A recording in which a sensor scatters for a while alarms in a run; the trial says so, and how often at least."""
     graph = load_model(example("tank") / "model.yaml")
-    spec, engine = build_engine(graph)
+    spec, core = build_engine(graph)
     rows = list(read_rows(example("tank") / "healthy.csv", columns_of(graph)))[:1200]
     grid = on_grid(rows, Grid(spec.sample_time))
     points = [Sample(time=item.time, dt=item.dt, u=item.u, y=item.y) for item in grid]
     noise = np.random.default_rng(8).standard_normal((80, 2)) * 4.0 * spec.output_noise * [1.0, 0.0]
     points[800:880] = [replace(item, y=item.y + off) for item, off in zip(points[800:880], noise, strict=True)]
-    state = init(spec)
-    for point in points[:900]:
-        state, _ = step(spec, engine, state, point)
-    assert state.clock.alarm > 800
-    flow, pressure = on_trial(spec, engine, [healthy_recording("tank", points, spec)]).rates[:2]
+    monitor, _ = run(core, points[:900])
+    assert monitor.number("clock.alarm") > 800
+    flow, pressure = on_trial(core, [healthy_recording("tank", points, core)]).rates[:2]
     assert flow.peak > 1.0
     assert flow.between <= 1200.0
     assert pressure.peak < 1.0

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from faultbond.errors import ModelError, RecordingError
+from faultbond.model.document import is_circuit
 from faultbond.model.logic import Gate, GateFunction, LogicNetwork
 from faultbond.networks.logic.diagnoses import minimum_diagnoses
-from faultbond.networks.logic.dxc import MAX_BYTES, is_circuit, read_circuit, read_scenario
+from faultbond.networks.logic.dxc import MAX_BYTES, read_circuit, read_scenario
 from made_circuits import circuit_text, made_scenario, multiplier, random_circuit, scenario_text
 
 SCENARIO = """sensors @0 { i1 = true, o1 = false };

@@ -9,31 +9,41 @@ import numpy as np
 import pytest
 
 from faultbond.contract.findings import Advice, Candidate, Diagnosis
-from faultbond.contract.spec import CheckSpec, Engine, EngineSpec
+from faultbond.contract.spec import CheckSpec
 from faultbond.model.text import parse_model
-from faultbond.runtime.advice import APART, LEAST, WORTH, _values, advise
-from faultbond.runtime.monitor import conclude
-from faultbond.runtime.state import State, init
+from faultbond.runtime.advice import APART, LEAST, WORTH, _Inputs, _values, advise
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.probe import build_probe
 from faultbond.types import CheckKind
-from made import TANK_START, changed, plant, recorded, run, samples_of
+from made import TANK_START, plant, recorded, run, samples_of
 
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
 
 
 @cache
-def leaking() -> tuple[EngineSpec, Engine, State, Diagnosis]:
+def leaking() -> tuple[Monitor, Diagnosis]:
     """A tank some time after a leak was detected; the outlet has stood still, so several parts could be the cause."""
-    graph, spec, engine = plant("tank")
+    graph, _, core = plant("tank")
     time = np.arange(420.0)
     u = np.stack([np.where(time % 120.0 < 60.0, 80.0, 50.0), np.full(time.shape, 50.0)], axis=1)
     made = simulate(graph, Inputs(time=time, values=u), [FAULT], seed=2, start={"tank.q": TANK_START})
-    state, _ = run(spec, engine, samples_of(time, made.inputs, made.outputs))
-    assert state.clock.alarm >= 0
-    return spec, engine, state, conclude(spec, state)
+    monitor, _ = run(core, samples_of(time, made.inputs, made.outputs))
+    assert monitor.number("clock.alarm") >= 0
+    return monitor, monitor.conclude()
+
+
+def with_check(check: CheckSpec) -> Monitor:
+    """The same, with one check in the model file."""
+    core = leaking()[0].core
+    return Monitor(replace(core, spec=replace(core.spec, checks=(check,))), leaking()[0].save())
+
+
+def outlet() -> float:
+    """Where the outlet valve stands, percent."""
+    return float(leaking()[0].numbers("inputs.held")[1])
 
 
 def with_probabilities(diagnosis: Diagnosis, **parts: float) -> Diagnosis:
@@ -57,9 +67,9 @@ def entropy(*parts: float) -> float:
 
 def test_a_look_tells_whether_the_part_is_among_the_faulty() -> None:
     """Looking at a part tells as many bits as its probability has, and parts the candidates that hold it."""
-    spec, engine, state, diagnosis = leaking()
+    monitor, diagnosis = leaking()
     made = with_probabilities(diagnosis, leak=0.5, outlet=0.3, tank=0.2)
-    found = looks(advise(spec, engine, state, made))
+    found = looks(advise(monitor, made))
     assert set(found) == {"leak", "outlet", "tank"}
     for name, part in (("leak", 0.5), ("outlet", 0.3), ("tank", 0.2)):
         assert found[name].gain == pytest.approx(entropy(part, 1.0 - part))
@@ -69,16 +79,14 @@ def test_a_look_tells_whether_the_part_is_among_the_faulty() -> None:
 
 def test_a_candidate_alone_needs_no_advice() -> None:
     """Nothing is advised while one candidate has all but the least probability."""
-    spec, engine, state, diagnosis = leaking()
-    assert advise(spec, engine, state, with_probabilities(diagnosis, leak=1.0 - LEAST / 2, outlet=LEAST / 2)) == ()
+    monitor, diagnosis = leaking()
+    assert advise(monitor, with_probabilities(diagnosis, leak=1.0 - LEAST / 2, outlet=LEAST / 2)) == ()
 
 
 def test_costs_order_the_advice() -> None:
     """What tells more for its cost comes first; a part that is dear to look at goes back."""
-    spec, engine, state, diagnosis = leaking()
-    made = with_probabilities(diagnosis, leak=0.5, outlet=0.3, tank=0.2)
-    dear = replace(spec, checks=(CheckSpec(name="leak", kind=CheckKind.COMPONENT, cost=100.0),))
-    found = advise(dear, engine, state, made)
+    made = with_probabilities(leaking()[1], leak=0.5, outlet=0.3, tank=0.2)
+    found = advise(with_check(CheckSpec(name="leak", kind=CheckKind.COMPONENT, cost=100.0)), made)
     worth = [item.gain / item.cost for item in found]
     assert worth == sorted(worth, reverse=True)
     assert looks(found)["leak"].cost == 100.0
@@ -87,26 +95,25 @@ def test_costs_order_the_advice() -> None:
 
 def test_moving_the_outlet_parts_leak_and_outlet() -> None:
     """A leak and a wider outlet look alike until the outlet valve moves; moving the inlet valve does not part them."""
-    spec, engine, state, diagnosis = leaking()
+    monitor, diagnosis = leaking()
     made = with_probabilities(diagnosis, leak=0.5, outlet=0.5)
-    moves = {item.target: item for item in advise(spec, engine, state, made) if item.kind is CheckKind.INPUT}
+    moves = {item.target: item for item in advise(monitor, made) if item.kind is CheckKind.INPUT}
     assert set(moves) == {"u_out"}
     move = moves["u_out"]
     assert move.gain == pytest.approx(1.0)
     assert move.value is not None
     assert 0.0 <= move.value <= 100.0
-    assert abs(move.value - state.inputs.held[1]) > 5.0
+    assert abs(move.value - outlet()) > 5.0
     assert move.within == 300.0
 
 
 def test_a_stated_move_is_the_one_that_is_tried() -> None:
     """Where the model file says how far an input may be moved, no other move is advised; a small one helps nobody."""
-    spec, engine, state, diagnosis = leaking()
-    made = with_probabilities(diagnosis, leak=0.5, outlet=0.5)
+    made = with_probabilities(leaking()[1], leak=0.5, outlet=0.5)
     for size in (40.0, 0.5):
-        stated = replace(spec, checks=(CheckSpec(name="u_out", kind=CheckKind.INPUT, cost=1.0, move=size),))
-        moves = [item for item in advise(stated, engine, state, made) if item.kind is CheckKind.INPUT]
-        assert [abs((item.value or 0.0) - state.inputs.held[1]) for item in moves] == ([40.0] if size > 1.0 else [])
+        stated = with_check(CheckSpec(name="u_out", kind=CheckKind.INPUT, cost=1.0, move=size))
+        moves = [item for item in advise(stated, made) if item.kind is CheckKind.INPUT]
+        assert [abs((item.value or 0.0) - outlet()) for item in moves] == ([40.0] if size > 1.0 else [])
 
 
 @pytest.mark.parametrize(
@@ -128,10 +135,9 @@ def test_where_an_input_may_be_moved(
     """Within where it has been and zero, but for degC; of a stated move as far as stated; percentages from 0 to 100."""
     spec = plant("dc_motor")[1]
     spec = replace(spec, inputs=(replace(spec.inputs[0], unit=unit, unit_offset=offset),))
-    low, high = (np.array([value]) for value in seen)
-    state = changed(init(spec), lowest=low, highest=high, held=np.array([now]))
+    inputs = _Inputs(*(np.array([value]) for value in (now, *seen)))
     check = None if move is None else CheckSpec(name="V", kind=CheckKind.INPUT, cost=1.0, noise=0.0, move=move)
-    assert _values(spec, state, 0, check) == pytest.approx(expected)
+    assert _values(spec, inputs, 0, check) == pytest.approx(expected)
 
 
 def test_a_measurement_by_hand_parts_what_expects_other_values() -> None:
@@ -139,10 +145,10 @@ def test_a_measurement_by_hand_parts_what_expects_other_values() -> None:
     for noise, parted in ((2e-6, True), (2e-3, False)):
         check = f"checks: {{inflow: {{reads: line.f, unit: m^3/s, noise: {noise} m^3/s, cost: 2}}}}\n"
         graph = parse_model(TANK + check)
-        own, built = build_engine(graph)
-        state, _ = run(own, built, recorded("tank", 330, Fault(parameter="K2", factor=1.5, start=230.0)))
-        diagnosis = with_probabilities(conclude(own, state), flow=0.5, pipe=0.5)
-        found = advise(own, built, state, diagnosis, build_probe(own, graph))
+        own, core = build_engine(graph)
+        monitor, _ = run(core, recorded("tank", 330, Fault(parameter="K2", factor=1.5, start=230.0)))
+        diagnosis = with_probabilities(monitor.conclude(), flow=0.5, pipe=0.5)
+        found = advise(monitor, diagnosis, build_probe(own, graph))
         signals = [item for item in found if item.kind is CheckKind.SIGNAL]
         assert [item.target for item in signals] == (["inflow"] if parted else [])
         assert all(item.cost == 2.0 and item.gain == pytest.approx(1.0) for item in signals)
@@ -150,8 +156,8 @@ def test_a_measurement_by_hand_parts_what_expects_other_values() -> None:
 
 def test_every_piece_of_advice_is_worth_something() -> None:
     """No check that tells next to nothing is advised, and each names groups that hold all candidates."""
-    spec, engine, state, diagnosis = leaking()
-    found = advise(spec, engine, state, diagnosis)
+    monitor, diagnosis = leaking()
+    found = advise(monitor, diagnosis)
     assert found
     assert APART > 0
     for item in found:

@@ -3,102 +3,154 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
+from bare_core import Bare, bare
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
-from faultbond.runtime.bank import Bank, advance_bank, begin_bank, no_bank, renew_bank
-from faultbond.runtime.misfit import add_misfit
-from faultbond.runtime.packing import trusted
-from faultbond.runtime.slotted import advance_slots, renewed_groups
-from faultbond.runtime.state import State
-from faultbond.runtime.stepped import advance_steps
-from faultbond.runtime.trail import Trail
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from faultbond.types import FaultKind
+from made import EXAMPLES, plant, recorded, run, stepped
 
-_, SPEC, ENGINE = plant("dc_motor_current")
-FAULT = Fault(parameter="K", factor=0.6, start=2.4)
+NAME = "dc_motor_current"
+_, SPEC, CORE = plant(NAME)
+N, PLAN = plan_lanes(SPEC).n_lanes, plan_slots(SPEC)
+RENEWALS = {int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")}
+SAMPLES = recorded(NAME, 345, Fault(parameter="K", factor=0.6, start=2.4))
+CALLS = """
+static Work work;
+void t_renew(State *state, const double *since)
+{
+    Trail trail;
+    prepare_filters(&work.filters);
+    trail_of(state, &trail);
+    renew_bank(state, &trail, (int64_t)*since, &work.bank, &work.filters);
+}
+void t_begin(State *state)
+{
+    Trail trail;
+    prepare_filters(&work.filters);
+    trail_of(state, &trail);
+    begin_bank(state, &trail, trail.alarm, &work.bank, &work.filters);
+}
+void t_advance(State *state, const double *packed)
+{
+    prepare_filters(&work.filters);
+    advance_bank(state, packed, &work.bank, &work.filters);
+}
+"""
 
 
 @cache
-def alarmed(rows: int) -> State:
-    """The motor after a number of samples, its alarm among them."""
-    state, _ = run(SPEC, ENGINE, recorded("dc_motor_current", 201, FAULT)[:rows])
-    assert 0 <= state.clock.alarm < rows
-    return state
+def after(rows: int) -> Monitor:
+    """The motor after a number of samples; not to be changed."""
+    return run(CORE, SAMPLES[:rows])[0]
 
 
-def trail_of(state: State, first: int) -> Trail:
-    """Samples and healthy lanes from `first` on."""
-    place, past = state.past.place(first), state.past
-    return Trail(samples=past.samples[place:], lanes=past.lanes[place:], alarm=state.clock.alarm - first)
+ALARM = int(after(345).number("clock.alarm"))
 
 
-def last_sample(state: State) -> FloatArray:
-    """The last packed sample."""
-    return np.asarray(state.past.samples[-1])
+def sums(of: Monitor | Bare) -> tuple[FloatArray, FloatArray]:
+    """Sums of all lanes, (2, n_outputs, n_lanes), and the samples after which they began."""
+    shape = (2, len(SPEC.outputs), -1)
+    one, two = ((of.numbers(f"bank.{k}") if isinstance(of, Monitor) else of[f"bank.{k}"]) for k in ("sums", "since"))
+    return one.reshape(shape).copy(), two.reshape(shape).copy()
 
 
-def test_a_bank_that_has_not_begun_has_the_size_of_one_that_has() -> None:
-    """Before the alarm the state holds a bank of zeros of the size that it will have, so that its size is fixed."""
-    empty, full = no_bank(SPEC), alarmed(200).bank
-    for name in ("steps", "slots"):
-        assert getattr(empty, name).shape == getattr(full, name).shape
-        assert not np.any(getattr(empty, name))
-    assert empty.misfit.sums.shape == full.misfit.sums.shape == (2, 2, len(full.likelihoods))
-
-
-def test_likelihoods_of_steps_come_first() -> None:
-    """The likelihoods of all lanes are those of steps, then those of lanes with a slot."""
-    bank = alarmed(200).bank
-    n = bank.steps.shape[1]
-    assert np.array_equal(bank.likelihoods[:n], bank.steps[-1])
-    assert np.array_equal(bank.likelihoods[n:], bank.slots[-1])
+def lanes(of: Bare) -> list[FloatArray]:
+    """All lanes, steps first."""
+    return [of.lane(k) for k in range(N + PLAN.n_lanes)]
 
 
 def test_sums_begin_at_the_alarm() -> None:
     """A bank has no misfit at the alarm: what it has seen by then has chosen its onsets."""
-    state = alarmed(200)
-    trail = trail_of(state, state.clock.alarm - 60)
-    bank = begin_bank(SPEC, ENGINE, trail, 55, state.inputs.peak, 777)
-    assert not np.any(bank.misfit.sums)
-    assert np.all(bank.misfit.since == 777.0)
+    assert 0 < ALARM < 200
+    found, since = sums(after(ALARM + 1))
+    assert not np.any(found)
+    assert np.all(since == ALARM)
+    assert np.any(sums(after(ALARM + 9))[0])
+    assert not np.any(sums(after(ALARM))[1])
 
 
 def test_a_sample_takes_all_lanes_further() -> None:
-    """After a sample steps, lanes with a slot and the sums of both are what their own functions give, in this order."""
-    before, after = alarmed(200), alarmed(201)
-    packed = last_sample(after)
-    bank = advance_bank(SPEC, ENGINE, before.bank, packed, trusted(SPEC, packed), 200)
-    steps, one = advance_steps(SPEC, ENGINE, before.bank.steps, packed)
-    slots, two = advance_slots(SPEC, ENGINE, before.bank.slots, packed)
-    pairs = one.shape[1] + plan_slots(SPEC).switched
-    misfit = add_misfit(
-        SPEC, before.bank.misfit, trusted(SPEC, packed), np.concatenate([one, two], axis=1), 200, switched=pairs
-    )
-    for found in (bank, after.bank):
-        assert np.array_equal(found.steps, steps)
-        assert np.array_equal(found.slots, slots)
-        assert np.array_equal(found.misfit.sums, misfit.sums)
-        assert np.array_equal(found.misfit.since, misfit.since)
+    """After a sample steps and lanes with a slot are where their filters are, and the sums of each are its own."""
+    before = after(ALARM + 10)
+    monitor, _ = stepped(before, SAMPLES[ALARM + 10])
+    packed, place, n_y = monitor.row(ALARM + 10)[0].copy(), SPEC.sample_fields, len(SPEC.outputs)
+    packed[place["again"]], packed[place["bound"]] = 1.0, SPEC.thresholds.bank_bound
+    assert packed[place["use"]].tolist() == [1.0] * n_y
+    (old, _), (new, _) = sums(before), sums(monitor)
+    for core, places in ((CORE, range(N)), (CORE.slot, range(N, N + PLAN.switched))):
+        found, innovations = core.advance(np.array([before.lane(k) for k in places]).T, packed[None, :])
+        assert np.array_equal(found.T, np.array([monitor.lane(k) for k in places]))
+        limit, drift = SPEC.thresholds.cusum_clip, SPEC.thresholds.cusum_drift
+        score = np.clip(innovations[0, :n_y] / np.sqrt(innovations[0, n_y:]), -limit, limit)
+        wanted = [np.maximum(old[side][:, places] + sign * score - drift, 0.0) for side, sign in ((0, 1.0), (1, -1.0))]
+        assert new[:, :, places] == pytest.approx(np.array(wanted), rel=1e-12, abs=1e-12)
+    assert new.shape[2] == N + PLAN.n_lanes
 
 
-def differing_lanes(one: Bank, two: Bank) -> BoolArray:
-    """Which lanes differ, steps first."""
-    pairs = ((one.steps, two.steps), (one.slots, two.slots))
-    return np.concatenate([np.any(a != b, axis=0) for a, b in pairs])
+def restored(monitor: Monitor) -> Bare:
+    """The core with calls of these tests, in the state of a monitor that waits for the next sample."""
+    core = bare(CALLS, (EXAMPLES / NAME / "model.yaml").read_text(encoding="utf-8"))
+    core.restore(monitor.save())
+    core["clock.index"] -= 1
+    return core
 
 
-def test_only_lanes_that_begin_again_lose_their_sums() -> None:
+@pytest.mark.parametrize("since", sorted(RENEWALS))
+def test_only_lanes_that_begin_again_lose_their_sums(since: int) -> None:
     """Renewed lanes have empty sums from that sample on; of the lanes with a slot only drifts and input biases are."""
-    state = alarmed(200)
-    bank = state.bank
-    renewed = renew_bank(SPEC, ENGINE, trail_of(state, state.clock.alarm - 5), bank, 888, state.inputs.peak)
-    changed = differing_lanes(renewed, bank)
-    assert 0 < changed.sum() < bank.steps.shape[1]
-    renewable = np.concatenate(renewed_groups(plan_slots(SPEC))) + bank.steps.shape[1]
-    assert set(np.flatnonzero(changed[bank.steps.shape[1] :]) + bank.steps.shape[1]) <= set(renewable)
-    assert not np.any(renewed.misfit.sums[:, :, changed])
-    assert np.all(renewed.misfit.since[:, :, changed] == 888.0)
-    assert np.array_equal(renewed.misfit.sums[:, :, ~changed], bank.misfit.sums[:, :, ~changed])
-    assert np.array_equal(renewed.misfit.since[:, :, ~changed], bank.misfit.since[:, :, ~changed])
+    core = restored(after(ALARM + since))
+    core["bank.sums"] += 0.5
+    before, (old, began) = lanes(core), sums(core)
+    core.call("t_renew", np.array([float(since)]))
+    pairs = zip(before, lanes(core), strict=True)
+    differs: BoolArray = np.array([not np.array_equal(one, two, equal_nan=True) for one, two in pairs])
+    assert differs[:N].sum() > 0
+    assert 0 < differs[N:].sum() < PLAN.n_lanes
+    renewable = [item.input >= 0 or (item.kind is FaultKind.DRIFT and item.parameter >= 0) for item in PLAN.lanes]
+    assert not np.any(differs[N:] & ~np.array(renewable))
+    new, now = sums(core)
+    assert not np.any(new[:, :, differs])
+    assert np.all(now[:, :, differs] == ALARM + since - 1)
+    assert np.array_equal(new[:, :, ~differs], old[:, :, ~differs])
+    assert np.array_equal(now[:, :, ~differs], began[:, :, ~differs])
+
+
+def test_when_the_bank_is_renewed() -> None:
+    """So many samples after the alarm as is said in its header, and at no other."""
+    monitor, place = after(ALARM + 1), SPEC.sample_fields
+    assert len(RENEWALS) == 3
+    for index in range(ALARM + 1, ALARM + 206):
+        before = np.array([monitor.lane(k) for k in range(N)]).T
+        monitor, _ = stepped(monitor, SAMPLES[index])
+        packed = monitor.row(index)[0].copy()
+        packed[place["again"]], packed[place["bound"]] = 1.0, SPEC.thresholds.bank_bound
+        passed = CORE.advance(before, packed[None, :])[0].T
+        goes_on = np.array_equal(passed, np.array([monitor.lane(k) for k in range(N)]))
+        assert goes_on == (index - ALARM not in RENEWALS)
+
+
+@pytest.mark.parametrize("call", ["t_begin", "t_advance", "t_renew"])
+def test_parameters_that_were_accepted_as_drifting_move_on_in_the_bank(call: str) -> None:
+    """At the alarm, at each sample and at each new beginning lanes are passed over samples as the healthy one is."""
+    found = []
+    for rate in (0.0, 0.05):
+        core = restored(after(ALARM + 30))
+        core["normal.rates"] = rate * (np.arange(len(SPEC.parameters)) == 0)
+        packed = after(ALARM + 31).row(ALARM + 30)[0].copy()
+        packed[SPEC.sample_fields["use"]] = 0.0
+        core.call(call, *{"t_advance": [packed], "t_renew": [np.array([200.0])]}.get(call, []))
+        found.append(np.array([lane[SPEC.parameter_slice.start] for lane in lanes(core)]))
+    moved = found[1] - found[0]
+    if call == "t_advance":
+        assert moved == pytest.approx(0.05 * SAMPLES[1].dt, rel=1e-6)
+    else:
+        places = np.arange(N) if call == "t_begin" else np.arange(0)
+        assert np.all(moved[places] != 0.0)
+        assert np.any(moved[:N] != 0.0)
+        assert np.any(moved[N:] != 0.0)

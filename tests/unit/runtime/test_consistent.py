@@ -1,123 +1,84 @@
-"""What keeps filters as sure as they may be: usual squares, new beginnings, starts that know of parameters."""
-
-from functools import cache
+"""What keeps filters as sure as they may be: usual squares, and starts that know of parameters."""
 
 import numpy as np
 import pytest
 
+from bare_core import bare
 from faultbond.arrays import FloatArray
-from faultbond.contract.lanes import extremes, plan_lanes
-from faultbond.contract.spec import EngineSpec, covariance_place
-from faultbond.runtime import monitor
-from faultbond.runtime.alarm import NIS_MEMORY, NIS_RANGE, NIS_TRUST, usual_squares
-from faultbond.runtime.start import solve_start
-from faultbond.runtime.state import Sample, init
-from faultbond.runtime.stepped import ASTRAY, IN_REACH, renew_all_steps
-from faultbond.runtime.trail import Trail
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.spec import EngineSpec
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
-from made import changed, plant, recorded, run, samples_of
+from made import plant, recorded, run, samples_of
 
-LAST = monitor.RENEWALS[-1]
+SETTINGS = core_settings()
+CALLS = """
+int64_t t_learn(State *state, const double *scores, const double *count)
+{
+    for (int64_t k = 0; k < (int64_t)*count; k++) {
+        double packed[N_SAMPLE] = {0}, innovations[2 * N_OUTPUTS];
+        for (int j = 0; j < N_OUTPUTS; j++) {
+            packed[SAMPLE_USE + j] = packed[SAMPLE_SCALE + j] = innovations[N_OUTPUTS + j] = 1.0;
+            innovations[j] = scores[k * N_OUTPUTS + j];
+        }
+        state->clock.index = k;
+        accumulate(&state->clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
+    }
+    return 0;
+}
+"""
+
+
+def learned(scores: FloatArray) -> FloatArray:
+    """Usual squares (2,) after normalised innovations (n, 2) from the first sample on."""
+    core = bare(CALLS)
+    core["clock.begun"] = 0
+    core.call("t_learn", np.ascontiguousarray(scores), np.array([float(len(scores))]))
+    return np.array(core["sensors.nis"])
 
 
 @pytest.mark.parametrize("size", [0.7, 1.0, 1.6])
 def test_usual_squares_are_found(size: float) -> None:
-    """After many samples they are the mean square of the normalised innovations; missing ones leave them alone."""
-    spec = plant("dc_motor_current")[1]
-    state, generator = changed(init(spec), begun=0), np.random.default_rng(1)
-    for index in range(3 * NIS_MEMORY):
-        score = np.array([size * generator.standard_normal(), np.nan])
-        state = changed(state, index=index, nis=usual_squares(state, score))
-    assert state.sensors.nis[0] == pytest.approx(size**2, rel=0.05)
-    assert state.sensors.nis[1] == 1.0
+    """After many samples they are the mean square of innovations that count up to a bound; none leave them alone."""
+    count = 3 * int(SETTINGS["NIS_MEMORY"])
+    scores = size * np.random.default_rng(1).standard_normal((count, 2))
+    scores[:, 1] = np.nan
+    found = learned(scores)
+    bound = bare(CALLS).spec.thresholds.cusum_clip
+    assert found[0] == pytest.approx(np.mean(np.clip(scores[:, 0], -bound, bound) ** 2), rel=0.05)
+    assert found[1] == 1.0
 
 
-def test_usual_squares_begin_as_declared_and_end_somewhere() -> None:
+@pytest.mark.parametrize(("score", "end"), [(0.0, "NIS_LEAST"), (3.0, "NIS_MOST")])
+def test_usual_squares_begin_as_declared_and_end_somewhere(score: float, end: str) -> None:
     """A hundred samples hardly count against the declaration, and no number of them leads out of the range."""
-    spec = plant("dc_motor_current")[1]
-    for score, end in ((0.0, NIS_RANGE[0]), (3.0, NIS_RANGE[1])):
-        state = changed(init(spec), begun=0)
-        for index in range(20 * NIS_TRUST):
-            state = changed(state, index=index, nis=usual_squares(state, np.full(2, score)))
-            if index == 100:
-                assert np.all(np.abs(state.sensors.nis - 1.0) < 1.0)
-        assert np.all(state.sensors.nis == pytest.approx(end, rel=1e-3))
+    count = 20 * int(SETTINGS["NIS_TRUST"])
+    assert np.all(np.abs(learned(np.full((101, 2), score)) - 1.0) < 1.0)
+    assert learned(np.full((count, 2), score)) == pytest.approx(np.full(2, SETTINGS[end]), rel=1e-3)
 
 
 def test_usual_squares_are_those_of_before_the_alarm() -> None:
     """While a fault is open nothing is learned of what is usual."""
-    _, spec, engine = plant("dc_motor_current")
-    samples = recorded("dc_motor_current", 400, Fault(parameter="K", factor=0.6, start=2.4))
-    state, alarmed = init(spec), None
-    for sample in samples:
-        state, report = monitor.step(spec, engine, state, sample)
-        alarmed = state.sensors.nis if report.detection is not None else alarmed
+    core, alarmed = plant("dc_motor_current")[2], None
+    monitor = Monitor(core)
+    for sample in recorded("dc_motor_current", 400, Fault(parameter="K", factor=0.6, start=2.4)):
+        found = monitor.step(sample).detection
+        alarmed = monitor.numbers("sensors.nis") if found is not None else alarmed
     assert alarmed is not None
-    assert np.array_equal(state.sensors.nis, alarmed)
-    assert np.any(state.sensors.nis != 1.0)
-
-
-@cache
-def diagnosing() -> tuple[EngineSpec, Trail, FloatArray]:
-    """A motor with a fault, just before its last renewal: its trail, and the filters of its bank."""
-    _, spec, engine = plant("dc_motor_current")
-    samples = recorded("dc_motor_current", 600, Fault(parameter="R", factor=1.6, start=4.0))
-    state = init(spec)
-    for sample in samples:
-        if state.clock.alarm >= 0 and state.clock.index == state.clock.alarm + LAST:
-            break
-        state, _ = monitor.step(spec, engine, state, sample)
-    assert state.clock.index == state.clock.alarm + LAST
-    trail, _ = monitor._cut_trail(changed(state, index=state.clock.index - 1), state.clock.alarm)
-    return spec, trail, state.bank.steps
-
-
-def test_all_that_may_lead_begins_again() -> None:
-    """Filters within reach begin again and are not much less likely then; others follow the best, unlikely as ever."""
-    spec, trail, before = diagnosing()
-    plan = plan_lanes(spec)
-    after = renew_all_steps(spec, plant("dc_motor_current")[2], trail, before)
-    leading = extremes(plan, before[-1])[0]
-    best = before[-1, leading]
-    reach = np.where(best > best.max() - IN_REACH, IN_REACH, 0.0)
-    assert len(set(reach)) == 2, "hypotheses beyond reach, and within"
-    near = before[-1] >= (best - reach)[plan.hypothesis]
-    assert np.array_equal(after[-1, ~near], before[-1, ~near])
-    assert np.array_equal(after[:-1, ~near], after[:-1, leading[plan.hypothesis[~near]]])
-    assert np.all(after[-1, near] > before[-1, near] - ASTRAY)
-    changed = np.any(after != before, axis=0)
-    assert changed.sum() > 0.5 * near.sum()
-    name = [item.name for item in spec.parameters].index("R")
-    single = plan.hypothesis == spec.hypotheses.index((name,))
-    values = after[spec.parameter_slice.start + name, single & near & changed]
-    assert len(values) > 1
-    assert np.ptp(values) < 0.01
-
-
-def test_a_filter_that_linearised_far_off_is_no_better_sure_than_others() -> None:
-    """What began far off has, after the last renewal, the standard deviation of what began near."""
-    spec, trail, before = diagnosing()
-    spoilt, plan = before.copy(), plan_lanes(spec)
-    name = [item.name for item in spec.parameters].index("R")
-    place = spec.parameter_slice.start + name
-    lane = int(extremes(plan, spoilt[-1])[0][spec.hypotheses.index((name,))])
-    variance = covariance_place(spec, place, place)
-    true = spoilt[variance, lane]
-    spoilt[variance, lane] *= 0.01
-    renewed = renew_all_steps(spec, plant("dc_motor_current")[2], trail, spoilt)
-    assert renewed[variance, lane] == pytest.approx(true, rel=0.3)
+    assert np.array_equal(monitor.numbers("sensors.nis"), alarmed)
+    assert np.any(alarmed != 1.0)
 
 
 def started(seed: int, off: float) -> tuple[EngineSpec, FloatArray, FloatArray, FloatArray]:
     """The start that is found of a running motor with other parameters, its covariance, and the truth beside it."""
-    graph, spec, engine = plant("dc_motor_current")
+    graph, spec, core = plant("dc_motor_current")
     generator = np.random.default_rng(seed)
     factors = 1.0 + off * generator.standard_normal(len(spec.parameters))
     faults = [
         Fault(parameter=item.name, factor=float(factor), start=0.0)
         for item, factor in zip(spec.parameters, factors, strict=True)
     ]
-    time = np.asarray(np.arange(monitor.START_SAMPLES) * 0.02, dtype=np.float64)
+    time = np.asarray(np.arange(int(SETTINGS["START_SAMPLES"])) * 0.02, dtype=np.float64)
     inputs = Inputs(time=time, values=np.full((len(time), 1), 8.0))
     made = simulate(graph, inputs, faults, seed=seed, start={"L.p": 2.5 * 3.0, "J.p": 1.5 * 1.0})
     samples = samples_of(time, made.inputs, made.outputs)
@@ -126,7 +87,7 @@ def started(seed: int, off: float) -> tuple[EngineSpec, FloatArray, FloatArray, 
     rows[:, place["u"]] = made.inputs
     rows[:, place["u_before"]] = made.inputs[[0, *range(len(rows) - 1)]]
     rows[:, place["y"]] = made.outputs
-    mean, covariance = solve_start(spec, engine, rows)
+    mean, covariance = core.solve_start(rows)
     parameters = {item.name: item.nominal * factor for item, factor in zip(spec.parameters, factors, strict=True)}
     true = np.array([7.5 / parameters["L"], 1.5 / parameters["J"], *factors])
     return spec, mean, covariance, true
@@ -163,7 +124,7 @@ def _from_parameters(covariance: FloatArray, n: int) -> FloatArray:
 
 def test_runs_from_a_start_with_parameters_off_are_quiet() -> None:
     """A motor whose parameters are off by twice what is declared raises no alarm as it begins."""
-    graph, spec, engine = plant("dc_motor_current")
+    graph, spec, core = plant("dc_motor_current")
     time = np.asarray(np.arange(300) * 0.02, dtype=np.float64)
     for seed in range(5):
         generator = np.random.default_rng(seed)
@@ -173,5 +134,6 @@ def test_runs_from_a_start_with_parameters_off_are_quiet() -> None:
         ]
         inputs = Inputs(time=time, values=np.full((len(time), 1), 8.0))
         made = simulate(graph, inputs, faults, seed=seed, start={"L.p": 2.5 * 3.0, "J.p": 1.5 * 1.0})
-        state, _ = run(spec, engine, list[Sample](samples_of(time, made.inputs, made.outputs)))
-        assert state.clock.alarm < 0
+        monitor, _ = run(core, samples_of(time, made.inputs, made.outputs))
+        assert monitor.number("clock.running") == 1
+        assert monitor.number("clock.detections") == 0

@@ -9,9 +9,8 @@ import pytest
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate
-from faultbond.runtime.accepting import accept
-from faultbond.runtime.monitor import finish, step
-from faultbond.runtime.state import Sample, State, init
+from faultbond.contract.samples import Sample
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
 from made import differing, plant, run, samples_of
@@ -155,22 +154,22 @@ def recording(name: str) -> tuple[Sample, ...]:
 
 
 @cache
-def ended(name: str) -> tuple[State, State]:
-    """The state in the middle of a diagnosis, before the bank is renewed, and that after the recording."""
-    _, spec, engine = plant(NAME)
-    state = middle = init(spec)
+def ended(name: str) -> tuple[Monitor, Monitor]:
+    """The monitor in the middle of a diagnosis, before the bank is renewed, and after the recording."""
+    monitor = Monitor(plant(NAME)[2])
+    middle = monitor
     for sample in recording(name):
-        state, _ = step(spec, engine, state, sample)
-        middle = state if state.clock.index == state.clock.alarm + 25 else middle
-    assert ONSET <= state.clock.alarm == middle.clock.alarm < ROWS - 60
-    return middle, state
+        monitor.step(sample)
+        if monitor.number("clock.index") == monitor.number("clock.alarm") + 25:
+            middle = monitor.copy()
+    assert ONSET <= monitor.number("clock.alarm") == middle.number("clock.alarm") < ROWS - 60
+    assert middle is not monitor
+    return middle, monitor
 
 
 def best(name: str) -> Candidate:
     """The best candidate at the end."""
-    diagnosis = finish(plant(NAME)[1], ended(name)[1])
-    assert diagnosis is not None
-    return diagnosis.candidates[0]
+    return ended(name)[1].conclude().candidates[0]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -196,45 +195,45 @@ def test_the_kind_and_its_value_are_found(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_what_explains_the_data_leaves_nothing(name: str) -> None:
     """Where the kind of fault is right, nothing is unexplained."""
-    diagnosis = finish(plant(NAME)[1], ended(name)[1])
-    assert diagnosis is not None
-    assert diagnosis.unexplained is None
+    assert ended(name)[1].conclude().unexplained is None
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_run_saved_with_any_kind_of_alarm_goes_on(name: str) -> None:
     """Saved and restored in the middle of a diagnosis, a run ends in the same numbers, to the last bit."""
-    _, spec, engine = plant(NAME)
     middle, whole = ended(name)
-    restored = State.restore({key: value.copy() for key, value in middle.save().items()})
+    restored = Monitor(middle.core, middle.save())
     assert not differing(middle, restored)
-    again, _ = run(spec, engine, recording(name)[middle.clock.index :], restored)
+    again, _ = run(middle.core, recording(name)[int(middle.number("clock.index")) :], restored)
     assert not differing(again, whole)
+
+
+def accepted(name: str) -> Monitor:
+    """The monitor after the best candidate was accepted."""
+    monitor = ended(name)[1].copy()
+    monitor.accept(best(name).hypothesis)
+    assert monitor.number("clock.alarm") < 0
+    return monitor
 
 
 @pytest.mark.parametrize("name", ["bias at times", "loose", "input at times"])
 def test_what_erred_at_times_and_is_right_now_is_used_on(name: str) -> None:
     """Accepted while its fault is gone, a sensor is read and an input is believed as before."""
-    state, found = ended(name)[1], best(name)
-    after, _ = accept(plant(NAME)[1], state, found.hypothesis)
-    assert after.clock.alarm < 0
-    assert after.normal.noise.tolist() == [1.0, 1.0]
-    assert after.normal.input_offset.tolist() == [0.0]
-    assert np.all(np.isfinite(after.healthy.lane))
+    after = accepted(name)
+    assert after.numbers("normal.noise").tolist() == [1.0, 1.0]
+    assert after.numbers("normal.input_offset").tolist() == [0.0]
+    assert np.all(np.isfinite(after.numbers("healthy.lane")))
 
 
 def test_what_errs_at_times_and_does_so_now() -> None:
     """Accepted while its fault is there, a sensor is not used any more; an input acts as it does now."""
-    spec = plant(NAME)[1]
-    after, _ = accept(spec, ended("bias now")[1], best("bias now").hypothesis)
-    assert after.normal.noise.tolist() == [np.inf, 1.0]
-    after, _ = accept(spec, ended("input now")[1], best("input now").hypothesis)
-    assert after.normal.input_offset == pytest.approx(best("input now").suspects[0].estimate)
+    assert accepted("bias now").numbers("normal.noise").tolist() == [np.inf, 1.0]
+    offset = accepted("input now").numbers("normal.input_offset")
+    assert offset == pytest.approx(best("input now").suspects[0].estimate)
 
 
 def test_noise_is_accepted_as_it_was_told() -> None:
     """Not as the noise of the lane, which is one of a few that are tried."""
-    after, _ = accept(plant(NAME)[1], ended("noise")[1], best("noise").hypothesis)
-    told = best("noise").suspects[0].estimate
-    assert after.normal.noise[0] == pytest.approx((told / NOISE["omega"]) ** 2, rel=1e-12)
-    assert after.normal.noise[1] == 1.0
+    noise, told = accepted("noise").numbers("normal.noise"), best("noise").suspects[0].estimate
+    assert noise[0] == pytest.approx((told / NOISE["omega"]) ** 2, rel=1e-12)
+    assert noise[1] == 1.0

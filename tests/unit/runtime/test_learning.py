@@ -1,103 +1,70 @@
-"""What the healthy filter and the bank learn from a sample: the engine is asked differently for each."""
+"""What the healthy filter and the bank learn from a sample, and when the bank begins again."""
 
-from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
-import pytest
 
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.lanes import plan_lanes
-from faultbond.contract.spec import Engine, EngineSpec
-from faultbond.runtime import monitor
-from faultbond.runtime.bank import Bank
-from faultbond.runtime.state import State
-from faultbond.runtime.trail import Trail
+from faultbond.contract.slots import plan_slots
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from faultbond.types import FaultKind
+from made import packed, plant, recorded, run
 
-FAULT = Fault(parameter="R", factor=2.0, start=2.4)
-
-
-@dataclass(frozen=True)
-class Recorder:
-    """An engine that keeps what it was asked: (number of lanes, samples), apart for lanes with a slot."""
-
-    inner: Engine
-    calls: list[tuple[int, FloatArray]] = field(default_factory=list)
-    slot_calls: list[tuple[int, FloatArray]] = field(default_factory=list)
-
-    @property
-    def title(self) -> str:
-        """What it is."""
-        return "recorder"
-
-    @property
-    def slot(self) -> "Recorder":
-        """A recorder of lanes with a slot."""
-        return Recorder(self.inner.slot, self.slot_calls)
-
-    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Keep and pass on."""
-        self.calls.append((lanes.shape[1], samples.copy()))
-        return self.inner.advance(lanes, samples)
+FAULT, ROWS = Fault(parameter="R", factor=2.0, start=2.4), 400
+RENEWALS = tuple(int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST"))
+SPEC, CORE = plant("dc_motor")[1:]
 
 
-def asked(rows: int) -> tuple[EngineSpec, State, Recorder]:
-    """Run a motor with a fault; give what the engine was asked."""
-    _, spec, engine = plant("dc_motor")
-    recorder = Recorder(engine)
-    state, _ = run(spec, recorder, recorded("dc_motor", rows, FAULT))
-    assert state.clock.alarm >= 0
-    return spec, state, recorder
+@cache
+def passed() -> Monitor:
+    """A monitor that is just past the alarm."""
+    monitor = Monitor(CORE)
+    for sample in recorded("dc_motor", ROWS, FAULT):
+        if monitor.step(sample).detection:
+            break
+    return monitor
 
 
-def test_bank_linearises_twice_with_a_wide_bound() -> None:
-    """Every sample that lanes of the bank see asks for a second update and bounds only innovations nothing explains."""
-    spec, _, recorder = asked(300)
-    place = spec.sample_fields
-    steps = [samples for lanes, samples in recorder.calls if lanes == plan_lanes(spec).n_lanes]
-    slots = [samples for _, samples in recorder.slot_calls]
-    for bank in (steps, slots):
-        assert len(bank) > 100
-        assert all(np.all(samples[:, place["again"]] == 1.0) for samples in bank)
-        assert all(np.all(samples[:, place["bound"]] == spec.thresholds.bank_bound) for samples in bank)
-    assert spec.thresholds.bank_bound > 3.0 * spec.thresholds.learning_bound
+def steps_of(monitor: Monitor) -> FloatArray:
+    """Lanes of steps of parameters, (n_numbers, n_lanes)."""
+    return np.array([monitor.lane(k) for k in range(plan_lanes(SPEC).n_lanes)]).T
 
 
-def test_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
+def slots_of(monitor: Monitor) -> FloatArray:
+    """Lanes with a slot, (n_numbers, n_lanes); of faults that come and go two are one."""
+    first, chosen = plan_lanes(SPEC).n_lanes, enumerate(plan_slots(SPEC).lanes)
+    return np.array([monitor.lane(first + k) for k, lane in chosen if lane.kind is not FaultKind.INTERMITTENT]).T
+
+
+def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is_time() -> None:
+    """Each sample takes all lanes on by two updates, bounding only what nothing explains; but for three renewals."""
+    monitor, place, bound = passed().copy(), SPEC.sample_fields, SPEC.thresholds.bank_bound
+    assert bound > 3.0 * SPEC.thresholds.learning_bound
+    alarm, renewed = int(monitor.number("clock.alarm")), {"steps": list[int](), "slots": list[int]()}
+    lanes = {"steps": (CORE, steps_of), "slots": (CORE.slot, slots_of)}
+    for k, sample in enumerate(recorded("dc_motor", ROWS, FAULT)[alarm + 1 :], start=1):
+        before = {name: of(monitor) for name, (_, of) in lanes.items()}
+        monitor.step(sample)
+        row = packed(monitor)
+        assert row[0, place["again"]] == 0.0
+        row[:, place["again"]], row[:, place["bound"]] = 1.0, bound
+        for name, (core, of) in lanes.items():
+            if not np.array_equal(of(monitor), core.advance(before[name], row)[0], equal_nan=True):
+                renewed[name].append(k)
+    assert len(recorded("dc_motor", ROWS, FAULT)) - alarm > RENEWALS[-1] + 20
+    assert set(renewed["steps"]) == set(RENEWALS)
+    assert set(renewed["slots"]) == set(RENEWALS)
+
+
+def test_the_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
     """The monitor's own lane never updates twice; its innovations are bounded once the warm-up is over."""
-    spec, state, _ = asked(300)
-    place = spec.sample_fields
-    warm = state.clock.begun + spec.thresholds.warm_up_samples
-    for index in range(state.clock.begun, state.clock.index):
-        packed = state.past.samples[state.past.place(index)]
-        assert packed[place["again"]] == 0.0
-        assert packed[place["bound"]] == (spec.thresholds.learning_bound if index >= warm else 0.0)
-
-
-def test_bank_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The bank begins again exactly at the samples that are set for it, counted from the alarm."""
-    renewed, final = [], []
-
-    def renew(
-        spec: EngineSpec,
-        engine: Engine,
-        trail: Trail,
-        bank: Bank,
-        index: int,
-        peak: FloatArray,
-        *,
-        last: bool,
-    ) -> Bank:
-        del spec, engine, trail, peak
-        renewed.append(index)
-        final.append(last)
-        return bank
-
-    monkeypatch.setattr(monitor, "renew_bank", renew)
-    _, spec, engine = plant("dc_motor")
-    state, _ = run(spec, engine, recorded("dc_motor", 400, FAULT))
-    assert renewed == [
-        state.clock.alarm + wait for wait in monitor.RENEWALS if state.clock.alarm + wait < state.clock.index
-    ]
-    assert final == [False, False, True]
+    monitor, _ = run(CORE, recorded("dc_motor", 300, FAULT))
+    place, begun = SPEC.sample_fields, int(monitor.number("clock.begun"))
+    for index in range(begun, 300):
+        row = monitor.row(index)[0]
+        assert row[place["again"]] == 0.0
+        warm = index >= begun + SPEC.thresholds.warm_up_samples
+        assert row[place["bound"]] == (SPEC.thresholds.learning_bound if warm else 0.0)

@@ -1,8 +1,6 @@
 """What a rejection rules out: the set itself and every set that contains it, now and later."""
 
-from dataclasses import replace
 from functools import cache
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -10,32 +8,42 @@ import pytest
 from faultbond.contract.findings import Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import FaultbondError
-from faultbond.runtime.accepting import find_hypothesis, reject, without
-from faultbond.runtime.monitor import finish
-from faultbond.runtime.state import State
+from faultbond.runtime.monitor import Monitor
+from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault
-from made import changed, plant, recorded, run
+from made import changed, recorded, run
+from motor_sets import FEW, WHOLE, core_of
 
-_, MOTOR, ENGINE = plant("dc_motor_current")
-SINGLES = tuple((k,) for k in range(5))
-PAIRS = tuple(combinations(range(5), 2))
-TRIPLES = tuple(combinations(range(5), 3))
-WHOLE = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS, *TRIPLES), reserve=())
-WAITING = replace(MOTOR, hypotheses=SINGLES, reserve=(*PAIRS, *TRIPLES))
 ROWS = recorded("dc_motor_current", 480, Fault(parameter="R", factor=2.0, start=3.0))
+GROWN = 3  # fewer than there are sets in reserve
 
 
 @cache
-def alarmed(spec: EngineSpec, later: int = 25) -> State:
-    """The state some samples after the alarm."""
-    state, _ = run(spec, ENGINE, ROWS[:240])
-    assert state.clock.alarm > 0
-    return run(spec, ENGINE, ROWS[: state.clock.alarm + later])[0]
+def alarmed(spec: EngineSpec, later: int = 25) -> Monitor:
+    """The monitor some samples after the alarm; not to be changed."""
+    core = core_of(spec, GROWN)
+    alarm = int(run(core, ROWS[:240])[0].number("clock.alarm"))
+    assert alarm > 0
+    return run(core, ROWS[: alarm + later])[0]
 
 
-def concluded(spec: EngineSpec, state: State) -> Diagnosis:
+def rejected(monitor: Monitor, *hypotheses: int) -> Monitor:
+    """A copy of the monitor that has rejected these."""
+    after = monitor.copy()
+    for hypothesis in hypotheses:
+        after.reject(hypothesis)
+    return after
+
+
+def out(monitor: Monitor) -> list[int]:
+    """Hypotheses that are rejected."""
+    found: list[int] = np.flatnonzero(monitor.numbers("bank.rejected")).tolist()
+    return found
+
+
+def concluded(monitor: Monitor) -> Diagnosis:
     """The diagnosis, which there is."""
-    diagnosis = finish(spec, state)
+    diagnosis = monitor.finish()
     assert diagnosis is not None
     return diagnosis
 
@@ -47,9 +55,9 @@ def likely(diagnosis: Diagnosis) -> dict[frozenset[str], float]:
 
 def test_sets_that_contain_a_rejected_one_go_too() -> None:
     """Of a component that is healthy no set is left; all others keep their ratios and share what these had."""
-    state = alarmed(WHOLE)
-    before = likely(concluded(WHOLE, state))
-    after = likely(concluded(WHOLE, reject(WHOLE, state, find_hypothesis(WHOLE, ["R"]))[0]))
+    monitor = alarmed(WHOLE)
+    before = likely(concluded(monitor))
+    after = likely(concluded(rejected(monitor, find_hypothesis(WHOLE, ["R"]))))
     assert before.keys() - after.keys() == {item for item in before if "R" in item}
     rest = sum(share for chosen, share in before.items() if "R" not in chosen)
     for chosen, share in after.items():
@@ -58,53 +66,50 @@ def test_sets_that_contain_a_rejected_one_go_too() -> None:
 
 def test_parts_of_a_rejected_set_stay() -> None:
     """That not both of a pair are at fault leaves either alone, and triples with one of them."""
-    state, candidate = reject(WHOLE, alarmed(WHOLE), find_hypothesis(WHOLE, ["R", "K"]))
+    monitor = alarmed(WHOLE).copy()
+    candidate = monitor.reject(find_hypothesis(WHOLE, ["R", "K"]))
     assert set(candidate.parameters) == {"R", "K"}
-    gone = {
-        frozenset(WHOLE.parameters[k].name for k in WHOLE.members(int(i))) for i in np.flatnonzero(state.bank.rejected)
-    }
+    gone = {frozenset(WHOLE.parameters[k].name for k in WHOLE.members(i)) for i in out(monitor)}
     assert gone == {frozenset({"R", "K"} | more) for more in (set(), {"L"}, {"J"}, {"C"})}
 
 
 def test_a_healthy_instrument_rules_out_itself_only() -> None:
     """A sensor is tested alone, so nothing else goes with it; and no set of parameters rules a sensor out."""
     sensor = find_hypothesis(WHOLE, ["omega"])
-    state, _ = reject(WHOLE, alarmed(WHOLE), sensor)
-    assert np.flatnonzero(state.bank.rejected).tolist() == [sensor]
-    state, _ = reject(WHOLE, alarmed(WHOLE), 0)
-    assert not np.any(state.bank.rejected[len(WHOLE.hypotheses) :])
+    assert out(rejected(alarmed(WHOLE), sensor)) == [sensor]
+    assert max(out(rejected(alarmed(WHOLE), 0))) < len(WHOLE.hypotheses)
 
 
 def test_what_was_rejected_before_stays_so() -> None:
-    """Several rejections add up, in any order."""
+    """Several rejections add up, in any order; each is refused a second time, alone or in a set."""
     chosen = [find_hypothesis(WHOLE, names) for names in (["R"], ["K", "L"], ["omega"])]
-    found = []
-    for order in (chosen, chosen[::-1]):
-        state = alarmed(WHOLE)
-        for hypothesis in order:
-            state, _ = reject(WHOLE, state, hypothesis)
-        found.append(state.bank.rejected)
-    assert np.array_equal(found[0], found[1])
+    one, two = (rejected(alarmed(WHOLE), *order) for order in (chosen, chosen[::-1]))
+    assert out(one) == out(two)
+    assert set(chosen) < set(out(one))
+    for hypothesis in (*chosen, find_hypothesis(WHOLE, ["R", "J"])):
+        with pytest.raises(FaultbondError, match="rejected already"):
+            one.reject(hypothesis)
+    assert out(one) == out(two)
 
 
-def test_sets_of_the_reserve_that_contain_it_are_not_grown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sets_of_the_reserve_that_contain_it_are_not_grown() -> None:
     """After a rejection, before any set was chosen or between two renewals, its supersets take none of the places."""
-    monkeypatch.setattr("faultbond.runtime.growing.GROWN", 3)
-    small = replace(WAITING, model="with few places")  # so that no plan of another size is remembered
     for later in (25, 60):
-        state, _ = reject(small, alarmed(small, later), find_hypothesis(small, ["R"]))
-        state, _ = run(small, ENGINE, ROWS[state.clock.index : state.clock.alarm + 120], state)
-        assert np.all(state.bank.grown >= 0.0)
-        assert not np.any(state.bank.rejected[small.n_begun + state.bank.grown.astype(int)])
-        assert all("R" not in chosen for chosen in likely(concluded(small, state)))
+        monitor = rejected(alarmed(FEW, later), find_hypothesis(FEW, ["R"]))
+        first, alarm = (int(monitor.number(f"clock.{name}")) for name in ("index", "alarm"))
+        monitor, _ = run(monitor.core, ROWS[first : alarm + 120], monitor)
+        grown = monitor.numbers("bank.grown").astype(int)
+        assert len(grown) == GROWN
+        assert np.all(grown >= 0)
+        assert not {int(FEW.n_begun + row) for row in grown} & set(out(monitor))
+        assert all("R" not in chosen for chosen in likely(concluded(monitor)))
 
 
 def test_the_last_one_cannot_be_rejected() -> None:
     """A rejection that would leave nothing is refused, also where only sets that were not begun would be left."""
-    rejected = np.zeros(WAITING.n_hypotheses)
-    tested = np.arange(WAITING.n_hypotheses) < WAITING.n_begun
-    rejected[[k for k in range(WAITING.n_begun) if k != 2]] = 1.0
+    gone = np.zeros(FEW.n_hypotheses)
+    gone[[k for k in range(FEW.n_begun) if k != 2]] = 1.0
+    monitor = changed(alarmed(FEW), rejected=gone)
     with pytest.raises(FaultbondError, match="last hypothesis"):
-        without(WAITING, rejected, 2, tested)
-    with pytest.raises(FaultbondError, match="last hypothesis"):
-        reject(WAITING, changed(alarmed(WAITING), rejected=rejected), 2)
+        monitor.reject(2)
+    assert out(monitor) == np.flatnonzero(gone).tolist()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from faultbond.arrays import FloatArray
-from faultbond.runtime.state import Sample
+from faultbond.contract.samples import Sample
 from faultbond.simulate import Inputs, simulate, sines
 from made import plant, run, samples_of
 
@@ -25,8 +25,8 @@ def test_a_settled_zero_says_nothing_of_the_size(first: int) -> None:
     So a monitor that begins in the middle raises no alarm.
     """
     samples, true = moving(1300)
-    _, spec, engine = plant("rlc")
-    state, _ = run(spec, engine, samples[first : first + 25])
-    assert np.all(np.abs(state.healthy.lane[:2, 0] - true[first + 24]) < [2.0, 0.4])  # of 20 V and 2 A
-    _, reports = run(spec, engine, samples[first + 25 : first + 200], state)
+    core = plant("rlc")[2]
+    monitor, _ = run(core, samples[first : first + 25])
+    assert np.all(np.abs(monitor.numbers("healthy.lane")[:2] - true[first + 24]) < [2.0, 0.4])  # of 20 V and 2 A
+    _, reports = run(core, samples[first + 25 : first + 200], monitor)
     assert all(report.detection is None for report in reports)

@@ -1,11 +1,13 @@
 """What a run leaves behind for people."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis
+from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
-from faultbond.runtime.state import Report, Sample, Status
 from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
 
 SPEC = EngineSpec(
@@ -30,22 +32,36 @@ SPEC = EngineSpec(
 )
 
 
-def sample(k: int) -> Sample:
-    """Give a sample whose values tell its number."""
-    return Sample(time=float(k), dt=1.0, u=np.array([k + 0.5]), y=np.array([k + 0.1, np.nan]))
+def samples(first: int, last: int) -> Samples:
+    """Give samples, the last left out, whose values tell their numbers."""
+    k = np.arange(float(first), last)
+    missing = np.full(k.shape, np.nan)
+    return Samples(time=k, dt=np.ones(k.shape), u=k[:, None] + 0.5, y=np.column_stack([k + 0.1, missing]))
 
 
-def report(k: int, detection: Detection | None = None, diagnosis: Diagnosis | None = None) -> Report:
-    """Give a report whose values tell its number."""
-    return Report(
-        status=Status.WATCHING,
-        expected=np.array([k + 0.2, k + 0.3]),
-        variance=np.array([4.0, 9.0]),
-        cusum=np.array([k + 0.4, k + 0.6]),
-        slow=np.array([k + 0.7, k + 0.8]),
+def sample(k: int) -> Samples:
+    """Give one of them."""
+    return samples(k, k + 1)
+
+
+def reports(first: int, last: int, detection: Detection | None = None, diagnosis: Diagnosis | None = None) -> Reports:
+    """Give reports whose values tell their numbers, with what was found at the last."""
+    k = np.arange(float(first), last)
+    return Reports(
+        status=np.full(k.shape, STATUSES.index(Status.WATCHING)),
+        wild=np.zeros(k.shape, dtype=np.intp),
+        expected=np.column_stack([k + 0.2, k + 0.3]),
+        variance=np.tile([4.0, 9.0], (len(k), 1)),
+        cusum=np.column_stack([k + 0.4, k + 0.6]),
+        slow=np.column_stack([k + 0.7, k + 0.8]),
         detection=detection,
         diagnosis=diagnosis,
     )
+
+
+def report(k: int, detection: Detection | None = None, diagnosis: Diagnosis | None = None) -> Reports:
+    """Give one of them."""
+    return reports(k, k + 1, detection, diagnosis)
 
 
 def diagnosis(k: int) -> Diagnosis:
@@ -152,3 +168,18 @@ def test_what_is_open_does_not_depend_on_the_clock() -> None:
     assert trace.history().open is None
     trace.add(sample(2), report(2, detection=second))
     assert trace.history().open == second
+
+
+@pytest.mark.parametrize("curves", [True, False])
+@pytest.mark.parametrize("edges", [(0, 7), (0, 1, 7), (0, 2, 3, 7)])
+def test_blocks_leave_what_samples_leave(edges: tuple[int, ...], curves: bool) -> None:
+    """Samples that come in blocks are kept as those that come one by one."""
+    one, other = Trace(SPEC, curves=curves), Trace(SPEC, curves=curves)
+    for k in range(7):
+        one.add(sample(k), report(k))
+    for first, last in pairwise(edges):
+        other.add(samples(first, last), reports(first, last))
+    for name in ("time", "measured", "expected", "expected_sd", "inputs", "cusum", "slow"):
+        kept = getattr(one.history(), name)
+        assert np.array_equal(getattr(other.history(), name), kept, equal_nan=True)
+        assert len(kept) == (7 if curves else 2)

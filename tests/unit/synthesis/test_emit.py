@@ -15,11 +15,12 @@ from faultbond.equations.evaluate import evaluate
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import GenerationError
+from faultbond.fit.library import load_likelihood
+from faultbond.io.cache import loadable
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
-from faultbond.runtime.library import LANES, load_engine
-from faultbond.synthesis.compile import compile_library, find_compiler
+from faultbond.synthesis.compile import compile_library, required_compiler
 from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.engine import build_model
 from faultbond.synthesis.model_text import core_text
@@ -42,8 +43,6 @@ LAWS = {
     "where": "where(x < 0.1, y**2, s*y) + where(s >= 2, x, y) + where(y <= x, 1, x) + where(s > y, x, s)",
 }
 ARITHMETIC = ("x*y - s/x + 1/y - (-x)", "y**s + y**2.5 + x**3 + x**-2", "2*x + x*x - -3*y + 1e-30*s")
-
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 
 
 def text_of(name: str) -> str:
@@ -77,10 +76,14 @@ def test_text_depends_on_the_model() -> None:
     spec = build_spec(model)
     text = text_of("rc")
     assert text != text_of("rlc")
-    assert f"#define N_NUMBERS {spec.n_numbers}\n" in text
-    assert f"#define N_SAMPLE {spec.n_sample}\n" in text
-    assert f"#define N_OUTPUTS {len(spec.outputs)}\n" in text
-    assert f"#define FB_LANES {LANES} " in text
+    sizes = {
+        "N_STATES": spec.states,
+        "N_PARAMETERS": spec.parameters,
+        "N_INPUTS": spec.inputs,
+        "N_OUTPUTS": spec.outputs,
+    }
+    assert all(f"#define {name} {len(items)}\n" in text for name, items in sizes.items())
+    assert f"#define N_SETS {len(spec.hypotheses)}\n" in text
 
 
 def graph_of(texts: tuple[str, ...], *, slopes: bool) -> ca.Function:
@@ -98,15 +101,13 @@ def test_every_function_of_laws_is_tried_here() -> None:
     assert set(LAWS) == set(FUNCTIONS)
 
 
-@needs_compiler
 def test_every_function_means_the_same_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every function of laws, its slopes, and arithmetic on lanes and scalars give the interpreter's numbers."""
     monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path))
-    compiler = find_compiler()
-    assert compiler is not None
+    compiler = required_compiler()
     function = graph_of((*LAWS.values(), *ARITHMETIC), slopes=True)
-    library = compile_library(emit_filter(function, TEMPLATE), compiler)
-    engine = load_engine(library, function.numel_out(1), compiler[0])
+    with loadable([compile_library(emit_filter(function, TEMPLATE), compiler)]) as (library,):
+        engine = load_likelihood(library, function.numel_out(1), compiler[0])
     generator = np.random.default_rng(8)
     lanes = np.array([generator.uniform(-1.4, 1.4, 11), generator.uniform(0.2, 3.0, 11)])
     samples = np.array([[0.7], [2.0], [3.1]])

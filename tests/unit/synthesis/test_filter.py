@@ -1,6 +1,5 @@
 """The joint filter: missing values, slow errors, bent readings, ranges, and a covariance that stays one."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,23 +10,20 @@ from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.equations.step import StepModel
 from faultbond.model.text import load_model, parse_model
-from faultbond.runtime.start import healthy_lane
-from faultbond.runtime.stepped import suspect_lanes
+from faultbond.runtime.core import Core
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine, build_model
-from faultbond.synthesis.filter import build_filter
-from faultbond.synthesis.machine import VirtualMachine
-from faultbond.synthesis.specify import build_spec
+from lanes import suspect_lanes
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RC = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")
 
 
-def built(text: str) -> tuple[EngineSpec, StepModel, VirtualMachine]:
-    """Specification, step and interpreter of a model text."""
-    model = build_model(parse_model(text))
-    spec = build_spec(model)
-    return spec, model, VirtualMachine(build_filter(spec, model))
+def built(text: str) -> tuple[EngineSpec, StepModel, Core]:
+    """Specification, step and engine of a model text."""
+    graph = parse_model(text)
+    spec, engine = build_engine(graph)
+    return spec, build_model(graph), engine
 
 
 def sample_of(spec: EngineSpec, **fields: float | list[float]) -> FloatArray:
@@ -39,10 +35,10 @@ def sample_of(spec: EngineSpec, **fields: float | list[float]) -> FloatArray:
     return packed
 
 
-def correlated(spec: EngineSpec, seed: int = 0) -> FloatArray:
+def correlated(engine: Core, seed: int = 0) -> FloatArray:
     """A healthy lane, shape (n_numbers, 1), with a covariance that is full."""
-    generator = np.random.default_rng(seed)
-    lane = healthy_lane(spec, np.full(len(spec.states), 2.0), np.eye(len(spec.states)))
+    spec, generator = engine.spec, np.random.default_rng(seed)
+    lane = engine.healthy_lane(np.full(len(spec.states), 2.0), np.eye(len(spec.states)))
     root = 0.05 * generator.normal(size=(spec.n_joint, spec.n_joint))
     lane[spec.covariance_slice, 0] = pack(root @ root.T + 0.01 * np.eye(spec.n_joint))
     return lane
@@ -51,7 +47,7 @@ def correlated(spec: EngineSpec, seed: int = 0) -> FloatArray:
 def test_missing_value_is_a_pure_prediction() -> None:
     """With its value missing, a sample leaves the predicted mean and covariance and no likelihood."""
     spec, model, engine = built(RC)
-    lane = correlated(spec)
+    lane = correlated(engine)
     found, _ = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=7.0, y=123.0))
     mean, slope, _ = model.predict(lane[:4, 0], [5.0], [], 0.02)
     F = np.eye(4)
@@ -69,7 +65,7 @@ def test_missing_value_is_a_pure_prediction() -> None:
 def test_first_sample_moves_nothing() -> None:
     """A blind sample of no time leaves states, parameters and their covariance to the last bit."""
     spec, _, engine = built(RC)
-    lane = correlated(spec)
+    lane = correlated(engine)
     found, _ = engine.advance(lane, sample_of(spec, u_before=5.0, u=5.0))
     before, after = (unpack(spec, item[spec.covariance_slice, 0]) for item in (lane, found))
     assert np.array_equal(found[:3], lane[:3])
@@ -80,7 +76,7 @@ def test_first_sample_moves_nothing() -> None:
 def test_likelihood_is_that_of_the_prediction() -> None:
     """The log-likelihood of a value is the normal density of its innovation in units of the sensor's noise."""
     spec, _, engine = built(RC)
-    lane, noise = correlated(spec), spec.outputs[0].noise
+    lane, noise = correlated(engine), spec.outputs[0].noise
     found, innovations = engine.advance(lane, sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=2.4, use=1.0))
     error, variance = innovations[0, :, 0]
     expected = -0.5 * (error**2 / variance + np.log(2.0 * np.pi * variance / noise**2))
@@ -90,7 +86,7 @@ def test_likelihood_is_that_of_the_prediction() -> None:
 def test_slow_error_forgets_and_is_kicked() -> None:
     """A slow error decays with its memory towards its declared variance, and a kick adds to it."""
     spec, _, engine = built(RC + "slow_error: {V_C: 0.3 V over 2 s}\n")
-    lane = correlated(spec)
+    lane = correlated(engine)
     lane[1, 0] = 0.5
     found, _ = engine.advance(lane, sample_of(spec, dt=0.5, u_before=5.0, u=5.0, kick=0.04))
     decay = np.exp(-0.5 / 2.0)
@@ -109,7 +105,7 @@ def test_bent_reading_is_read_twice() -> None:
     """
     spec, model, engine = built(BENT)
     assert not model.measure_is_linear
-    lane, noise = correlated(spec), spec.outputs[0].noise
+    lane, noise = correlated(engine), spec.outputs[0].noise
     sample = sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=2.9, use=1.0, again=1.0)
     blind = sample.copy()
     blind[:, spec.sample_fields["use"]] = 0.0
@@ -139,7 +135,7 @@ def test_bent_reading_is_read_twice() -> None:
 def test_sample_that_says_little_is_read_once(part: float, twice: bool) -> None:
     """A bent reading is read again only if what is expected of it is uncertain by a tenth of the noise and more."""
     spec, _, engine = built(BENT)
-    lane = correlated(spec)
+    lane = correlated(engine)
     slope = np.array([lane[1, 0], lane[0, 0], 0.0, 0.0])
     full = unpack(spec, lane[spec.covariance_slice, 0])
     full[3, :] = full[:, 3] = 0.0
@@ -156,7 +152,7 @@ def test_missing_sensor_says_nothing(use: float) -> None:
     bent = "{reads: C.e*R/R_ref, unit: V, noise: "
     two = f"sensors: {{rough: {bent}1 V}}, fine: {bent}1 mV}}}}\nconstants: {{R_ref: 10 kohm}}\n"
     spec, _, engine = built(RC[: RC.index("sensors:")] + two)
-    lane = correlated(spec)
+    lane = correlated(engine)
     lane[spec.covariance_slice] *= 1e-2 / unpack(spec, lane[spec.covariance_slice, 0])[0, 0] / 16.0
     fields: dict[str, float | list[float]] = {"u_before": 5.0, "u": 5.0, "y": [2.3, 2.1], "use": [1.0, use]}
     found, once = (engine.advance(lane, sample_of(spec, **fields, again=again))[0] for again in (1.0, 0.0))
@@ -179,7 +175,7 @@ def test_estimates_are_not_dragged_along() -> None:
         samples[0, place["dt"]] = 0.0
         samples[:, place["u"]], samples[:, place["y"]] = made.inputs, made.outputs
         samples[:, place["u_before"]] = made.inputs[[0, *range(rows - 1)]]
-        lane = healthy_lane(spec, made.outputs[0, 1:], np.array([[180.0**2]]))
+        lane = engine.healthy_lane(made.outputs[0, 1:], np.array([[180.0**2]]))
         full = unpack(spec, lane[spec.covariance_slice, 0])
         full[pipe, pipe] = 0.6**2
         lane[spec.covariance_slice, 0] = pack(full)
@@ -194,7 +190,7 @@ def test_likelihood_reckons_with_the_usual_squares() -> None:
     Smaller ones make nothing surer than it was, larger ones make all less sure.
     """
     spec, _, engine = built(RC)
-    lane, common = correlated(spec), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0, "y": 2.4}
+    lane, common = correlated(engine), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0, "y": 2.4}
     as_declared, innovations = engine.advance(lane, sample_of(spec, **common))
     error, variance = innovations[0, :, 0]
     gain = np.log(variance / spec.outputs[0].noise ** 2)
@@ -208,7 +204,7 @@ def test_likelihood_reckons_with_the_usual_squares() -> None:
 def test_bounded_innovation_counts_so_far() -> None:
     """With a bound, a far-off value moves the mean as far as one at the bound; the likelihood sees 20 sd of it."""
     spec, _, engine = built(RC)
-    lane, common = correlated(spec), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0}
+    lane, common = correlated(engine), {"dt": 0.02, "u_before": 5.0, "u": 5.0, "use": 1.0}
     blind, found = engine.advance(lane, sample_of(spec, **common | {"use": 0.0}))
     expected, sd = -found[0, 0, 0], np.sqrt(found[0, 1, 0])
     at_bound, _ = engine.advance(lane, sample_of(spec, **common, y=expected + 3.0 * sd))
@@ -223,7 +219,7 @@ def test_parameters_stay_in_their_range() -> None:
     """A value that no parameter in its range explains leaves every parameter inside its range."""
     spec, _, engine = built(RC)
     for y in (-1e4, 1e4):
-        found, _ = engine.advance(correlated(spec), sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=y, use=1.0))
+        found, _ = engine.advance(correlated(engine), sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=y, use=1.0))
         factors = found[spec.parameter_slice, 0]
         assert all(p.lower <= f <= p.upper for p, f in zip(spec.parameters, factors, strict=True))
         assert any(f in (p.lower, p.upper) for p, f in zip(spec.parameters, factors, strict=True))
@@ -232,7 +228,7 @@ def test_parameters_stay_in_their_range() -> None:
 def test_blanked_value_hardly_counts() -> None:
     """A value with a large factor on its variance moves the filter by about that much less."""
     spec, _, engine = built(RC)
-    lane = correlated(spec)
+    lane = correlated(engine)
     moves = []
     for scale in (1.0, 1e4, 1e8):
         sample = sample_of(spec, dt=0.0, u_before=5.0, u=5.0, y=9.0, use=1.0, scale=scale)
@@ -244,7 +240,7 @@ def test_blanked_value_hardly_counts() -> None:
 def test_lanes_do_not_see_each_other() -> None:
     """A lane gives the same numbers to the last bit alone and beside others, in any order."""
     spec, _, engine = built(RC)
-    lanes = np.concatenate([correlated(spec, seed) for seed in range(5)], axis=1)
+    lanes = np.concatenate([correlated(engine, seed) for seed in range(5)], axis=1)
     samples = np.repeat(sample_of(spec, dt=0.02, u_before=5.0, u=5.0, y=3.0, use=1.0), 20, axis=0)
     together, seen = engine.advance(lanes, samples)
     order = [3, 0, 4, 2, 1]
@@ -259,8 +255,6 @@ def test_covariance_stays_positive_over_thousands_of_samples() -> None:
     """Over 3000 samples of a tank with a fault, every lane stays finite with a positive covariance."""
     graph = load_model(EXAMPLES / "tank" / "model.yaml")
     spec, engine = build_engine(graph)
-    if isinstance(engine, VirtualMachine):  # a hundred times slower: the sets of one are enough
-        spec = replace(spec, hypotheses=tuple(item for item in spec.hypotheses if len(item) == 1))
     rows, generator = 3000, np.random.default_rng(2)
     time = np.arange(rows, dtype=float)
     u = np.array([random_steps(time, generator, low=low, high=90, shortest=20, longest=200) for low in (40, 20)]).T
@@ -270,7 +264,7 @@ def test_covariance_stays_positive_over_thousands_of_samples() -> None:
     samples[0, place["dt"]] = 0.0
     samples[:, place["u"]], samples[:, place["y"]] = made.inputs, made.outputs
     samples[:, place["u_before"]] = made.inputs[[0, *range(rows - 1)]]
-    healthy = healthy_lane(spec, made.outputs[0, 1:], np.array([[180.0**2]]))
+    healthy = engine.healthy_lane(made.outputs[0, 1:], np.array([[180.0**2]]))
     lanes = suspect_lanes(spec, plan_lanes(spec), healthy[:, 0])
     for block in np.split(samples, 6):
         lanes, innovations = engine.advance(lanes, block)

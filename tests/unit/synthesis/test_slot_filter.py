@@ -3,20 +3,16 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
+from dense_filter import DenseFilter, dense_filter
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, pack, unpack
-from faultbond.equations.plant import build_plant
-from faultbond.equations.step import build_step_model
 from faultbond.model.text import load_model
-from faultbond.runtime.slotted import shared, widened
-from faultbond.runtime.start import healthy_lane
-from faultbond.synthesis.filter import LanePlant, build_filter
-from faultbond.synthesis.machine import VirtualMachine
-from faultbond.synthesis.specify import build_spec
+from faultbond.runtime.core import Core
+from faultbond.synthesis.engine import build_engine
+from lanes import shared, widened
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PLANTS = ("dc_motor_current", "rlc", "tank", "quiet")  # quiet: no noise of the input
@@ -24,13 +20,22 @@ PLANTS = ("dc_motor_current", "rlc", "tank", "quiet")  # quiet: no noise of the 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Built:
-    """A plant with both filters, and the view of a lane with a slot as a function of numbers."""
+    """A plant with both engines, and the textbook filter of lanes with a slot, whose slopes are looked at."""
 
     spec: EngineSpec
-    plain: VirtualMachine
-    slot: VirtualMachine
-    predict: ca.Function  # (z, roles, u, implicit, dt) -> states, slopes, effective v
-    measure: ca.Function  # (z, roles, u, implicit) -> readings, slopes
+    plain: Core
+    slot: Core
+    dense: DenseFilter
+
+    def predict(self, numbers: FloatArray, u: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Give the states after a step of a lane, and their slopes by z."""
+        lane = self.dense.lane(numbers)
+        return self.dense.predict(lane.z, lane.roles, u, lane.implicit, dt)[:2]
+
+    def measure(self, numbers: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Give the readings of a lane, and their slopes by z."""
+        lane = self.dense.lane(numbers)
+        return self.dense.measure(lane.z, lane.roles, u, lane.implicit)[:2]
 
     def engine_samples(self, rows: int) -> FloatArray:
         """Samples without any sense; some values are missing, all updates are made twice."""
@@ -45,25 +50,12 @@ class Built:
 
 
 def built(name: str) -> Built:
-    """Both filters of an example."""
+    """Both engines of an example."""
     graph = load_model(EXAMPLES / ("dc_motor" if name == "quiet" else name) / "model.yaml")
     if name == "quiet":
         graph = replace(graph, inputs=tuple(replace(item, noise=0.0) for item in graph.inputs))
-    plant = build_plant(graph)
-    model, wide_model = build_step_model(plant), build_step_model(plant, all_inputs=True)
-    spec = build_spec(model)
-    wide = spec.slotted
-    lane, dt = ca.SX.sym("lane", wide.n_numbers), ca.SX.sym("dt")
-    u, implicit = ca.SX.sym("u", len(spec.inputs)), ca.SX.sym("implicit", len(spec.loops))
-    view = LanePlant(spec=wide, model=wide_model, roles={name: lane[where] for name, where in wide.role_fields.items()})
-    z = lane[: wide.n_joint]
-    return Built(
-        spec=spec,
-        plain=VirtualMachine(build_filter(spec, model)),
-        slot=VirtualMachine(build_filter(wide, wide_model)),
-        predict=ca.Function("p", [lane, u, implicit, dt], list(view.predict(z, u, implicit, dt)[:2])),
-        measure=ca.Function("m", [lane, u, implicit], list(view.measure(z, u, implicit)[:2])),
-    )
+    spec, engine = build_engine(graph)
+    return Built(spec=spec, plain=engine, slot=engine.slot, dense=dense_filter(graph)[1].slot)
 
 
 @pytest.fixture(scope="module", params=PLANTS)
@@ -72,10 +64,10 @@ def plant(request: pytest.FixtureRequest) -> Built:
     return built(request.param)
 
 
-def correlated(spec: EngineSpec) -> FloatArray:
+def correlated(engine: Core) -> FloatArray:
     """A healthy lane, shape (n_numbers,), with a covariance that is full."""
-    generator = np.random.default_rng(2)
-    lane = healthy_lane(spec, np.full(len(spec.states), 2.0), np.eye(len(spec.states)))[:, 0]
+    spec, generator = engine.spec, np.random.default_rng(2)
+    lane = engine.healthy_lane(np.full(len(spec.states), 2.0), np.eye(len(spec.states)))[:, 0]
     root = 0.03 * generator.normal(size=(spec.n_joint, spec.n_joint))
     lane[spec.covariance_slice] = pack(root @ root.T + 1e-3 * np.eye(spec.n_joint))
     return lane
@@ -101,7 +93,7 @@ def acting(built: Built) -> FloatArray:
         "bias": generator.uniform(0.5, 1.5, n_y),
         "noise": generator.uniform(2.0, 5.0, n_y),
     }
-    lane = with_roles(spec, correlated(spec), **roles)
+    lane = with_roles(spec, correlated(built.plain), **roles)
     lane[spec.slotted.slot_slice] = [0.2, 0.4]
     return lane
 
@@ -109,7 +101,7 @@ def acting(built: Built) -> FloatArray:
 def test_neutral_roles_change_nothing(plant: Built) -> None:
     """A slot whose size acts on nothing leaves the filter as it is, whatever the size; the size goes on at its rate."""
     spec, place = plant.spec, shared(plant.spec)
-    one = correlated(spec)[:, None]
+    one = correlated(plant.plain)[:, None]
     two = with_roles(spec, one[:, 0])[:, None]
     two[spec.slotted.slot_slice, 0] = [0.5, -2.0]
     for sample in plant.engine_samples(20):
@@ -139,14 +131,14 @@ def test_roles_are_kept(plant: Built) -> None:
 def test_slopes_of_readings_are_their_differences(plant: Built) -> None:
     """The slopes of readings by z, size included, are the differences that small changes of z make."""
     lane, wide = acting(plant), plant.spec.slotted
-    u, implicit = np.full(len(wide.inputs), 0.7), np.zeros(len(wide.loops))
-    _, slope = (item.full() for item in plant.measure(lane, u, implicit))
+    u = np.full(len(wide.inputs), 0.7)
+    _, slope = plant.measure(lane, u)
     for k in range(wide.n_joint):
         ends = []
         for step in (1e-6, -1e-6):
             moved = lane.copy()
             moved[k] += step * max(1.0, abs(lane[k]))
-            ends.append(plant.measure(moved, u, implicit)[0].full()[:, 0])
+            ends.append(plant.measure(moved, u)[0])
         difference = (ends[0] - ends[1]) / (2e-6 * max(1.0, abs(lane[k])))
         assert slope[:, k] == pytest.approx(difference, rel=1e-6, abs=1e-6 * (1e-9 + np.abs(slope).max()))
 
@@ -154,8 +146,8 @@ def test_slopes_of_readings_are_their_differences(plant: Built) -> None:
 def test_slopes_of_a_step_are_its_differences(plant: Built) -> None:
     """Over a short time, where the Jacobian inside the method hardly counts, so are those of the next states."""
     lane, wide = acting(plant), plant.spec.slotted
-    u, implicit, dt = np.full(len(wide.inputs), 0.7), np.zeros(len(wide.loops)), 1e-5
-    _, slope = (item.full() for item in plant.predict(lane, u, implicit, dt))
+    u, dt = np.full(len(wide.inputs), 0.7), 1e-5
+    _, slope = plant.predict(lane, u, dt)
     slope[:, : len(wide.states)] -= np.eye(len(wide.states))
     for k in range(wide.n_joint):
         ends = []
@@ -163,7 +155,7 @@ def test_slopes_of_a_step_are_its_differences(plant: Built) -> None:
             moved = lane.copy()
             moved[k] += step
             own = moved[: len(wide.states)]
-            ends.append(plant.predict(moved, u, implicit, dt)[0].full()[:, 0] - own)
+            ends.append(plant.predict(moved, u, dt)[0] - own)
         difference = (ends[0] - ends[1]) / 2e-4
         assert slope[:, k] == pytest.approx(difference, rel=2e-3, abs=1e-6 * np.abs(slope).max())
 
@@ -171,15 +163,13 @@ def test_slopes_of_a_step_are_its_differences(plant: Built) -> None:
 def test_each_role_acts_on_its_own(plant: Built) -> None:
     """A size d counts as d more of a factor, d more of an input, and 1 + d times or d more of a reading."""
     spec = plant.spec
-    wide, lane, d = spec.slotted, correlated(spec), 0.3
-    u, implicit = np.full(len(spec.inputs), 0.7), np.zeros(len(spec.loops))
-    size = wide.slot_slice.start
+    wide, lane, d = spec.slotted, correlated(plant.plain), 0.3
+    u, size = np.full(len(spec.inputs), 0.7), wide.slot_slice.start
 
     def read(roles: dict[str, FloatArray], given: FloatArray = u, lane: FloatArray = lane) -> tuple[FloatArray, ...]:
         numbers = with_roles(spec, lane, **roles)
         numbers[size] = d
-        states = plant.predict(numbers, given, implicit, 0.02)[0].full()[:, 0]
-        return states, plant.measure(numbers, given, implicit)[0].full()[:, 0]
+        return plant.predict(numbers, given, 0.02)[0], plant.measure(numbers, given)[0]
 
     plain = read({})
     for k in range(len(spec.parameters)):
@@ -204,7 +194,7 @@ def test_noise_counts_by_its_role(plant: Built) -> None:
     times = generator.uniform(0.5, 6.0, len(spec.outputs))
     sample = plant.engine_samples(1)
     plain, noisy = (
-        plant.slot.advance(with_roles(spec, correlated(spec), **roles)[:, None], sample)[1][0, :, 0]
+        plant.slot.advance(with_roles(spec, correlated(plant.plain), **roles)[:, None], sample)[1][0, :, 0]
         for roles in ({}, {"noise": times})
     )
     n_y = len(spec.outputs)
@@ -212,7 +202,7 @@ def test_noise_counts_by_its_role(plant: Built) -> None:
     assert noisy[n_y:] - plain[n_y:] == pytest.approx((times - 1.0) * spec.output_noise**2, rel=1e-6)
     sample[:, spec.sample_fields["scale"]] = spec.thresholds.blank_factor
     one, other = (
-        plant.slot.advance(with_roles(spec, correlated(spec), **roles)[:, None], sample)[1][0, :, 0]
+        plant.slot.advance(with_roles(spec, correlated(plant.plain), **roles)[:, None], sample)[1][0, :, 0]
         for roles in ({}, {"noise": times})
     )
     assert np.array_equal(one, other)  # so that a lane of noise does not count what says nothing
@@ -221,14 +211,14 @@ def test_noise_counts_by_its_role(plant: Built) -> None:
 def test_what_the_slot_adds_stays_in_the_range(plant: Built) -> None:
     """A size that takes a parameter out of its range acts as one that takes it to the end of its range."""
     spec = plant.spec
-    size, u, implicit = spec.slotted.slot_slice.start, np.full(len(spec.inputs), 0.7), np.zeros(len(spec.loops))
+    size, u = spec.slotted.slot_slice.start, np.full(len(spec.inputs), 0.7)
     for k, item in enumerate(spec.parameters):
         for end, far in ((item.lower, -1e6), (item.upper, 1e6)):
             if not np.isfinite(end):
                 continue
-            lane = with_roles(spec, correlated(spec), theta=np.eye(len(spec.parameters))[k])
+            lane = with_roles(spec, correlated(plant.plain), theta=np.eye(len(spec.parameters))[k])
             ends = []
             for value in (far, end - item.healthy):
                 lane[size] = value
-                ends.append(plant.predict(lane, u, implicit, 0.02)[0].full())
+                ends.append(plant.predict(lane, u, 0.02)[0])
             assert ends[0] == pytest.approx(ends[1], rel=1e-9)

@@ -9,10 +9,10 @@ import pytest
 from test_classic_watch import run
 
 from faultbond.arrays import FloatArray
+from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
-from faultbond.runtime.state import Sample
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, random_steps, simulate
 from faultbond.thesis.offline.build import build_classic
 from faultbond.thesis.online.curves import point_of, stacked

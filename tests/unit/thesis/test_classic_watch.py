@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from faultbond import sets
+from faultbond.contract.samples import Report, Sample, Status
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.runtime.state import Report, Sample, Status
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.thesis.offline.build import build_classic
 from faultbond.thesis.online.plan import ClassicPlan

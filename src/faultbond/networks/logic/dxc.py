@@ -14,7 +14,6 @@ from pathlib import Path
 from faultbond.errors import ModelError, RecordingError
 from faultbond.model.logic import Gate, GateFunction, GateSet, LogicNetwork, Scenario, TimedObservation
 
-CIRCUIT_SUFFIX = ".xml"
 MAX_BYTES = 64_000_000  # a circuit of 3500 gates has 4 MB
 MILLISECONDS = 1e-3
 WIRING = ("port", "probe", "wire")
@@ -25,11 +24,6 @@ PIN = re.compile(r"o|i([1-9][0-9]{0,3})")
 STATEMENT = re.compile(r"(\w+)\s*(?:@\s*([0-9.]+)\s*)?(.*)", re.DOTALL)
 ASSIGNMENT = re.compile(r"([\w.]+)\s*=\s*(\w+)")
 BOOLEANS = {"true": True, "false": False, "1": True, "0": False}
-
-
-def is_circuit(path: str | Path) -> bool:
-    """Whether a file is a circuit by its name, which ends in `.xml`."""
-    return Path(path).suffix.lower() == CIRCUIT_SUFFIX
 
 
 def read_circuit(path: str | Path) -> LogicNetwork:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Candidate
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import FaultbondError
-from faultbond.runtime.accepting import without
+from faultbond.runtime.names import hypothesis_names
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.ranking import rank
 from faultbond.thesis.online.state import ClassicState, begin_anew
@@ -46,7 +47,7 @@ def reject(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
         Where there is no alarm to explain, the hypothesis is not among the candidates, or nothing would be left.
     """
     candidate = _candidate(spec, plan, state, hypothesis)
-    rejected = without(spec, state.rejected, hypothesis, np.ones(len(state.rejected), dtype=bool))
+    rejected = _without(spec, state.rejected, hypothesis, np.ones(len(state.rejected), dtype=bool))
     return replace(state, rejected=rejected), candidate
 
 
@@ -69,3 +70,31 @@ def _candidate(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothe
         if item.hypothesis == hypothesis:
             return item
     raise FaultbondError("That hypothesis was rejected, or is not among the candidates that are listed.")
+
+
+def _without(spec: EngineSpec, rejected: FloatArray, hypothesis: int, tested: BoolArray) -> FloatArray:
+    """Give what is rejected after one more hypothesis, with all that contain it.
+
+    Parameters
+    ----------
+    spec : the model
+    rejected : float array, shape (n_hypotheses,)
+        1 for each hypothesis that is rejected.
+    hypothesis : the one that a person rejects
+    tested : bool array, shape (n_hypotheses,)
+        Those that have a score now.
+
+    Raises
+    ------
+    FaultbondError
+        Where no tested hypothesis would be left.
+    """
+    chosen = frozenset(spec.members(hypothesis))
+    after = rejected.copy()
+    after[hypothesis] = 1.0
+    if chosen:  # an instrument is in no set but its own
+        after[[chosen <= frozenset(spec.members(k)) for k in range(len(after))]] = 1.0
+    if np.all(after[tested] > 0):
+        names = ", ".join(sorted(hypothesis_names(spec, hypothesis)))
+        raise FaultbondError(f"{names}: the last hypothesis cannot be rejected, and all that are left contain this.")
+    return after

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.findings import Candidate, Diagnosis, Suspect
+from faultbond.contract.findings import MAX_CANDIDATES, Candidate, Diagnosis, Suspect
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.ranking import MAX_CANDIDATES
 from faultbond.thesis.online.indices import indices_of, limits_of
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.settings import Erratum

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.samples import Report, Sample, Status
 from faultbond.contract.spec import EngineSpec
-from faultbond.runtime.monitor import DIAGNOSIS_EVERY
-from faultbond.runtime.state import Report, Sample, Status
 from faultbond.thesis.online.estimate import healthy_misfits, improve, start_factors
 from faultbond.thesis.online.indices import add_error, exceeds, indices_of, trust_in_samples, weights_of
 from faultbond.thesis.online.models import (
@@ -279,7 +279,7 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
     state = replace(state, quiet_at=np.where(index <= 0.5 * limit, state.at, state.quiet_at))
     detection, diagnosis = None, None
     if state.alarm >= 0:
-        if (state.index - state.alarm) % DIAGNOSIS_EVERY == 0:
+        if (state.index - state.alarm) % int(core_settings()["DIAGNOSIS_EVERY"]) == 0:
             diagnosis = rank(spec, plan, state)
     elif warm:
         above = exceeds(plan.settings, index, state.index_before[:, 0], limit)

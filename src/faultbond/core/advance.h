@@ -1,0 +1,60 @@
+/* Filters on their way: one lane, or a block of lanes side by side, over samples. Parameters whose drift was accepted move
+   on before each sample. */
+#ifndef FB_ADVANCE_H
+#define FB_ADVANCE_H
+
+#include "state.h"
+
+/* Memory of the filters, apart from the stack. */
+typedef struct {
+    Filter_plain plain;
+    Filter_wide wide;
+} Filters;
+
+/* To be called once at the entry to the core: slopes that were kept may be another model's. */
+static void prepare_filters(Filters *filters) { filters->plain.step.dt = filters->wide.step.dt = NAN; }
+
+/* Whether any parameter moves on by itself. */
+static int drifts(const Normal *normal)
+{
+    for (int k = 0; k < N_PARAMETERS; k++)
+        if (normal->rates[k] != 0.0) return 1;
+    return 0;
+}
+
+/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. */
+static void drift_on(const Normal *normal, double dt, lanes *lane, int n_joint)
+{
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        const int i = AT_PARAMETERS + k;
+        lane[i] += normal->rates[k] * dt;
+        if (normal->wander[k] != 0.0) {
+            const double sd = normal->wander[k] * dt;
+            lane[n_joint + IN_TRIANGLE(n_joint, i, i)] += sd * sd;
+        }
+    }
+}
+
+/* Take one sample into a block of plain lanes. innovations: measured less expected reading of each sensor, then their
+   variances; NULL: not asked for. */
+static void advance_plain(double (*block)[FB_LANES], const double *sample, const Normal *normal,
+                          double (*innovations)[FB_LANES], Filter_plain *work)
+{
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = load(block[i]);
+    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
+    filter_step_plain(work->lane, sample, work->innovations, work);
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) store(block[i], work->lane[i]);
+    for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i], work->innovations[i]);
+}
+
+/* Take one sample into one plain lane; innovations: [2 * N_OUTPUTS], as above. */
+static void advance_one(double *lane, const double *sample, const Normal *normal, double *innovations, Filter_plain *work)
+{
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = broadcast(lane[i]);
+    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
+    filter_step_plain(work->lane, sample, work->innovations, work);
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) lane[i] = first_of(work->lane[i]);
+    for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) innovations[i] = first_of(work->innovations[i]);
+}
+
+#endif

@@ -1,0 +1,135 @@
+/* Accepting and rejecting a candidate: what a person, or a rule, makes of a diagnosis.
+
+   An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
+   instrument is corrected from then on, and the alarms are on again. A rejected one is out until the next alarm, and
+   with it all sets that contain it: that all of a set are at fault is claimed by each of these too. */
+#ifndef FB_DECIDE_H
+#define FB_DECIDE_H
+
+#include "diagnosis.h"
+
+#define ACCEPTED_WANDER 0.5 /* of what an accepted drift moves in a sample, the parameter may move otherwise */
+#define MOST_NOISE 0.25     /* of the variance of a blanked sensor: one accepted with more would count as such */
+
+/* Why nothing was accepted or rejected; the state is then as it was. */
+enum {
+    NO_ALARM = -1,         /* there is nothing to explain */
+    NO_SUCH_NUMBER = -2,   /* no hypothesis has it */
+    NOT_LISTED = -3,       /* it is not among the candidates */
+    REJECTED_ALREADY = -4, /* alone, or with a set that it contains */
+    LAST_ONE = -5,         /* all that are left contain it */
+};
+
+/* Find the candidate of a hypothesis as it stands now; 0, or why there is none. found, memory: as of `conclude`. */
+static int candidate_of(const State *state, int64_t hypothesis, Candidate *candidate, Diagnosis *found,
+                        RankingMemory *memory)
+{
+    if (state->clock.alarm < 0) return NO_ALARM;
+    if (hypothesis < 0 || hypothesis >= N_HYPOTHESES) return NO_SUCH_NUMBER;
+    conclude(state, found, memory);
+    for (int64_t row = 0; row < found->n_candidates; row++)
+        if (found->candidates[row].hypothesis == hypothesis) {
+            *candidate = found->candidates[row];
+            return 0;
+        }
+    return NOT_LISTED;
+}
+
+/* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
+   diagnosis tells of it, SI. */
+static void absorb_sensor(State *state, int64_t lane, double size, double estimate)
+{
+    const int j = SLOT_OUTPUT[lane];
+    Normal *normal = &state->normal;
+    switch (SLOT_KIND[lane]) {
+    case KIND_BIAS:
+        normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
+        break;
+    case KIND_GAIN:
+        normal->gain[j] *= 1.0 + size;
+        break;
+    case KIND_NOISE: {
+        const double ratio = estimate / OUTPUT_NOISE[j], most = MOST_NOISE * BLANK_FACTOR;
+        normal->noise[j] = most < ratio * ratio ? most : ratio * ratio;
+        state->sensors.nis[j] = 1.0; /* the noise that was found is what squares are now taken in */
+        break;
+    }
+    default:
+        normal->noise[j] = INFINITY;
+    }
+}
+
+/* Make what a slot holds part of the plant or its instruments: a parameter becomes what it and the slot add up to,
+   and goes on as it drifts. */
+static void absorb(State *state, int64_t lane, double estimate)
+{
+    const double size = of_slot(&state->bank, lane, AT_SLOT), rate = of_slot(&state->bank, lane, AT_SLOT + 1);
+    const int parameter = SLOT_PARAMETER[lane], input = SLOT_INPUT[lane];
+    if (parameter >= 0 && SLOT_KIND[lane] == KIND_DRIFT) {
+        state->normal.rates[parameter] += rate;
+        state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
+    } else if (input >= 0 && SLOT_ACTS[lane]) {
+        state->normal.input_offset[input] += size;
+        state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
+    } else if (parameter < 0 && SLOT_ACTS[lane]) {
+        absorb_sensor(state, lane, size, estimate);
+    }
+}
+
+/* Take a hypothesis as the new healthy model; `candidate`: as it stood. Gives 0, or why not. */
+static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagnosis *found, RankingMemory *memory)
+{
+    const int failure = candidate_of(state, hypothesis, candidate, found, memory);
+    if (failure) return failure;
+    score_all(&state->bank, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
+    const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
+    double *healthy = state->healthy.lane;
+    if (slot < 0) {
+        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) healthy[k] = of_step(&state->bank, lane, k);
+    } else {
+        absorb(state, slot, candidate->suspects[0].estimate);
+        for (int64_t k = 0; k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
+        narrow(memory->wide, SLOT_ACTS[slot], SLOT_PARAMETER[slot], healthy);
+    }
+    memcpy(state->normal.lane, healthy, sizeof state->normal.lane);
+    memcpy(row_of(&state->past, last)->lane, healthy, sizeof state->normal.lane);
+    state->clock.alarm = -1;
+    state->clock.accepted = last;
+    begin_sums(&state->sensors, (double)last);
+    clear_bank(&state->bank);
+    return 0;
+}
+
+/* Whether a hypothesis is out once another one is rejected: it is that, or contains it. An instrument is in no set
+   but its own. */
+static int falls_with(int64_t hypothesis, int64_t rejected)
+{
+    const int *chosen, *members;
+    const int n = members_of(rejected, &chosen), n_members = members_of(hypothesis, &members);
+    if (n == 0) return hypothesis == rejected;
+    for (int i = 0; i < n; i++) {
+        int is_there = 0;
+        for (int k = 0; k < n_members; k++) is_there |= members[k] == chosen[i];
+        if (!is_there) return 0;
+    }
+    return 1;
+}
+
+/* Rule a hypothesis out until the next alarm, with all sets that contain it; the others share their probability.
+   Gives 0, or why not. */
+static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagnosis *found, RankingMemory *memory)
+{
+    Bank *bank = &state->bank;
+    const int failure = candidate_of(state, hypothesis, candidate, found, memory);
+    if (failure) return failure;
+    if (bank->rejected[hypothesis]) return REJECTED_ALREADY;
+    int is_last = 1;
+    for (int64_t k = 0; k < N_HYPOTHESES; k++)
+        if (memory->ranking.score[k] > -INFINITY && !bank->rejected[k] && !falls_with(k, hypothesis)) is_last = 0;
+    if (is_last) return LAST_ONE;
+    for (int64_t k = 0; k < N_HYPOTHESES; k++)
+        if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
+    return 0;
+}
+
+#endif

@@ -1,0 +1,68 @@
+/* The diagnosis: ranked candidates, whether any explains the data, and what is not tested. */
+#ifndef FB_DIAGNOSIS_H
+#define FB_DIAGNOSIS_H
+
+#include "untested.h"
+
+#define FOLLOWED 10.0 /* nats by which a drift that follows nearly anything fits better: then nothing else fits */
+
+/* Memory of `conclude`. */
+typedef struct {
+    Ranking ranking;
+    Hidden hidden;
+    double wide[WIDE_NUMBERS]; /* a lane that is accepted */
+} RankingMemory;
+
+/* Whether the bank began, or began again, just now: its sums tell nothing yet. */
+static int is_fresh(int64_t since)
+{
+    const int64_t begun = since >= LAST_RENEWAL ? LAST_RENEWAL : since >= SECOND_RENEWAL ? SECOND_RENEWAL : 0;
+    return since >= 0 && since - begun <= FIRST_RENEWAL + (begun == 0 ? FIRST_RENEWAL : 0);
+}
+
+/* Tell where the best lane does not fit, if the detector would raise an alarm on it. followed: a drift whose rate
+   may change fits better by far; then this lane does not fit anyhow. */
+static void find_unexplained(const State *state, int64_t lane, int followed, Diagnosis *found)
+{
+    const Bank *bank = &state->bank;
+    int side = 0, signal = 0;
+    for (int s = 0; s < 2; s++)
+        for (int j = 0; j < N_OUTPUTS; j++)
+            if (bank->sums[s][j][lane] > bank->sums[side][signal][lane]) {
+                side = s;
+                signal = j;
+            }
+    const double sum = bank->sums[side][signal][lane];
+    if (sum <= CUSUM_LIMIT && !followed) return;
+    const int64_t length = state->clock.index - (int64_t)bank->since[side][signal][lane];
+    const int64_t back = length < DEPTH - 1 ? length : DEPTH - 1;
+    found->is_unexplained = 1;
+    found->signal = signal;
+    found->unexplained_sd = sum / (double)(length > 1 ? length : 1) + CUSUM_DRIFT;
+    found->since = back > 0 ? state->past.rows[(state->clock.index - back) % DEPTH].time : state->clock.time;
+    found->until = state->clock.time;
+}
+
+/* Give the diagnosis of now, after a detection; without candidates where nothing is a suspect. The lane that has to
+   explain the data is the best without drifts whose rate may change: these follow nearly anything, so their fit says
+   little. */
+static void conclude(const State *state, Diagnosis *found, RankingMemory *memory)
+{
+    Ranking *ranking = &memory->ranking;
+    memset(found, 0, sizeof *found);
+    found->time = state->clock.time;
+    found->signal = -1;
+    found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
+    if (N_HYPOTHESES == 0) return;
+    score_all(&state->bank, OUT_REJECTED | OUT_UNSTEADY, ranking);
+    const int64_t steady = leading_hypothesis(ranking), lane = ranking->best[steady];
+    const double score = ranking->score[steady];
+    score_all(&state->bank, OUT_REJECTED, ranking);
+    rank(state, ranking, found);
+    find_unexplained(state, lane, ranking->score[leading_hypothesis(ranking)] - score > FOLLOWED, found);
+    const int64_t since = state->clock.index - state->clock.alarm;
+    const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(since);
+    find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
+}
+
+#endif

@@ -1,0 +1,53 @@
+/* Every number of a state by name: where it stands, and what it may be. Saving, restoring and looking into a state go by
+   this table. Names are stable: kept states are read by them. */
+#ifndef FB_FIELDS_H
+#define FB_FIELDS_H
+
+#include <stddef.h>
+
+#include "state.h"
+
+#define LARGEST_COUNT 4503599627370496.0 /* 2^52: whole numbers up to it, and their sums, are exact */
+
+typedef struct {
+    const char *name;
+    int64_t offset, count; /* bytes from the beginning of the state, and numbers */
+    double least, most;
+    int is_whole;          /* int64_t; else double */
+    int may_be_nan, may_be_infinite;
+} Field;
+
+#define FIELD(name, least, most, whole, nan, infinite) \
+    {#name, (int64_t)offsetof(State, name), (int64_t)(sizeof(((State *)0)->name) / 8), least, most, whole, nan, infinite}
+#define FINITE(name) FIELD(name, -INFINITY, INFINITY, 0, 0, 0)
+#define POSITIVE(name) FIELD(name, 0.0, INFINITY, 0, 0, 0)
+#define ENDLESS(name) FIELD(name, 0.0, INFINITY, 0, 0, 1)
+#define MISSING(name) FIELD(name, -INFINITY, INFINITY, 0, 1, 0)   /* nan: nothing there */
+#define REACHING(name) FIELD(name, -INFINITY, INFINITY, 0, 0, 1)  /* infinite: nothing seen */
+#define ANYTHING(name) FIELD(name, -INFINITY, INFINITY, 0, 1, 1)  /* of filters that may have run away */
+#define FRACTION(name) FIELD(name, 0.0, 1.0, 0, 0, 0)
+#define WHOLE(name, least, most) FIELD(name, least, most, 1, 0, 0)
+#define COUNT(name) WHOLE(name, 0.0, LARGEST_COUNT)
+#define NUMBER(name) WHOLE(name, -1.0, LARGEST_COUNT)             /* of a sample; -1: none */
+#define FLAG(name) WHOLE(name, 0.0, 1.0)
+
+/* All but the rows of the past and the lanes of the bank, whose places go by the number of the sample and of the lane. */
+static const Field FIELDS[] = {
+    COUNT(clock.index), NUMBER(clock.begun), FLAG(clock.running), NUMBER(clock.alarm), COUNT(clock.detections),
+    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), POSITIVE(clock.pause), FINITE(clock.time),
+    MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
+    ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
+    ANYTHING(inputs.change), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
+    REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), POSITIVE(sensors.cusum),
+    FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
+    FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
+    ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), FINITE(healthy.snapshots),
+    POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy),
+    WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
+    FINITE(normal.lane), FINITE(normal.gain), FINITE(normal.offset), ENDLESS(normal.noise), FINITE(normal.input_offset),
+    FINITE(normal.rates), ENDLESS(normal.wander),
+    FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
+};
+#define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
+
+#endif

@@ -1,0 +1,51 @@
+/* Where the numbers of a lane stand. A plain lane is [z, triangle of its covariance, implicit signals, log-likelihood];
+   a wide one has a slot in z, the size of one more fault and its rate, and roles, on what that acts, before the last. */
+#ifndef FB_LAYOUT_H
+#define FB_LAYOUT_H
+
+#include "maths.h"
+
+#define TRIANGLE(n) ((n) * ((n) + 1) / 2)
+#define IN_TRIANGLE(n, i, j) ((i) * (n) - (i) * ((i) - 1) / 2 + (j) - (i)) /* of i <= j, row by row */
+
+#define AT_SLOW N_STATES
+#define AT_PARAMETERS (AT_SLOW + N_SLOW)
+#define AT_SLOT (AT_PARAMETERS + N_PARAMETERS)
+
+#define PLAIN_JOINT (AT_SLOT + N_NOISY)
+#define PLAIN_COVARIANCE PLAIN_JOINT
+#define PLAIN_IMPLICIT (PLAIN_COVARIANCE + TRIANGLE(PLAIN_JOINT))
+#define PLAIN_LIKELIHOOD (PLAIN_IMPLICIT + N_IMPLICIT)
+#define PLAIN_NUMBERS (PLAIN_LIKELIHOOD + 1)
+#define PLAIN_PLACE(i, j) (PLAIN_COVARIANCE + IN_TRIANGLE(PLAIN_JOINT, i, j)) /* in a lane, of i <= j */
+
+#define WIDE_JOINT (PLAIN_JOINT + 2)
+#define WIDE_COVARIANCE WIDE_JOINT
+#define WIDE_IMPLICIT (WIDE_COVARIANCE + TRIANGLE(WIDE_JOINT))
+#define WIDE_ROLES (WIDE_IMPLICIT + N_IMPLICIT)
+#define ROLE_THETA WIDE_ROLES
+#define ROLE_INPUT (ROLE_THETA + N_PARAMETERS)
+#define ROLE_READS (ROLE_INPUT + N_INPUTS)
+#define ROLE_GAIN (ROLE_READS + N_OUTPUTS)
+#define ROLE_BIAS (ROLE_GAIN + N_OUTPUTS)
+#define ROLE_NOISE (ROLE_BIAS + N_OUTPUTS)
+#define ROLE_WANDER (ROLE_NOISE + N_OUTPUTS)
+#define WIDE_LIKELIHOOD (ROLE_WANDER + 1)
+#define WIDE_NUMBERS (WIDE_LIKELIHOOD + 1)
+#define WIDE_PLACE(i, j) (WIDE_COVARIANCE + IN_TRIANGLE(WIDE_JOINT, i, j))
+
+/* A packed sample: what the filters take. */
+#define SAMPLE_DT 0                               /* s since the sample before */
+#define SAMPLE_U_BEFORE 1                         /* inputs held since the sample before, SI */
+#define SAMPLE_U (SAMPLE_U_BEFORE + N_INPUTS)     /* and from now on */
+#define SAMPLE_Y (SAMPLE_U + N_INPUTS)            /* readings, SI */
+#define SAMPLE_USE (SAMPLE_Y + N_OUTPUTS)         /* 1: there; 0: missing */
+#define SAMPLE_SCALE (SAMPLE_USE + N_OUTPUTS)     /* factor on the noise variance */
+#define SAMPLE_KICK (SAMPLE_SCALE + N_OUTPUTS)    /* variance that a slow error gains */
+#define SAMPLE_GAP (SAMPLE_KICK + N_SLOW)         /* sd that a state gains, since nobody saw what acted */
+#define SAMPLE_AGAIN (SAMPLE_GAP + N_STATES)      /* 1: update a second time */
+#define SAMPLE_BOUND (SAMPLE_AGAIN + 1)           /* sd up to which innovations count; 0: without bound */
+#define SAMPLE_NIS (SAMPLE_BOUND + 1)             /* usual square of a normalised innovation; 0: as declared, 1 */
+#define N_SAMPLE (SAMPLE_NIS + N_OUTPUTS)
+
+#endif

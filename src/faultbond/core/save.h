@@ -1,0 +1,165 @@
+/* A state as bytes that every processor reads alike, and back. What they hold, one after the other, each number in eight
+   bytes, the lowest first: mark, format, hash of the model; all FIELDS; rows of the past; lanes of the bank, one by one, so
+   that they can be read with another number of lanes side by side; CRC-32 of all before. A checksum finds damage, not
+   malice. */
+#ifndef FB_SAVE_H
+#define FB_SAVE_H
+
+#include "fields.h"
+#include "watch.h"
+
+#define SAVED_MARK 0x657461747362666LL /* "fbstate" */
+#define SAVED_FORMAT 1
+#define MODEL_WORDS 4 /* of the hash */
+
+/* Why a call was refused. */
+enum { FB_GOOD = 0, FB_NOT_SAVED = -1, FB_OTHER_FORMAT = -2, FB_OTHER_MODEL = -3, FB_DAMAGED = -4 };
+
+/* Where in the bytes reading or writing stands, and what is done there. */
+typedef struct {
+    uint8_t *to;         /* writing; NULL: reading */
+    const uint8_t *from;
+    int is_trial;        /* reading: only look whether the numbers can be */
+    int is_sound;
+} Tape;
+
+/* CRC-32 (IEEE 802.3), four bits at a time. */
+static uint32_t checksum(const uint8_t *bytes, int64_t n)
+{
+    uint32_t table[16], crc = 0xffffffffu;
+    for (uint32_t k = 0; k < 16; k++) {
+        table[k] = k;
+        for (int bit = 0; bit < 4; bit++) table[k] = table[k] >> 1 ^ (table[k] & 1u ? 0xedb88320u : 0u);
+    }
+    for (int64_t k = 0; k < n; k++) {
+        crc = crc >> 4 ^ table[(crc ^ bytes[k]) & 15u];
+        crc = crc >> 4 ^ table[(crc ^ (uint32_t)(bytes[k] >> 4)) & 15u];
+    }
+    return ~crc;
+}
+
+static void put_word(uint8_t *to, uint64_t word)
+{
+    for (int k = 0; k < 8; k++) to[k] = (uint8_t)(word >> (8 * k) & 255u);
+}
+
+static uint64_t get_word(const uint8_t *from)
+{
+    uint64_t word = 0;
+    for (int k = 0; k < 8; k++) word |= (uint64_t)from[k] << (8 * k);
+    return word;
+}
+
+/* Whether a number of a field is one that a run may have. */
+static int is_allowed(const Field *field, uint64_t word)
+{
+    double value;
+    if (field->is_whole) {
+        int64_t whole;
+        memcpy(&whole, &word, sizeof whole);
+        if (whole < -(int64_t)LARGEST_COUNT || whole > (int64_t)LARGEST_COUNT) return 0;
+        value = (double)whole;
+    } else {
+        memcpy(&value, &word, sizeof value);
+    }
+    if (isnan(value)) return field->may_be_nan;
+    if (isinf(value)) return field->may_be_infinite && value >= field->least && value <= field->most;
+    return value >= field->least && value <= field->most;
+}
+
+/* Pass n numbers of a state, `step` numbers apart, to or from the tape. */
+static void pass_numbers(Tape *tape, const Field *field, void *numbers, int64_t n, int64_t step)
+{
+    uint8_t *at = (uint8_t *)numbers;
+    for (int64_t k = 0; k < n; k++, at += 8 * step) {
+        uint64_t word;
+        if (tape->to) {
+            memcpy(&word, at, 8);
+            put_word(tape->to, word);
+            tape->to += 8;
+            continue;
+        }
+        word = get_word(tape->from);
+        tape->from += 8;
+        if (tape->is_trial) tape->is_sound &= is_allowed(field, word);
+        else memcpy(at, &word, 8);
+    }
+}
+
+/* Pass all numbers of a state. */
+static void pass_state(Tape *tape, State *state)
+{
+    static const Field anything = {"", 0, 0, -INFINITY, INFINITY, 0, 1, 1}; /* of filters that may have run away */
+    static const Field finite = {"", 0, 0, -INFINITY, INFINITY, 0, 0, 0};
+    for (int64_t k = 0; k < N_FIELDS; k++)
+        pass_numbers(tape, &FIELDS[k], (uint8_t *)state + FIELDS[k].offset, FIELDS[k].count, 1);
+    for (int64_t k = 0; k < DEPTH; k++) {
+        Row *row = &state->past.rows[k];
+        pass_numbers(tape, &anything, row->sample, N_SAMPLE, 1);
+        pass_numbers(tape, &anything, row->lane, PLAIN_NUMBERS, 1);
+        pass_numbers(tape, &finite, &row->time, 1, 1);
+        pass_numbers(tape, &anything, &row->wildness, 1, 1);
+    }
+    for (int64_t lane = 0; lane < N_STEPS; lane++)
+        pass_numbers(tape, &anything, number_of_step(&state->bank, lane, 0), PLAIN_NUMBERS, FB_LANES);
+    for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
+        pass_numbers(tape, &anything, number_of_slot(&state->bank, lane, 0), WIDE_NUMBERS, FB_LANES);
+}
+
+/* Bytes of a saved state. */
+static int64_t saved_size(void)
+{
+    int64_t words = 2 + MODEL_WORDS + (int64_t)(sizeof(Past) / 8) + N_STEPS * (int64_t)PLAIN_NUMBERS;
+    words += N_SLOT_LANES * (int64_t)WIDE_NUMBERS + 1;
+    for (int64_t k = 0; k < N_FIELDS; k++) words += FIELDS[k].count;
+    return 8 * words;
+}
+
+static void save_state(const State *state, uint8_t *bytes)
+{
+    Tape tape = {bytes + 8 * (2 + MODEL_WORDS), NULL, 0, 1};
+    put_word(bytes, SAVED_MARK);
+    put_word(bytes + 8, SAVED_FORMAT);
+    for (int k = 0; k < MODEL_WORDS; k++) put_word(bytes + 8 * (2 + k), MODEL_HASH[k]);
+    pass_state(&tape, (State *)state); /* is only read */
+    put_word(tape.to, checksum(bytes, saved_size() - 8));
+}
+
+/* Whether the numbers of samples are in an order that a run can have. */
+static int is_in_order(const Clock *clock)
+{
+    const int64_t gathering = clock->running || clock->begun < 0 ? 0 : clock->index - clock->begun;
+    const int64_t decided = clock->alarm < 0 ? clock->index : clock->alarm; /* accepting a diagnosis ends its alarm */
+    return clock->begun <= clock->index && clock->alarm <= clock->index && clock->accepted <= decided &&
+           gathering <= START_PATIENCE;
+}
+
+/* Take a state from n bytes; it is as it was where they are refused. */
+static int restore_state(State *state, const uint8_t *bytes, int64_t n)
+{
+    if (n < 16 || get_word(bytes) != SAVED_MARK) return FB_NOT_SAVED;
+    if (get_word(bytes + 8) != SAVED_FORMAT) return FB_OTHER_FORMAT;
+    if (n < 8 * (2 + MODEL_WORDS)) return FB_DAMAGED;
+    for (int k = 0; k < MODEL_WORDS; k++)
+        if (get_word(bytes + 8 * (2 + k)) != MODEL_HASH[k]) return FB_OTHER_MODEL;
+    if (n != saved_size() || get_word(bytes + n - 8) != checksum(bytes, n - 8)) return FB_DAMAGED;
+    Tape tape = {NULL, bytes + 8 * (2 + MODEL_WORDS), 1, 1};
+    pass_state(&tape, state);
+    const Clock before = state->clock;
+    if (!tape.is_sound) return FB_DAMAGED;
+    tape.from = bytes + 8 * (2 + MODEL_WORDS);
+    tape.is_trial = 0;
+    for (int64_t k = 0; FIELDS[k].offset < (int64_t)sizeof(Clock); k++) /* the clock stands first, in a state and on the tape */
+        pass_numbers(&tape, &FIELDS[k], (uint8_t *)state + FIELDS[k].offset, FIELDS[k].count, 1);
+    if (!is_in_order(&state->clock)) {
+        state->clock = before;
+        return FB_DAMAGED;
+    }
+    tape.from = bytes + 8 * (2 + MODEL_WORDS);
+    pass_state(&tape, state);
+    fill_last_block(&state->bank);
+    fill_up_slots(&state->bank);
+    return FB_GOOD;
+}
+
+#endif

@@ -1,0 +1,535 @@
+/* Lanes with a slot: begun at the alarm, carried on sample by sample, begun again from what they have found.
+
+   Drifts and faults of instruments begin at the onsets that are tried. A fault that comes and goes needs no onset: each
+   of its pairs of lanes, fault there and fault gone, begins healthy at the oldest sample kept, and before each sample
+   every lane of a pair becomes the mixture of both, as likely as the fault is to come or go.
+   Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models).
+
+   Onsets and lanes know nothing of each other until they are mixed: one block of lanes at one onset, or one block of
+   pairs, is a piece of work by itself. */
+#ifndef FB_SLOTS_H
+#define FB_SLOTS_H
+
+#include "trail.h"
+
+#define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
+#define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
+#define RATE_WANDER 0.5         /* variance that a rate gains over its span, in that at its start: it may change */
+#define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
+
+/* From what lanes begin: the healthy lane at one place, and what was seen up to there. */
+typedef struct {
+    double healthy[PLAIN_NUMBERS];                /* its slow errors begun anew */
+    double wide[WIDE_NUMBERS], old[WIDE_NUMBERS]; /* with an empty slot; with the parameters of long ago */
+    double step;                                  /* usual s from sample to sample */
+    int64_t n_seen;
+} SlotStart;
+
+/* How the size of each lane of a block walks while its input settles: samples that it takes, in so many steps (0: it
+   does not walk), each of which adds a variance. */
+typedef struct {
+    int64_t samples[FB_LANES], steps[FB_LANES];
+    double variance[FB_LANES];
+} Walk;
+
+/* Lanes of one fault that are begun again as one: the likeliest, the least likely, and that whose start it has. */
+typedef struct {
+    int64_t best, worst, spread;
+} Renewed;
+
+/* Memory of these lanes, apart from the stack. */
+typedef struct {
+    WideBlock block, best;                           /* lanes from one onset, and those of the best onset so far */
+    lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS];   /* pairs side by side */
+    lanes apart[2][WIDE_JOINT], ready[2], found[2][2 * N_OUTPUTS];
+    Mixture mixture;
+    SlotStart start;
+    Onsets onsets;
+    Renewed renewed[FB_ROOM(N_BEGUN)];
+    double plain[PLAIN_NUMBERS], sample[N_SAMPLE], elapsed[DEPTH];
+    uint8_t changed[FB_ROOM(N_SLOT_LANES)]; /* 1: the last renewal began the lane again */
+} SlotMemory;
+
+/* Where number i of z stands in that of a wide lane. */
+static inline int place_in_wide(int i) { return i < AT_SLOT ? i : i + 2; }
+
+/* A plain lane as one with an empty slot; its roles are zero. */
+static void widen(const double *plain, double *wide)
+{
+    memset(wide, 0, WIDE_NUMBERS * sizeof *wide);
+    for (int i = 0; i < PLAIN_JOINT; i++) {
+        const int row = place_in_wide(i);
+        wide[row] = plain[i];
+        for (int j = i; j < PLAIN_JOINT; j++) wide[WIDE_PLACE(row, place_in_wide(j))] = plain[PLAIN_PLACE(i, j)];
+    }
+    for (int k = 0; k < N_IMPLICIT; k++) wide[WIDE_IMPLICIT + k] = plain[PLAIN_IMPLICIT + k];
+    wide[WIDE_LIKELIHOOD] = plain[PLAIN_LIKELIHOOD];
+}
+
+/* A wide lane without its slot; `weight` times its size is added to a parameter (-1: to none). */
+static void narrow(const double *wide, double weight, int parameter, double *plain)
+{
+    const int target = parameter >= 0 ? AT_PARAMETERS + parameter : -1;
+    for (int i = 0; i < PLAIN_JOINT; i++) {
+        const int row = place_in_wide(i);
+        plain[i] = wide[row] + (i == target ? weight * wide[AT_SLOT] : 0.0);
+        for (int j = i; j < PLAIN_JOINT; j++) {
+            const int column = place_in_wide(j);
+            double sum = wide[WIDE_PLACE(row, column)];
+            if (i == target)
+                sum += weight * wide[column < AT_SLOT ? WIDE_PLACE(column, AT_SLOT) : WIDE_PLACE(AT_SLOT, column)];
+            if (j == target) sum += weight * wide[WIDE_PLACE(row, AT_SLOT)]; /* as i <= j, it is before the slot too */
+            if (i == target && j == target) sum += weight * weight * wide[WIDE_PLACE(AT_SLOT, AT_SLOT)];
+            plain[PLAIN_PLACE(i, j)] = sum;
+        }
+    }
+    for (int k = 0; k < N_IMPLICIT; k++) plain[PLAIN_IMPLICIT + k] = wide[WIDE_IMPLICIT + k];
+    plain[PLAIN_LIKELIHOOD] = wide[WIDE_LIKELIHOOD];
+}
+
+/* A plain lane with the states of `healthy` and the parameters of `old`, uncorrelated. */
+static void unlearned(const double *healthy, const double *old, double *lane)
+{
+    memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        const int i = AT_PARAMETERS + k;
+        lane[i] = old[i];
+        for (int j = 0; j < AT_PARAMETERS; j++) lane[PLAIN_PLACE(j, i)] = 0.0;
+        for (int j = i; j < AT_SLOT; j++) lane[PLAIN_PLACE(i, j)] = old[PLAIN_PLACE(i, j)];
+        for (int j = AT_SLOT; j < PLAIN_JOINT; j++) lane[PLAIN_PLACE(i, j)] = 0.0;
+    }
+}
+
+/* Whether its size is added to what a sensor reads, or to what that shows while it is stuck. */
+static inline int adds_to_reading(int64_t k)
+{
+    return SLOT_KIND[k] == KIND_BIAS || SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_STUCK ||
+           SLOT_KIND[k] == KIND_INTERMITTENT;
+}
+
+/* The roles of lane k of the plan: on what its slot acts. */
+static void set_roles(int64_t k, double (*block)[FB_LANES], int l)
+{
+    for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
+    for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
+    if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
+    if (SLOT_INPUT[k] >= 0) block[ROLE_INPUT + SLOT_INPUT[k]][l] = SLOT_ACTS[k];
+    if (SLOT_OUTPUT[k] >= 0) {
+        const int j = SLOT_OUTPUT[k];
+        block[ROLE_READS + j][l] = !(SLOT_STICKS[k] && SLOT_ACTS[k]);
+        block[ROLE_GAIN + j][l] = SLOT_KIND[k] == KIND_GAIN;
+        block[ROLE_BIAS + j][l] = adds_to_reading(k) && SLOT_ACTS[k] ? OUTPUT_NOISE[j] : 0.0;
+        block[ROLE_NOISE + j][l] = SLOT_NOISE[k];
+    }
+}
+
+/* The last value of a sensor among the first samples; 0 if it has had none. */
+static double last_reading(const Trail *trail, int64_t n_seen, int j)
+{
+    for (int64_t place = n_seen - 1; place >= 0; place--)
+        if (sample_at(trail, place)[SAMPLE_USE + j] != 0.0) return sample_at(trail, place)[SAMPLE_Y + j];
+    return 0.0;
+}
+
+/* Time from sample to sample, s: that of the model, else the mean of the first samples, or 1. */
+static double usual_step(const Trail *trail, int64_t n_seen)
+{
+    if (SAMPLE_TIME > 0.0) return SAMPLE_TIME;
+    double sum = 0.0;
+    for (int64_t place = 0; place < n_seen; place++) sum += sample_at(trail, place)[SAMPLE_DT];
+    return sum != 0.0 ? sum / (double)n_seen : 1.0;
+}
+
+/* Make ready to begin lanes from a healthy lane, having seen the first samples; `old`: see `Trail`, or NULL. */
+static void prepare_slots(const Trail *trail, const double *healthy, int64_t n_seen, const double *old,
+                          SlotMemory *memory)
+{
+    SlotStart *start = &memory->start;
+    memcpy(start->healthy, healthy, sizeof start->healthy);
+    forget_slow_errors(start->healthy);
+    widen(start->healthy, start->wide);
+    if (old) {
+        unlearned(start->healthy, old, memory->plain);
+        widen(memory->plain, start->old);
+    } else {
+        memcpy(start->old, start->wide, sizeof start->old);
+    }
+    start->step = usual_step(trail, n_seen);
+    start->n_seen = n_seen;
+}
+
+/* Begin lane k of the plan in a block; its likelihood is that of the healthy lane. peak: [N_INPUTS], the largest size
+   of each input so far, SI. Sizes and rates are in the units that `SLOT_SIZE` has: parameters in what they are now,
+   sensors in their noise, inputs in their peak. */
+static void begin_slot(int64_t k, const Trail *trail, const double *peak, const SlotStart *start,
+                       double (*block)[FB_LANES], int l)
+{
+    const int parameter = SLOT_PARAMETER[k], input = SLOT_INPUT[k], output = SLOT_OUTPUT[k];
+    const double *from = SLOT_OLD[k] ? start->old : start->wide;
+    double unit = 1.0;
+    if (parameter >= 0 && HEALTHY[parameter] != 0.0) unit = start->healthy[AT_PARAMETERS + parameter];
+    else if (input >= 0 && peak[input] != 0.0) unit = peak[input];
+    const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / start->step;
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = from[i];
+    set_roles(k, block, l);
+    block[AT_SLOT][l] = SLOT_STICKS[k] ? last_reading(trail, start->n_seen, output) / OUTPUT_NOISE[output]
+                                       : SLOT_SIZE[k] * unit;
+    block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
+    block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
+    if (SLOT_SPAN[k] != 0.0) block[ROLE_WANDER][l] = RATE_WANDER * rate_sd * rate_sd / (SLOT_SPAN[k] * start->step);
+}
+
+/* Whether the input of lane k takes a while to settle, and a sensor sees it at once. */
+static int settles_in_sight(int64_t k)
+{
+    const int input = SLOT_INPUT[k];
+    if (input < 0 || !(INPUT_SETTLING[input] > 0.0)) return 0;
+    for (int e = 0; e < DIRECT_ROW[N_OUTPUTS]; e++)
+        if (DIRECT_INPUT[e] == input) return 1;
+    return 0;
+}
+
+/* Let the bias of an input that settles come up within that time: until then its size walks at random from where it is,
+   with steps that together are as wide as the start of the lane says. Gives whether it does. */
+static int begin_walk(int64_t k, const Trail *trail, int64_t onset, double (*block)[FB_LANES], int l, Walk *walk)
+{
+    const int size = WIDE_PLACE(AT_SLOT, AT_SLOT);
+    int64_t n = 0;
+    walk->samples[l] = walk->steps[l] = 0;
+    walk->variance[l] = 0.0;
+    if (!settles_in_sight(k)) return 0;
+    double elapsed = 0.0;
+    for (int64_t place = onset; place < trail->n; place++) {
+        elapsed += sample_at(trail, place)[SAMPLE_DT];
+        n += elapsed <= INPUT_SETTLING[SLOT_INPUT[k]];
+    }
+    if (n == 0) return 0;
+    walk->samples[l] = n;
+    walk->steps[l] = n < WALK ? n : WALK;
+    walk->variance[l] = block[size][l] / (double)walk->steps[l];
+    block[size][l] = 0.0;
+    return 1;
+}
+
+/* Whether a step of a walk begins at sample t of it; where the steps cannot be of one length, the first are longer by
+   one. */
+static int begins_step(int64_t samples, int64_t steps, int64_t t)
+{
+    if (t >= samples) return 0;
+    const int64_t length = samples / steps, longer = samples % steps * (length + 1);
+    return t < longer ? t % (length + 1) == 0 : (t - longer) % length == 0;
+}
+
+static void walk_on(const Walk *walk, int64_t t, lanes *lane)
+{
+    double more[FB_LANES];
+    for (int l = 0; l < FB_LANES; l++)
+        more[l] = begins_step(walk->samples[l], walk->steps[l], t) ? walk->variance[l] : 0.0;
+    lane[WIDE_PLACE(AT_SLOT, AT_SLOT)] += load(more);
+}
+
+/* Take one sample, as lanes of the bank have it, into vectors of wide lanes; leaves the innovations in the filter. */
+static void step_wide(lanes *lane, const double *sample, const Normal *normal, Filter_wide *filter)
+{
+    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], lane, WIDE_JOINT);
+    filter_step_wide(lane, sample, filter->innovations, filter);
+}
+
+/* Take all samples of the trail from a place on into a block of wide lanes; walk: NULL where no size does. */
+static void run_wide(double (*block)[FB_LANES], const Trail *trail, int64_t from, const Walk *walk,
+                     const Normal *normal, double *sample, Filter_wide *filter)
+{
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i]);
+    for (int64_t place = from; place < trail->n; place++) {
+        bank_sample(sample_at(trail, place), sample);
+        if (walk) walk_on(walk, place - from, filter->lane);
+        step_wide(filter->lane, sample, normal, filter);
+    }
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], filter->lane[i]);
+}
+
+/* Let the lanes that fill up the last block repeat its first. */
+static void fill_up_slots(Bank *bank)
+{
+    const int64_t first = (BLOCKS(N_SLOT_LANES) - 1) * FB_LANES;
+    for (int64_t lane = N_SLOT_LANES; N_SLOT_LANES > 0 && lane < first + FB_LANES; lane++)
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, lane, i) = *number_of_slot(bank, first, i);
+}
+
+/* Put some lanes of vectors into their places in the bank: lane l becomes lane first + l * apart. */
+static void put_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, const lanes *from)
+{
+    double *to[FB_LANES], numbers[FB_LANES];
+    for (int64_t l = 0; l < n; l++) to[l] = number_of_slot(bank, first + l * apart, 0);
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+        store(numbers, from[i]);
+        for (int64_t l = 0; l < n; l++) to[l][i * FB_LANES] = numbers[l];
+    }
+}
+
+/* Take lanes of the bank into vectors, in the same way; the first of them fills up. */
+static void take_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, lanes *to)
+{
+    const double *from[FB_LANES];
+    double numbers[FB_LANES];
+    for (int64_t l = 0; l < FB_LANES; l++) from[l] = number_of_slot(bank, first + (l < n ? l * apart : 0), 0);
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+        for (int64_t l = 0; l < FB_LANES; l++) numbers[l] = from[l][i * FB_LANES];
+        to[i] = load(numbers);
+    }
+}
+
+/* How many of n lanes from `first` on are in one block. */
+static inline int64_t in_block(int64_t first, int64_t n) { return n - first < FB_LANES ? n - first : FB_LANES; }
+
+/* Begin one block of lanes that begin at an onset at onset number k, take all samples, and mix with the onsets before.
+   */
+static void begin_at_onset(int64_t number, int k, Bank *bank, const Trail *trail, const Onsets *onsets,
+                           const double *peak, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
+    const int64_t first = number * FB_LANES, n = in_block(first, SWITCHED), onset = onsets->place[k];
+    Walk walk;
+    int walks = 0;
+    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
+    for (int l = 0; l < FB_LANES; l++) {
+        const int64_t lane = first + (l < n ? l : 0);
+        begin_slot(lane, trail, peak, &memory->start, memory->block, l);
+        walks |= begin_walk(lane, trail, onset, memory->block, l, &walk);
+    }
+    run_wide(memory->block, trail, onset, walks ? &walk : NULL, normal, memory->sample, filter);
+    mix(k == 0, memory->block, WIDE_NUMBERS, onsets->width[k], bank->slots[number], &memory->mixture);
+}
+
+/* A mixture of weight w of one number and the rest of another; what has no weight may be anything. */
+static inline lanes blend(lanes w, lanes own, lanes other)
+{
+    const lanes none = broadcast(0.0);
+    return choose(w > 0.0, w * own, none) + choose(w < 1.0, (1.0 - w) * other, none);
+}
+
+/* Log-likelihood of mixtures of `own` that stays and `other` that comes over, and the weight of the first. */
+static lanes weigh(lanes own, lanes other, double stay, double come, lanes *weight)
+{
+    double a[FB_LANES], b[FB_LANES];
+    store(a, own);
+    store(b, other);
+    for (int l = 0; l < FB_LANES; l++) {
+        const double one = finite_or_lowest(a[l]) + stay, total = log_add(one, finite_or_lowest(b[l]) + come);
+        a[l] = total;
+        b[l] = exp(one - total);
+    }
+    *weight = load(b);
+    return load(a);
+}
+
+/* Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode, with mean,
+   covariance and likelihood of the mixture. Roles stay. */
+static void interact(SlotMemory *memory)
+{
+    const double stay = log1p(-SWITCHING), come = log(SWITCHING);
+    const lanes none = broadcast(0.0);
+    lanes *there = memory->there, *gone = memory->gone, *one = memory->apart[0], *two = memory->apart[1], w, v;
+    const lanes likelihood = weigh(there[WIDE_LIKELIHOOD], gone[WIDE_LIKELIHOOD], stay, come, &w);
+    gone[WIDE_LIKELIHOOD] = weigh(gone[WIDE_LIKELIHOOD], there[WIDE_LIKELIHOOD], stay, come, &v);
+    there[WIDE_LIKELIHOOD] = likelihood;
+    for (int i = 0; i < WIDE_JOINT; i++) {
+        one[i] = choose((w > 0.0) & (w < 1.0), there[i] - gone[i], none);
+        two[i] = choose((v > 0.0) & (v < 1.0), there[i] - gone[i], none);
+    }
+    for (int64_t i = 0; i < WIDE_ROLES; i++) {
+        const lanes first = there[i], second = gone[i];
+        there[i] = blend(w, first, second);
+        gone[i] = blend(v, second, first);
+    }
+    for (int i = 0; i < WIDE_JOINT; i++) {
+        const lanes by_one = w * (1.0 - w) * one[i], by_two = v * (1.0 - v) * two[i];
+        for (int j = i; j < WIDE_JOINT; j++) {
+            there[WIDE_PLACE(i, j)] += by_one * one[j];
+            gone[WIDE_PLACE(i, j)] += by_two * two[j];
+        }
+    }
+}
+
+/* Take one sample into a block of pairs; leaves their likelihoods before it, and the innovations of both halves. */
+static void step_pairs(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
+    interact(memory);
+    memory->ready[0] = memory->there[WIDE_LIKELIHOOD];
+    memory->ready[1] = memory->gone[WIDE_LIKELIHOOD];
+    bank_sample(packed, memory->sample);
+    step_wide(memory->there, memory->sample, normal, filter);
+    memcpy(memory->found[0], filter->innovations, sizeof memory->found[0]);
+    step_wide(memory->gone, memory->sample, normal, filter);
+    memcpy(memory->found[1], filter->innovations, sizeof memory->found[1]);
+}
+
+/* Put the innovations of the mixture of each pair in found[0]: with them both its lanes are judged, since while the
+   fault is gone one of them does not fit. */
+static void join_innovations(SlotMemory *memory)
+{
+    lanes *one = memory->found[0], *two = memory->found[1], weight;
+    weigh(memory->ready[0], memory->ready[1], 0.0, 0.0, &weight);
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        const int variance = N_OUTPUTS + j;
+        const lanes apart = choose((weight > 0.0) & (weight < 1.0), one[j] - two[j], broadcast(0.0));
+        one[variance] = blend(weight, one[variance], two[variance]) + weight * (1.0 - weight) * apart * apart;
+        one[j] = blend(weight, one[j], two[j]);
+    }
+}
+
+/* Begin one block of pairs, healthy at the oldest sample, and take all others. */
+static void begin_pairs(int64_t number, Bank *bank, const Trail *trail, const double *peak, const Normal *normal,
+                        Filter_wide *filter, SlotMemory *memory)
+{
+    const int64_t first = number * FB_LANES, n = in_block(first, N_PAIRS);
+    prepare_slots(trail, healthy_at(trail, 0), 1, NULL, memory);
+    for (int half = 0; half < 2; half++) {
+        for (int l = 0; l < FB_LANES; l++) {
+            const int64_t pair = first + (l < n ? l : 0);
+            begin_slot(SWITCHED + 2 * pair + half, trail, peak, &memory->start, memory->block, l);
+        }
+        lanes *to = half ? memory->gone : memory->there;
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i] = load(memory->block[i]);
+    }
+    memory->there[WIDE_LIKELIHOOD] = broadcast(LOWEST); /* healthy so far */
+    for (int64_t place = 1; place < trail->n; place++) step_pairs(sample_at(trail, place), normal, filter, memory);
+    put_slots(bank, SWITCHED + 2 * first, 2, n, memory->there);
+    put_slots(bank, SWITCHED + 2 * first + 1, 2, n, memory->gone);
+}
+
+/* Begin all lanes with a slot, having seen all samples of the trail, the last of which is that of the alarm. peak:
+   [N_INPUTS], the largest size of each input so far, SI. */
+static void begin_slots(Bank *bank, const Trail *trail, const Onsets *onsets, const double *peak, const Normal *normal,
+                        Filter_wide *filter, SlotMemory *memory)
+{
+    for (int64_t number = 0; number < BLOCKS(SWITCHED); number++) {
+        for (int k = 0; k < onsets->n; k++)
+            begin_at_onset(number, k, bank, trail, onsets, peak, normal, filter, memory);
+        conclude_mixture(&memory->mixture, WIDE_NUMBERS, bank->slots[number]);
+    }
+    for (int64_t number = 0; number < BLOCKS(N_PAIRS); number++) /* last: blocks of the others may reach into them */
+        begin_pairs(number, bank, trail, peak, normal, filter, memory);
+    fill_up_slots(bank);
+}
+
+/* Write innovations of lanes, those of lane l to the place of lane first + l * apart. */
+static void put_innovations(const lanes *found, int64_t first, int64_t apart, int64_t n, double *innovations,
+                            int64_t stride)
+{
+    double numbers[FB_LANES];
+    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) {
+        store(numbers, found[i]);
+        for (int64_t l = 0; l < n; l++) innovations[i * stride + first + l * apart] = numbers[l];
+    }
+}
+
+/* Take one more packed sample into all lanes with a slot. innovations: [2 * N_OUTPUTS][stride], measured less expected
+   readings, then their variances, of the lanes in order; those of a pair have the innovations of their mixture. */
+static void advance_slots(Bank *bank, const double *packed, const Normal *normal, double *innovations, int64_t stride,
+                          Filter_wide *filter, SlotMemory *memory)
+{
+    bank_sample(packed, memory->sample);
+    for (int64_t first = 0; first < SWITCHED; first += FB_LANES) {
+        double (*block)[FB_LANES] = bank->slots[first / FB_LANES];
+        const int64_t n = in_block(first, SWITCHED);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i]);
+        step_wide(filter->lane, memory->sample, normal, filter);
+        put_innovations(filter->innovations, first, 1, n, innovations, stride);
+        if (n < FB_LANES) put_slots(bank, first, 1, n, filter->lane);
+        else for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], filter->lane[i]);
+    }
+    for (int64_t pair = 0; pair < N_PAIRS; pair += FB_LANES) {
+        const int64_t n = in_block(pair, N_PAIRS), first = SWITCHED + 2 * pair;
+        take_slots(bank, first, 2, n, memory->there);
+        take_slots(bank, first + 1, 2, n, memory->gone);
+        step_pairs(packed, normal, filter, memory);
+        put_slots(bank, first, 2, n, memory->there);
+        put_slots(bank, first + 1, 2, n, memory->gone);
+        join_innovations(memory);
+        put_innovations(memory->found[0], first, 2, n, innovations, stride);
+        put_innovations(memory->found[0], first + 1, 2, n, innovations, stride);
+    }
+    fill_up_slots(bank);
+}
+
+/* Whether lanes of this fault are begun again: drifts of parameters, and biases of inputs. */
+static inline int is_renewed(int64_t k)
+{
+    return SLOT_INPUT[k] >= 0 || (SLOT_KIND[k] == KIND_DRIFT && SLOT_PARAMETER[k] >= 0);
+}
+
+/* The log-likelihood of a lane; that of one that is no number is below all others. */
+static inline double likelihood_of_slot(Bank *bank, int64_t lane)
+{
+    const double likelihood = *number_of_slot(bank, lane, WIDE_LIKELIHOOD);
+    return isnan(likelihood) ? -INFINITY : likelihood;
+}
+
+/* Find the lanes of each fault that are begun again; those of one fault stand one after the other. The spread is that
+   of the least likely of them, or, of a bias, the widest: else what was found would count twice. */
+static int64_t find_renewed(Bank *bank, Renewed *renewed)
+{
+    int64_t n = 0, last = -1;
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        if (!is_renewed(lane)) continue;
+        if (n == 0 || SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[last]) {
+            const Renewed alone = {lane, lane, lane};
+            renewed[n++] = alone;
+        }
+        Renewed *group = &renewed[n - 1];
+        last = lane;
+        if (likelihood_of_slot(bank, lane) > likelihood_of_slot(bank, group->best)) group->best = lane;
+        if (likelihood_of_slot(bank, lane) < likelihood_of_slot(bank, group->worst)) group->worst = lane;
+        if (SLOT_INPUT[lane] < 0) group->spread = group->worst;
+        else if (SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[group->spread]) group->spread = lane;
+    }
+    return n;
+}
+
+/* Begin n faults again at onset number k, with the size and rate that the best of their lanes has found, take all
+   samples, and mix with the onsets before. */
+static void begin_again(const Renewed *renewed, int64_t n, int k, Bank *bank, const Trail *trail, const double *peak,
+                        const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
+    const int64_t onset = memory->onsets.place[k];
+    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
+    for (int l = 0; l < FB_LANES; l++) {
+        const Renewed *group = &renewed[l < n ? l : 0];
+        const double rate = *number_of_slot(bank, group->best, AT_SLOT + 1);
+        begin_slot(group->spread, trail, peak, &memory->start, memory->block, l);
+        memory->block[AT_SLOT][l] = *number_of_slot(bank, group->best, AT_SLOT) - rate * memory->elapsed[onset];
+        memory->block[AT_SLOT + 1][l] = rate;
+    }
+    run_wide(memory->block, trail, onset, NULL, normal, memory->sample, filter);
+    mix(k == 0, memory->block, WIDE_NUMBERS, memory->onsets.width[k], memory->best, &memory->mixture);
+}
+
+/* Begin one lane of each drift of a parameter and bias of an input again, from what the best of them has found.
+
+   Only where it begins, and so where it linearises, is what was found; the spread is that of one of its starts. It
+   takes the place of the least likely of these lanes, if it is likelier. */
+static void renew_slots(Bank *bank, const Trail *trail, const double *peak, const Normal *normal, Filter_wide *filter,
+                        SlotMemory *memory)
+{
+    const int64_t n_renewed = find_renewed(bank, memory->renewed);
+    memset(memory->changed, 0, sizeof memory->changed);
+    find_onsets(trail, trail->alarm, &memory->onsets);
+    double elapsed = 0.0; /* from before each sample to now */
+    for (int64_t place = trail->n - 1; place >= 0; place--)
+        memory->elapsed[place] = elapsed += sample_at(trail, place)[SAMPLE_DT];
+    for (int64_t first = 0; first < n_renewed; first += FB_LANES) {
+        const Renewed *renewed = memory->renewed + first;
+        const int64_t n = in_block(first, n_renewed);
+        for (int k = 0; k < memory->onsets.n; k++)
+            begin_again(renewed, n, k, bank, trail, peak, normal, filter, memory);
+        conclude_mixture(&memory->mixture, WIDE_NUMBERS, memory->best);
+        for (int64_t l = 0; l < n; l++) {
+            if (!(memory->best[WIDE_LIKELIHOOD][l] > likelihood_of_slot(bank, renewed[l].worst))) continue;
+            memory->changed[renewed[l].worst] = 1;
+            for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, renewed[l].worst, i) = memory->best[i][l];
+        }
+    }
+    fill_up_slots(bank);
+}
+
+#endif

@@ -1,0 +1,360 @@
+/* A sample passes: the healthy filter, the sums of the detector, the alarm, and from the alarm on the bank. */
+#ifndef FB_WATCH_H
+#define FB_WATCH_H
+
+#include "diagnosis.h"
+#include "outliers.h"
+
+#define START_SAMPLES 20 /* gathered before an unknown start is solved */
+#define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
+
+enum { WAITING, STARTING, WARMING, WATCHING, DIAGNOSING, LOST }; /* what a run is doing */
+
+/* What one sample brought; nan: nothing yet. */
+typedef struct {
+    int64_t status;
+    int64_t wild;               /* values that were refused, or cut, since they lie far beyond all that was seen */
+    int64_t detected;           /* 1: an alarm was raised, see State.alarm */
+    int64_t due;                /* 1: time for a diagnosis */
+    double expected[N_OUTPUTS]; /* readings of the healthy plant, SI */
+    double variance[N_OUTPUTS]; /* of what is measured, SI squared */
+    double cusum[N_OUTPUTS];    /* largest sum of each sensor */
+    double slow[FB_ROOM(N_SLOW)]; /* slow errors in their declared sd */
+} Report;
+
+/* Memory of a call. */
+typedef struct {
+    Filters filters;
+    SampleMemory sample;
+    StartMemory start;
+    BankMemory bank;
+    RankingMemory ranking;
+    Diagnosis found; /* where nobody asked for one */
+    double lane[PLAIN_NUMBERS];  /* the healthy lane after the sample */
+    Normal normal; /* where nothing was accepted */
+    double known[PLAIN_NUMBERS]; /* one whose parameters hold, as they were accepted */
+    double earlier[FB_ROOM(N_INPUTS)], packed[N_SAMPLE];
+    double gathered[MOST_FIRST][N_SAMPLE], mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)];
+} Work;
+
+/* Begin to learn what the sensors show, and how far the states go. */
+static void begin_shown(Sensors *sensors)
+{
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        sensors->shown[0][j] = INFINITY;
+        sensors->shown[1][j] = -INFINITY;
+    }
+}
+
+static void begin_travel(Healthy *healthy)
+{
+    for (int i = 0; i < N_STATES; i++) {
+        healthy->travel[0][i] = INFINITY;
+        healthy->travel[1][i] = -INFINITY;
+    }
+}
+
+/* Give the state before the first sample, at time t0 (s); quiet 1: no alarm is ever raised. */
+static void begin_state(State *state, double t0, int64_t quiet)
+{
+    memset(state, 0, sizeof *state);
+    Clock *clock = &state->clock;
+    clock->begun = clock->alarm = clock->accepted = -1;
+    clock->time = t0;
+    clock->quiet = quiet;
+    for (int k = 0; k < N_INPUTS; k++) {
+        Inputs *inputs = &state->inputs;
+        inputs->held[k] = inputs->earlier[k] = inputs->odd[k] = NAN;
+        inputs->lowest[k] = inputs->since_step[k] = INFINITY;
+        inputs->highest[k] = -INFINITY;
+        inputs->habit[k] = 1.0;
+    }
+    state->inputs.odd_since = -1;
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        state->sensors.nis[j] = state->normal.gain[j] = state->normal.noise[j] = 1.0;
+    }
+    begin_shown(&state->sensors);
+    begin_sums(&state->sensors, 0.0);
+    begin_travel(&state->healthy);
+    clear_bank(&state->bank);
+}
+
+/* A report without anything in it. */
+static void report_nothing(Report *report, int64_t status)
+{
+    memset(report, 0, sizeof *report);
+    report->status = status;
+    for (int j = 0; j < N_OUTPUTS; j++) report->expected[j] = report->variance[j] = report->cusum[j] = NAN;
+    for (int k = 0; k < N_SLOW; k++) report->slow[k] = NAN;
+}
+
+/* What the healthy filter says of a packed sample. While a sensor is blanked, that is no part of what the model expects. */
+static void report_filter(const State *state, int64_t status, const double *packed, const double *innovations, Report *report)
+{
+    report_nothing(report, status);
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        const double measured = packed[SAMPLE_USE + j] > 0.0 ? packed[SAMPLE_Y + j] : 0.0, scale = packed[SAMPLE_SCALE + j];
+        const double blank = scale >= BLANK_FACTOR ? (scale - 1.0) * OUTPUT_NOISE[j] * OUTPUT_NOISE[j] : 0.0;
+        report->expected[j] = measured - innovations[j];
+        report->variance[j] = innovations[N_OUTPUTS + j] - blank;
+        report->cusum[j] = statistic(&state->sensors, j);
+    }
+    for (int k = 0; k < N_SLOW; k++) report->slow[k] = state->healthy.lane[AT_SLOW + k] / SLOW_SD[k];
+}
+
+/* Largest innovation of a packed sample in its standard deviation. */
+static double wildness_of(const double *packed, const double *innovations)
+{
+    double most = 0.0;
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        if (!(packed[SAMPLE_USE + j] > 0.0)) continue;
+        const double score = fabs(innovations[j]) / sqrt(innovations[N_OUTPUTS + j]);
+        if (isnan(score)) return NAN; /* of a filter that has run away */
+        most = fmax(most, score);
+    }
+    return most;
+}
+
+/* Keep a packed sample with the healthy lane after it, and after an alarm take it into the bank. */
+static void keep(State *state, const double *packed, const double *lane, double wildness, Work *work)
+{
+    Row *row = row_of(&state->past, state->clock.index);
+    memcpy(row->sample, packed, sizeof row->sample);
+    if (lane) memcpy(row->lane, lane, sizeof row->lane);
+    else memset(row->lane, 0, sizeof row->lane);
+    row->time = state->clock.time;
+    row->wildness = wildness;
+    if (state->clock.alarm >= 0) advance_bank(state, packed, &work->bank, &work->filters);
+}
+
+/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
+static int64_t learned_from(const Clock *clock)
+{
+    return (clock->begun > clock->accepted ? clock->begun : clock->accepted) + SNAPSHOT_EVERY;
+}
+
+/* Take the healthy lane after a sample, with what is kept of it for long. */
+static void remember(State *state, const double *lane)
+{
+    Healthy *healthy = &state->healthy;
+    int sought = 0; /* after a gap the states are sought, and not known well */
+    for (int i = 0; i < N_STATES; i++) sought |= healthy->astray[i] != 0.0;
+    memcpy(healthy->lane, lane, sizeof healthy->lane);
+    for (int i = 0; i < N_STATES && !sought; i++) {
+        healthy->travel[0][i] = fmin(healthy->travel[0][i], lane[i]);
+        healthy->travel[1][i] = fmax(healthy->travel[1][i], lane[i]);
+    }
+    const int64_t since = state->clock.index - learned_from(&state->clock);
+    if (since >= 0 && since % SNAPSHOT_EVERY == 0)
+        memcpy(healthy->snapshots[since / SNAPSHOT_EVERY % SNAPSHOTS], lane, sizeof healthy->snapshots[0]);
+}
+
+/* The oldest healthy lane that is kept; NULL before the first, and where that is of after the alarm. */
+static const double *oldest_lane(const State *state)
+{
+    const Clock *clock = &state->clock;
+    const int64_t first = learned_from(clock), since = clock->index - first;
+    if (since < 0) return NULL;
+    const int64_t number = since / SNAPSHOT_EVERY, oldest = number >= SNAPSHOTS ? number - SNAPSHOTS + 1 : 0;
+    if (clock->alarm >= 0 && clock->alarm < first + oldest * SNAPSHOT_EVERY) return NULL;
+    return state->healthy.snapshots[oldest % SNAPSHOTS];
+}
+
+/* The trail up to now. */
+static void trail_of(const State *state, Trail *trail)
+{
+    const Clock *clock = &state->clock;
+    int64_t oldest = clock->index - DEPTH + 1;
+    if (clock->begun > oldest) oldest = clock->begun;
+    if (clock->accepted > oldest) oldest = clock->accepted;
+    trail->past = &state->past;
+    trail->oldest = oldest;
+    trail->n = clock->index - oldest + 1;
+    trail->alarm = (clock->alarm >= 0 ? clock->alarm : clock->index) - oldest;
+    trail->old = oldest_lane(state);
+    find_bursts(trail);
+}
+
+/* Whether the healthy lane is one to go on from. */
+static int is_sound(const double *lane)
+{
+    int finite = 1;
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) finite &= isfinite(lane[i]) != 0;
+    return finite;
+}
+
+/* The filter lost the plant: it starts anew. Where a lost one believed the plant it has not been. */
+static void lose(State *state)
+{
+    state->clock.begun = -1;
+    state->clock.running = 0;
+    for (int k = 0; k < N_INPUTS; k++) state->inputs.odd[k] = NAN;
+    begin_sums(&state->sensors, 0.0);
+    begin_travel(&state->healthy);
+}
+
+/* Whether the first samples suffice to begin; `count` of them are there. */
+static int is_gathered(const State *state, int64_t count, int again)
+{
+    int unknown = again, silent = 0;
+    for (int i = 0; i < N_STATES; i++) unknown |= isnan(START_SD[i]);
+    for (int j = 0; j < N_OUTPUTS && unknown; j++) {
+        int read = 0;
+        for (int64_t k = 0; k < count && !read; k++)
+            read = state->past.rows[(state->clock.index - k) % DEPTH].sample[SAMPLE_USE + j] > 0.0;
+        silent |= !read;
+    }
+    return count >= START_SAMPLES && !(unknown && count < START_PATIENCE && silent);
+}
+
+/* Of a long wait only the last samples are taken, with the last value of each sensor: over all of it nominal parameters would
+   not hold. Gives how many; `count` are there. */
+static int64_t worth_starting_from(const State *state, int64_t count)
+{
+    int64_t skipped = count - START_SAMPLES;
+    for (int i = 0; i < N_STATES; i++)
+        if (!isnan(START_SD[i])) return count;
+    for (int j = 0; j < N_OUTPUTS; j++)
+        for (int64_t k = 0; k < count; k++)
+            if (state->past.rows[(state->clock.index - k) % DEPTH].sample[SAMPLE_USE + j] > 0.0) {
+                if (count - 1 - k < skipped) skipped = count - 1 - k;
+                break;
+            }
+    return count - skipped;
+}
+
+/* Gather the first samples; once there are enough, solve the start and filter what was gathered. */
+static void gather(State *state, Report *report, Work *work)
+{
+    Clock *clock = &state->clock;
+    int64_t count = clock->index - clock->begun + 1;
+    int again = 0; /* the filter ran before: the start that the model gives is long past */
+    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) again |= state->healthy.lane[i] != 0.0;
+    report_nothing(report, STARTING);
+    if (!is_gathered(state, count, again)) return;
+    count = worth_starting_from(state, count);
+    clock->begun = clock->index - count + 1;
+    if (count > MOST_FIRST) count = MOST_FIRST;
+    for (int64_t k = 0; k < count; k++)
+        memcpy(work->gathered[k], row_of(&state->past, clock->index - count + 1 + k)->sample, sizeof work->gathered[k]);
+    const double *known = clock->accepted >= 0 ? work->known : NULL;
+    double innovations[2 * N_OUTPUTS];
+    memcpy(work->known, state->normal.lane, sizeof work->known);
+    forget_slow_errors(work->known);
+    const int64_t wild = begin(state, count, known, again, work->gathered, work->mean, work->covariance, &work->start,
+                               &work->filters.plain);
+    healthy_lane(work->mean, work->covariance, AT_SLOT, known, work->lane);
+    begin_shown(&state->sensors);
+    for (int64_t k = 0; k < count; k++) {
+        Row *row = row_of(&state->past, clock->index - count + 1 + k);
+        advance_one(work->lane, work->gathered[k], &state->normal, innovations, &work->filters.plain);
+        memcpy(row->sample, work->gathered[k], sizeof row->sample);
+        memcpy(row->lane, work->lane, sizeof row->lane);
+        row->wildness = wildness_of(work->gathered[k], innovations);
+        see(&state->sensors, work->gathered[k]);
+    }
+    if (is_sound(work->lane)) {
+        clock->running = 1;
+        memcpy(state->healthy.lane, work->lane, sizeof state->healthy.lane);
+        report_filter(state, WARMING, work->gathered[count - 1], innovations, report);
+    } else {
+        lose(state);
+        report_nothing(report, LOST);
+    }
+    report->wild = wild;
+}
+
+/* Update the sums, raise the alarm, renew the bank. */
+static void judge_sample(State *state, const double *innovations, Report *report, Diagnosis *found, Work *work)
+{
+    Clock *clock = &state->clock;
+    Trail trail;
+    const int warm = clock->index - clock->begun >= WARM_UP_SAMPLES, diagnosing = clock->alarm >= 0;
+    const double *packed = work->packed;
+    if (warm) accumulate(clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
+    remember(state, work->lane);
+    report_filter(state, diagnosing ? DIAGNOSING : warm ? WATCHING : WARMING, packed, innovations, report);
+    const int64_t since = clock->index - clock->alarm;
+    if (diagnosing && is_renewal(since) && clock->alarm > clock->begun) { /* of a filter that was lost, no lanes are kept */
+        trail_of(state, &trail);
+        renew_bank(state, &trail, since, &work->bank, &work->filters);
+    } else if (!diagnosing && warm && !clock->quiet) {
+        const int64_t change = detect(state);
+        if (change >= 0) {
+            clock->alarm = clock->index;
+            clock->detections++;
+            trail_of(state, &trail);
+            begin_bank(state, &trail, change - trail.oldest, &work->bank, &work->filters);
+            report->status = DIAGNOSING;
+            report->detected = 1;
+        }
+    }
+    report->due = clock->alarm >= 0 && (clock->index - clock->alarm) % DIAGNOSIS_EVERY == 0;
+    if (report->due) conclude(state, found, &work->ranking);
+}
+
+/* Take the packed sample with the healthy filter, from where it stood before. */
+static void filter_packed(const State *state, double *innovations, Work *work)
+{
+    memcpy(work->lane, state->healthy.lane, sizeof work->lane);
+    advance_one(work->lane, work->packed, &state->normal, innovations, &work->filters.plain);
+}
+
+/* Take the packed sample with a running filter; `wild`: how many of its inputs are. */
+static void filter_sample(State *state, int64_t wild, Report *report, Diagnosis *found, Work *work)
+{
+    double innovations[2 * N_OUTPUTS];
+    filter_packed(state, innovations, work);
+    if (is_surprising(&state->sensors, work->packed, innovations)) {
+        if (without_spike(&state->normal, state->healthy.lane, work->earlier, work->packed, &work->sample, &work->filters.plain)) {
+            filter_packed(state, innovations, work);
+            wild++;
+        }
+        const int64_t n_wild = judge(&state->clock, &state->sensors, innovations, work->packed);
+        if (n_wild) filter_packed(state, innovations, work);
+        wild += n_wild;
+    } else {
+        see(&state->sensors, work->packed);
+    }
+    keep(state, work->packed, work->lane, wildness_of(work->packed, innovations), work);
+    if (is_sound(work->lane)) {
+        judge_sample(state, innovations, report, found, work);
+    } else {
+        lose(state);
+        report_nothing(report, LOST);
+    }
+    report->wild = wild;
+}
+
+/* Whether every input has had a value; while it has not, those of the sample are held. */
+static int has_inputs(Inputs *inputs, const Sample *sample)
+{
+    int ready = 1;
+    for (int k = 0; k < N_INPUTS; k++) ready &= isfinite(sample->u[k]) || isfinite(inputs->held[k]);
+    for (int k = 0; k < N_INPUTS && !ready; k++)
+        if (isfinite(sample->u[k])) inputs->held[k] = sample->u[k];
+    return ready;
+}
+
+/* Take one sample; `found` gets the diagnosis where one is due. */
+static void watch(State *state, const Sample *told, Report *report, Diagnosis *found, Work *work)
+{
+    Sample sample = *told;
+    correct(&state->normal, &sample);
+    if (!has_inputs(&state->inputs, &sample)) {
+        state->clock.time = sample.time;
+        report_nothing(report, WAITING);
+    } else {
+        const int64_t wild = admit(state, &sample, work->earlier, work->packed, &work->sample, &work->filters.plain);
+        state->clock.time = sample.time;
+        if (state->clock.running) {
+            filter_sample(state, wild, report, found, work);
+        } else {
+            keep(state, work->packed, NULL, 0.0, work);
+            gather(state, report, work);
+        }
+    }
+    state->clock.index++;
+}
+
+#endif

@@ -1,0 +1,81 @@
+"""What the core found, with names: its numbers as the data that people and reports are told by."""
+
+from math import isnan
+from typing import Any
+
+from faultbond.contract.findings import Candidate, Diagnosis, Forecast, Suspect, Unexplained, Untested
+from faultbond.contract.spec import EngineSpec
+from faultbond.types import FaultKind
+
+_KINDS = tuple(FaultKind)
+_WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `estimates.h` numbers it
+
+
+def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
+    """Give a diagnosis; `found` is a record of `Core.diagnosis`."""
+    unexplained = untested = None
+    if found["is_unexplained"]:
+        unexplained = Unexplained(
+            signal=spec.outputs[int(found["signal"])].name,
+            sd=float(found["unexplained_sd"]),
+            since=float(found["since"]),
+            until=float(found["until"]),
+        )
+    if found["has_untested"]:
+        untested = Untested(sets=int(found["untested_sets"]), probability=float(found["untested_probability"]))
+    return Diagnosis(
+        time=float(found["time"]),
+        candidates=tuple(candidate_of(spec, item) for item in found["candidates"][: int(found["n_candidates"])]),
+        unexplained=unexplained,
+        untested=untested,
+    )
+
+
+def candidate_of(spec: EngineSpec, found: Any) -> Candidate:
+    """Give a candidate; `found` is a record of `Core.candidate`."""
+    count = int(found["n_kinds"])
+    kinds = tuple((_KINDS[k], float(share)) for k, share in zip(found["kinds"][:count], found["shares"], strict=False))
+    return Candidate(
+        suspects=tuple(_suspect(spec, item) for item in found["suspects"][: int(found["n_suspects"])]),
+        probability=float(found["probability"]),
+        group=bool(found["group"]),
+        kind=kinds[0][0],
+        kinds=kinds,
+        present=bool(found["present"]),
+        hypothesis=int(found["hypothesis"]),
+        lane=int(found["lane"]),
+    )
+
+
+def _suspect(spec: EngineSpec, found: Any) -> Suspect:
+    index = int(found["parameter"])
+    if index >= 0:
+        name, component = spec.parameters[index].name, spec.parameters[index].component
+    else:
+        k, j = int(found["input"]), int(found["output"])
+        component = spec.inputs[k].name if k >= 0 else spec.outputs[j].name
+        name = f"{component}.{_WORDS[int(found['word'])]}"
+    forecasts = found["forecasts"][: int(found["n_forecasts"])]
+    return Suspect(
+        parameter=name,
+        component=component,
+        nominal=_number(found["nominal"]),
+        estimate=float(found["estimate"]),
+        sd=float(found["sd"]),
+        rate=_number(found["rate"]),
+        rate_sd=_number(found["rate_sd"]),
+        forecasts=tuple(
+            Forecast(
+                limit=float(item["limit"]),
+                time=_number(item["time"]),
+                earliest=_number(item["earliest"]),
+                latest=_number(item["latest"]),
+            )
+            for item in forecasts
+        ),
+    )
+
+
+def _number(value: Any) -> float | None:
+    """Give a number; None where there is none."""
+    return None if isnan(value) else float(value)

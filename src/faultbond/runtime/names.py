@@ -1,0 +1,59 @@
+"""Hypotheses by the names that people know: of parameters, components, sensors and inputs."""
+
+from collections.abc import Sequence
+
+from faultbond.contract.findings import Candidate, Diagnosis
+from faultbond.contract.spec import EngineSpec
+from faultbond.errors import FaultbondError
+
+
+def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
+    """Give the index of the hypothesis with these components, or parameters, or of this sensor or input.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is none, or several.
+    """
+    wanted = frozenset(components)
+    found = [
+        k
+        for k, chosen in enumerate(map(spec.members, range(spec.n_hypotheses)))
+        if wanted
+        in (
+            frozenset(spec.parameters[i].component for i in chosen),
+            frozenset(spec.parameters[i].name for i in chosen),
+        )
+    ]
+    found += [k for k, item in enumerate(spec.instruments, len(spec.hypotheses)) if wanted == {item.name}]
+    if len(found) == 1:
+        return found[0]
+    words = ", ".join(components)
+    if found:
+        raise FaultbondError(f"{words}: several hypotheses have these components. Name their parameters instead.")
+    raise FaultbondError(
+        f"{words}: no hypothesis has just these components. Name those of one candidate of the diagnosis."
+    )
+
+
+def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
+    """Give the parameters of a hypothesis, or its sensor or input."""
+    members = spec.members(hypothesis)
+    if members:
+        return frozenset(spec.parameters[i].name for i in members)
+    return frozenset({spec.instruments[hypothesis - len(spec.hypotheses)].name})
+
+
+def candidate_names(candidate: Candidate) -> frozenset[str]:
+    """Give the parameters of a candidate, or its sensor or input."""
+    return frozenset(name.partition(".")[0] for name in candidate.parameters)
+
+
+def is_sure(diagnosis: Diagnosis, level: float) -> bool:
+    """Whether the best candidate and its kind are likely enough, it is alone in its group, and explains the data."""
+    if not diagnosis.candidates:
+        return False
+    best = diagnosis.candidates[0]
+    alone = sum(item.group for item in diagnosis.candidates) == 1
+    share = best.kinds[0][1] if best.kinds else 1.0
+    return best.probability * share >= level and alone and diagnosis.unexplained is None

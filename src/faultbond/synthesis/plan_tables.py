@@ -1,0 +1,153 @@
+"""What a model decides of the on-line part, as tables in C: suspects, hypotheses, lanes and where they start, settings.
+
+What each table means stands where the core uses it; numbers are in SI, or in factors where `EngineSpec` has them so.
+"""
+
+from collections.abc import Iterable, Sequence
+from textwrap import fill
+
+import numpy as np
+
+from faultbond.contract.findings import MAX_CANDIDATES
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.reserve import PER_SET, extensions, n_grown
+from faultbond.contract.slots import NOISES, plan_slots
+from faultbond.contract.spec import EngineSpec
+from faultbond.synthesis.emit import literal
+from faultbond.types import FaultKind
+
+_WIDTH = 118  # columns of a line of C
+
+
+def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
+    """Give the sizes and settings, by the names of their macros."""
+    settings = spec.thresholds
+    return {
+        **{f"KIND_{kind.name}": k for k, kind in enumerate(FaultKind)},
+        "N_KINDS": len(FaultKind),
+        "N_SETS": len(spec.hypotheses),
+        "N_INSTRUMENTS": len(spec.instruments),
+        "N_RESERVE": len(spec.reserve),
+        "N_GROWN": n_grown(spec),
+        "PER_SET": PER_SET,
+        "LARGEST_SET": max(map(len, (*spec.hypotheses, *spec.reserve)), default=1),
+        "MOST_LIMITS": max((len(item.limits) for item in spec.parameters), default=0),
+        "N_PLANNED": plan_lanes(spec).n_lanes,
+        "N_SINGLE_LANES": int(np.sum(plan_lanes(spec).sizes[plan_lanes(spec).hypothesis] == 1)),
+        "N_SLOT_LANES": plan_slots(spec).n_lanes,
+        "SWITCHED": plan_slots(spec).switched,
+        "SAMPLE_TIME": literal(spec.sample_time or 0.0),
+        "CUSUM_DRIFT": literal(settings.cusum_drift),
+        "CUSUM_LIMIT": literal(settings.cusum_limit),
+        "CUSUM_CLIP": literal(settings.cusum_clip),
+        "FAST_DRIFT": literal(settings.fast_drift),
+        "FAST_LIMIT": literal(settings.fast_limit),
+        "SCATTER_RATIO": literal(settings.scatter_ratio),
+        "SCATTER_LIMIT": literal(settings.scatter_limit),
+        "LEARNING_BOUND": literal(settings.learning_bound),
+        "BANK_BOUND": literal(settings.bank_bound),
+        "WILDEST": literal(settings.bank_bound**2),
+        "SLOW_ERROR_LIMIT": literal(settings.slow_error_limit),
+        "GROUP_NATS": literal(settings.group_nats),
+        "BLANK_FACTOR": literal(settings.blank_factor),
+        "WARM_UP_SAMPLES": settings.warm_up_samples,
+        "HISTORY_SAMPLES": settings.history_samples,
+        "MOST_NOISES": len(NOISES),
+        "MAX_CANDIDATES": MAX_CANDIDATES,
+    }
+
+
+def plan_tables(spec: EngineSpec) -> Iterable[str]:
+    """Give the tables, one definition each."""
+    yield from _plant_tables(spec)
+    yield from _hypothesis_tables(spec)
+    yield from _lane_tables(spec)
+    yield from _slot_tables(spec)
+
+
+def _plant_tables(spec: EngineSpec) -> Iterable[str]:
+    yield numbers("START_MEAN", (item.start_mean for item in spec.states))
+    yield numbers("START_SD", (np.nan if item.start_sd is None else item.start_sd for item in spec.states))
+    yield numbers("STATE_NOISE", (item.noise for item in spec.states))
+    yield numbers("STATE_DRIFT", (item.drift for item in spec.states))
+    yield from ragged_table("JUMP", [[j for j, _ in item.jumps] for item in spec.states], "PARAMETER")
+    yield numbers("JUMP_EXPONENT", (power for item in spec.states for _, power in item.jumps))
+    yield numbers("SLOW_SD", (item.sd for item in spec.slow_errors))
+    yield integers("SLOW_ALARMS", (item.alarms for item in spec.slow_errors))
+    yield from ragged_table("AFTER", [[k for k, _ in item.after] for item in spec.slow_errors], "INPUT")
+    yield numbers("AFTER_EACH", (each for item in spec.slow_errors for _, each in item.after))
+    yield numbers("LOOP_GUESS", spec.loops)
+    for name in ("nominal", "scale", "healthy", "accuracy", "change"):
+        yield numbers(name.upper(), (getattr(item, name) for item in spec.parameters))
+    yield from ragged_table("LIMIT", [item.limits for item in spec.parameters], None)
+    yield numbers("LIMIT", (limit for item in spec.parameters for limit in item.limits))
+    yield numbers("INPUT_NOISE", (item.noise for item in spec.inputs))
+    yield numbers("INPUT_SETTLING", (item.settling for item in spec.inputs))
+    yield numbers("INPUT_STEP", (item.step for item in spec.inputs))
+    yield numbers("INPUT_STEP_PART", (item.step_part for item in spec.inputs))
+    yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
+    yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
+    yield integers("OUTPUT_RANGED", (item.ranged for item in spec.outputs))
+    yield from ragged_table("DIRECT", [item.direct_inputs for item in spec.outputs], "INPUT")
+
+
+def _hypothesis_tables(spec: EngineSpec) -> Iterable[str]:
+    settings = spec.thresholds
+    yield from ragged_table("SET", spec.hypotheses, "MEMBER")
+    yield from ragged_table("RESERVE", spec.reserve, "MEMBER")
+    own = [settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments]
+    sizes = [settings.cost_per_suspect * len(chosen) for chosen in spec.hypotheses]
+    yield numbers("COST", [*sizes, *own, *spec.reserve_costs])
+    found = [entry for parts in extensions(spec) for entry in zip(*parts, strict=True)]
+    yield f"#define N_EXTENSIONS {len(found)}"
+    yield integers("EXTENSION_RESERVE", (row for row, _, _ in found))
+    yield integers("EXTENSION_SET", (base for _, base, _ in found))
+    yield from ragged_table("EXTENSION", [more for _, _, more in found], "MEMBER")
+
+
+def _lane_tables(spec: EngineSpec) -> Iterable[str]:
+    plan = plan_lanes(spec)
+    members = [spec.hypotheses[k] for k in plan.hypothesis]
+    yield integers("FIRST_LANE", (*plan.first, plan.n_lanes))
+    yield integers("LANE_HYPOTHESIS", plan.hypothesis)
+    yield integers("LANE_START", np.cumsum([0, *map(len, members)]))
+    yield numbers("START_VALUE", (plan.values[index, lane] for lane, chosen in enumerate(members) for index in chosen))
+    yield numbers("START_SPREAD", (plan.sds[index, lane] for lane, chosen in enumerate(members) for index in chosen))
+    yield from ragged_table("LANE_JUMP", [np.flatnonzero(row) for row in plan.jumps], "STATE")
+
+
+def _slot_tables(spec: EngineSpec) -> Iterable[str]:
+    lanes = plan_slots(spec).lanes
+    kinds = tuple(FaultKind)
+    yield integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
+    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "old"):
+        yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
+    for name in ("size", "size_sd", "rate_sd", "span", "noise", "weight"):
+        yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
+
+
+def ragged_table(
+    name: str, rows: Sequence[Sequence[int] | Sequence[float] | np.ndarray], what: str | None, kind: str = ""
+) -> Iterable[str]:
+    """Give rows of different length as one table of whole numbers, `name`_`what`, and where each begins, `name`_ROW.
+
+    Each row is a sequence, or an array (n,). `what` None: only where each begins. `kind` ends the names.
+    """
+    yield integers(f"{name}_ROW{kind}", np.cumsum([0, *map(len, rows)]))
+    if what is not None:
+        yield integers(f"{name}_{what}{kind}", (int(place) for row in rows for place in row))
+
+
+def integers(name: str, values: Iterable[int]) -> str:
+    """Give a table of whole numbers; one entry, 0, where there is none."""
+    return _table("int", name, (str(int(value)) for value in values), "0")
+
+
+def numbers(name: str, values: Iterable[float]) -> str:
+    """Give a table of numbers; one entry, 0, where there is none."""
+    return _table("double", name, (literal(float(value)) for value in values), "0.0")
+
+
+def _table(kind: str, name: str, values: Iterable[str], spare: str) -> str:
+    text = f"static const {kind} {name}[] = {{{', '.join(values) or spare}}};"
+    return fill(text, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)

@@ -1,0 +1,73 @@
+"""The core as a program under sanitizers: whole runs, wild samples, forged states, calls in any order."""
+
+import shutil
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from driven import SANITIZERS, made, program, ran, write_recording
+from faultbond.simulate import Fault
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+
+GCC = ("gcc", "-x", "c", "-std=gnu99", "-O1", "-g", "-march=native")
+FAULTS = {
+    "tank": Fault(parameter="K1", factor=3.0, start=230.0),
+    "reserve": Fault(parameter="K", factor=0.6, start=4.0),
+    "no input": Fault(parameter="R1", factor=1.7, start=60.0),
+    "no state": Fault(parameter="R1", factor=1.7, start=10.0),
+}
+CORPUS = [line.split() for line in (Path(__file__).parent / "corpus.txt").read_text(encoding="utf-8").splitlines()]
+
+
+@cache
+def driver(name: str, folder: Path) -> tuple[Path, Path]:
+    """The core of a plant with both sanitizers, and a recording of the plant with a fault."""
+    place = folder / name.replace(" ", "_")
+    place.mkdir()
+    recording = write_recording(place / "recording", made(name, 900, FAULTS[name]))
+    return program(name, place, GCC, *SANITIZERS), recording
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where programs of this module are."""
+    return tmp_path_factory.mktemp("driven")
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_nothing_undefined_happens_in_a_whole_run(name: str, folder: Path) -> None:
+    """Start, alarm, renewals, a rejected and an accepted candidate, saved and restored at each diagnosis."""
+    executable, recording = driver(name, folder)
+    alarms, diagnoses, decisions = map(int, ran(executable, "whole", recording, folder / "out").split())
+    assert alarms >= 1
+    assert diagnoses >= 14
+    assert decisions == 2
+
+
+def test_what_is_reported_of_wild_samples_is_a_number_or_none(folder: Path) -> None:
+    """Through values without end, denormal, the largest there are, or none, and time that jumps: nothing is undefined.
+
+    What is reported is finite, or nan where there is nothing yet; the healthy filter is finite, its variances positive.
+    The plant is found again between bursts of such values, and alarms are raised.
+    """
+    name = "tank"
+    executable, recording = program(name, folder, (*GCC, "-O2")), driver(name, folder)[1]
+    *counts, alarms = map(int, ran(executable, "wild", recording, 20_000, 1).split())
+    assert sum(counts) == 20_000
+    assert counts[3] > 1000  # watching
+    assert alarms > 1
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_cases_drawn_at_random(name: str, folder: Path) -> None:
+    """Samples, saved states and the order of calls, changed at random from a seed."""
+    assert ran(*driver(name, folder)[:1], "fuzz", driver(name, folder)[1], 2, 1).split()
+
+
+@pytest.mark.parametrize(("name", "seed"), [(line[0].replace("_", " "), int(line[1])) for line in CORPUS])
+def test_cases_that_once_failed(name: str, seed: int, folder: Path) -> None:
+    """Cases in which something was wrong once."""
+    executable, recording = driver(name, folder)
+    ran(executable, "case", recording, seed)

@@ -1,0 +1,270 @@
+"""The ranking of the core next to plain sums: posterior, estimates, forecasts."""
+
+from dataclasses import replace
+from itertools import combinations
+from math import inf, log, nan, sqrt
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bare_core import IN_CPP
+from diagnosed import KINDS, RESERVE, SPEC, Diagnosed, slot_of
+from faultbond.arrays import FloatArray
+from faultbond.contract.findings import MAX_CANDIDATES
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import covariance_place
+from faultbond.runtime.candidates import diagnosis_of
+from faultbond.types import FaultKind
+
+WIDE, SLOTS, STEPS = SPEC.slotted, plan_slots(SPEC), plan_lanes(SPEC)
+FIRST = SPEC.parameter_slice.start
+SIZE = WIDE.slot_slice.start
+SETTINGS = SPEC.thresholds
+STEP = KINDS.index(FaultKind.STEP)
+
+
+@pytest.fixture
+def state() -> Diagnosed:
+    """A state with an alarm."""
+    return Diagnosed()
+
+
+def lanes_of(grown: FloatArray) -> list[tuple[int, int, float]]:
+    """Hypothesis, kind and prior weight of each lane; those of no set weigh nothing."""
+    counts = np.bincount(STEPS.hypothesis)
+    found = [(int(k), STEP, -log(counts[k])) for k in STEPS.hypothesis]
+    found += [(SPEC.n_begun + int(k), STEP, -log(3.0) if k >= 0 else -inf) for k in np.repeat(grown, 3)]
+    return found + [(item.hypothesis, KINDS.index(item.kind), item.weight) for item in SLOTS.lanes]
+
+
+def mixed(seed: int, state: Diagnosed, level: float = 0.0, spread: float = 8.0) -> FloatArray:
+    """Write likelihoods of all lanes, some no numbers; give their sums, weighted, by hypothesis and kind.
+
+    The likelihoods scatter about `level`; the sums are those of a level of 0.
+    """
+    generator = np.random.default_rng(seed)
+    values = generator.normal(level, spread, state.n_steps + state.n_slots)
+    values[generator.random(len(values)) < 0.05] = nan
+    values[generator.random(len(values)) < 0.05] = inf
+    state["bank.grown"] = np.where(np.arange(len(RESERVE)) < 5, (3 * np.arange(len(RESERVE))) % len(RESERVE), -1)
+    state.likelihoods(values)
+    total = np.zeros((SPEC.n_hypotheses, len(KINDS)))
+    for value, (hypothesis, kind, weight) in zip(values, lanes_of(state["bank.grown"]), strict=True):
+        total[hypothesis, kind] += np.exp(value - level + weight) if np.isfinite(value) else 0.0
+    return total
+
+
+@pytest.mark.parametrize(("level", "spread"), [(0.0, 0.1), (0.0, 8.0), (-5000.0, 8.0), (-5000.0, 60.0)])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_posterior_is_the_weighted_mean_likelihood_by_its_cost(
+    state: Diagnosed, seed: int, level: float, spread: float
+) -> None:
+    """Probabilities, order, groups and kinds are those of sums over lanes; what has no lanes is no candidate."""
+    total = mixed(seed, state, level, spread)
+    costs = [SETTINGS.cost_per_suspect * len(SPEC.members(k)) for k in range(SPEC.n_hypotheses)]
+    for k, item in enumerate(SPEC.instruments, len(SPEC.hypotheses)):
+        costs[k] = SETTINGS.cost_per_sensor if item.is_output else SETTINGS.cost_per_suspect
+    evidence = total.sum(axis=1) * np.exp(-np.array(costs))
+    found = state.diagnose()
+    rows = found["candidates"][: found["n_candidates"]]
+    assert len(rows) == SPEC.n_begun + 5
+    assert list(rows["hypothesis"]) == [k for k in np.argsort(-evidence, kind="stable") if evidence[k] > 0.0]
+    assert rows["probability"] == pytest.approx(evidence[rows["hypothesis"]] / evidence.sum(), rel=1e-9)
+    assert list(rows["group"]) == list(rows["probability"] >= rows["probability"][0] * np.exp(-SETTINGS.group_nats))
+    tried = {(hypothesis, kind) for hypothesis, kind, weight in lanes_of(state["bank.grown"]) if weight > -inf}
+    for row in rows:
+        own = total[row["hypothesis"]]
+        order = [int(k) for k in np.argsort(-own, kind="stable") if (row["hypothesis"], k) in tried]
+        assert list(row["kinds"][: row["n_kinds"]]) == order
+        assert row["shares"][: row["n_kinds"]] == pytest.approx(own[order] / own.sum(), rel=1e-9)
+
+
+def test_of_what_is_equally_likely_the_first_comes_first(state: Diagnosed) -> None:
+    """Where no lane is any number, candidates, kinds and lanes stand in their order, and all are in one group."""
+    state.likelihoods(np.full(state.n_steps + state.n_slots, nan))
+    for k, lane in enumerate(np.flatnonzero(STEPS.hypothesis == 2)):
+        state.lane("step", int(lane))[FIRST + 2] = 1.0 + k
+    found = state.diagnose()
+    assert found["candidates"][2]["suspects"][0]["estimate"] == SPEC.parameters[2].scale
+    rows = found["candidates"][: found["n_candidates"]]
+    assert list(rows["hypothesis"]) == list(range(SPEC.n_begun))
+    assert rows["group"].all()
+    assert [list(row["kinds"][: row["n_kinds"]]) for row in rows] == [
+        sorted({kind for h, kind, weight in lanes_of(state["bank.grown"]) if h == k and weight > -inf})
+        for k in range(SPEC.n_begun)
+    ]
+
+
+def test_estimates_are_those_of_the_best_lane_of_the_best_kind(state: Diagnosed) -> None:
+    """A lane that is likelier, but of a kind that is less likely in all, says nothing; sizes are in SI."""
+    own = np.flatnonzero(STEPS.hypothesis == 1)
+    values = np.full(state.n_steps + state.n_slots, -1000.0)
+    values[own], values[own[2]] = 49.9, 50.0
+    values[state.n_steps + slot_of(hypothesis=1, kind=FaultKind.DRIFT)] = 50.3
+    state.likelihoods(values)
+    place = FIRST + 1
+    state.lane("step", int(own[2]))[place] = 1.7
+    state.lane("step", int(own[2]))[covariance_place(SPEC, place, place)] = 0.04
+    best = state.diagnose()["candidates"][0]
+    assert (best["hypothesis"], best["present"], best["n_suspects"]) == (1, 1, 1)
+    suspect = best["suspects"][0]
+    assert (suspect["parameter"], suspect["input"], suspect["output"], suspect["word"]) == (1, -1, -1, 0)
+    scale = SPEC.parameters[1].scale
+    assert best["lane"] == own[2]
+    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((1.7 * scale, 0.2 * scale))
+    assert suspect["nominal"] == SPEC.parameters[1].nominal
+    assert np.isnan([suspect["rate"], suspect["rate_sd"]]).all()
+
+
+def test_what_is_lost_does_not_count(state: Diagnosed) -> None:
+    """A lane whose likelihood is no number adds nothing and is not told; all of whose are none has no probability."""
+    state.likelihoods(np.full(state.n_steps + state.n_slots, -100.0))
+    own, gone = (np.flatnonzero(STEPS.hypothesis == k) for k in (2, 0))
+    before = state.diagnose()["candidates"].copy()
+    share = float(before[before["hypothesis"] == 2][0]["probability"])
+    state.write("step", int(own[0]), np.full(SPEC.n_numbers, nan))
+    state.lane("step", int(own[1]))[SPEC.n_numbers - 1] = -inf
+    for place in gone:
+        state.write("step", int(place), np.full(SPEC.n_numbers, nan))
+    for lane, item in enumerate(SLOTS.lanes):
+        if item.hypothesis == 0:
+            state.write("slot", lane, np.full(WIDE.n_numbers, nan))
+    found = state.diagnose()
+    rows = found["candidates"][: found["n_candidates"]]
+    assert (rows[-1]["hypothesis"], rows[-1]["probability"]) == (0, 0.0)
+    assert rows[-2]["probability"] > 0.0
+    assert rows["probability"].sum() == pytest.approx(1.0)
+    assert [sum(row["shares"][: row["n_kinds"]]) for row in rows] == pytest.approx([1.0] * len(rows))
+    (row,) = rows[rows["hypothesis"] == 2]
+    assert row["lane"] in own[2:]
+    assert np.isfinite(row["suspects"][0]["estimate"])
+    weight = sum(np.exp(item.weight) for item in SLOTS.lanes if item.hypothesis == 2)
+    lost = float(before[before["hypothesis"] == 0][0]["probability"])
+    part = (1.0 - 2.0 / len(own) + weight) / (1.0 + weight)
+    assert row["probability"] == pytest.approx(share * part / (1.0 - lost - share * (1.0 - part)))
+
+
+@pytest.mark.parametrize("first", [0, 50, 110])
+def test_at_most_a_hundred_candidates(first: int) -> None:
+    """Of more than a hundred sets the best hundred are given, with probabilities that count all sets."""
+    sets = tuple(combinations(range(len(SPEC.parameters)), 2)) * 20
+    spec, better = replace(SPEC, hypotheses=sets, reserve=()), range(first, first + 10)
+    state = Diagnosed(spec)
+    values = np.full(state.n_steps + state.n_slots, -inf)
+    values[: state.n_steps] = np.where(np.isin(plan_lanes(spec).hypothesis, better), 3.0, 0.0)
+    state.likelihoods(values)
+    found = diagnosis_of(spec, state.diagnose()).candidates
+    others = [k for k in range(len(sets)) if k not in better]
+    assert [item.hypothesis for item in found] == [*better, *others[: MAX_CANDIDATES - 10]]
+    total = 10.0 * np.exp(3.0) + len(sets) - 10.0
+    assert [item.probability for item in found] == pytest.approx([np.exp(3.0) / total] * 10 + [1.0 / total] * 90)
+
+
+def drifting(state: Diagnosed, value: float, rate: float, variances: tuple[float, float]) -> Any:
+    """The suspect of a drift of the first parameter, in factors; variances of value and rate."""
+    lane = slot_of(parameter=0, kind=FaultKind.DRIFT)
+    state.only(state.n_steps + lane)
+    numbers = state.lane("slot", lane)
+    numbers[FIRST], numbers[SIZE], numbers[SIZE + 1] = 1.0, value - 1.0, rate
+    numbers[covariance_place(WIDE, SIZE, SIZE)], numbers[covariance_place(WIDE, SIZE + 1, SIZE + 1)] = variances
+    return state.diagnose()["candidates"][0]["suspects"][0]
+
+
+def test_a_drift_reaches_its_limit_on_a_straight_line(state: Diagnosed) -> None:
+    """From 12 ohm at 0.01 ohm/s to 5 ohm: never; to 20 ohm: in 800 s, sooner and later by the sd of the value."""
+    state["clock.time"] = 1000.0
+    suspect = drifting(state, 1.2, 0.001, (0.01**2, 0.0))
+    assert (suspect["estimate"], suspect["rate"], suspect["sd"]) == pytest.approx((12.0, 0.01, 0.1))
+    assert suspect["n_forecasts"] == 2
+    low, high = suspect["forecasts"]
+    assert (low["limit"], high["limit"]) == (5.0, 20.0)
+    assert np.isnan([low["time"], low["earliest"], low["latest"]]).all()
+    off = NormalDist().inv_cdf(0.95) * 0.1 / 0.01
+    assert tuple(high)[1:] == pytest.approx((1800.0, 1800.0 - off, 1800.0 + off), rel=1e-12)
+
+
+def test_a_drift_is_that_of_the_parameter_and_the_slot(state: Diagnosed) -> None:
+    """Values, rates and covariances are those of the sum of both, within what the parameter can be."""
+    state["normal.rates"] = 3e-4
+    lane, places = state.lane("slot", slot_of(parameter=0, kind=FaultKind.DRIFT)), (FIRST, SIZE, SIZE + 1)
+    root = 0.02 * np.random.default_rng(2).normal(size=(3, 3))
+    full = root @ root.T
+    for i, row in enumerate(places):
+        for j, column in enumerate(places[i:], i):
+            lane[covariance_place(WIDE, row, column)] = full[i, j]
+    one, both = np.array([1.0, 1.0, 0.0]), SPEC.parameters[0].scale
+    for value in (0.9, 1.1 * SPEC.parameters[0].upper):
+        suspect = drifting(state, value, 0.001, (full[1, 1], full[2, 2]))
+        assert suspect["estimate"] == pytest.approx(both * min(value, SPEC.parameters[0].upper))
+        assert suspect["rate"] == pytest.approx(both * (0.001 + 3e-4))
+        assert suspect["sd"] == pytest.approx(both * sqrt(one @ full @ one))
+        assert suspect["rate_sd"] == pytest.approx(both * sqrt(full[2, 2]))
+    suspect = drifting(state, 0.9, 0.001, (full[1, 1], full[2, 2]))
+    for item in suspect["forecasts"]:
+        t = item["earliest"] - state["clock.time"][0]
+        sign = 1.0 if item["limit"] > suspect["nominal"] else -1.0
+        at = np.array([1.0, 1.0, t])
+        score = sign * (suspect["estimate"] + suspect["rate"] * t - item["limit"]) / (both * sqrt(at @ full @ at))
+        assert NormalDist().cdf(score) == pytest.approx(0.05, rel=1e-6)
+
+
+def test_a_rate_that_is_not_known_may_never_reach_the_limit(state: Diagnosed) -> None:
+    """Where the sign of the rate is open, the limit is reached soon, late, or never; where it lies behind, now."""
+    sd = 0.001
+    suspect = drifting(state, 1.2, 0.0005, (0.0, sd**2))
+    high = suspect["forecasts"][1]
+    early = 0.8 / (0.0005 + NormalDist().inv_cdf(0.95) * sd)
+    assert tuple(high)[1:3] == pytest.approx((0.8 / 0.0005, early), rel=1e-12)
+    assert np.isnan(high["latest"])
+    assert drifting(state, 2.5, 0.0005, (1e-8, 1e-8))["forecasts"][1]["latest"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_noise_of_a_sensor_is_where_its_likelihood_is_largest(state: Diagnosed) -> None:
+    """Of n readings with mean square s, each noise tried has n (-log c - s/c) / 2; they tell sqrt(s), to sqrt(s/2n)."""
+    lanes = [k for k, item in enumerate(SLOTS.lanes) if item.output == 1 and item.kind is FaultKind.NOISE]
+    state["normal.noise"], state["sensors.nis"] = [1.0, 4.0], [1.0, 2.25]
+    state.only(state.n_steps + lanes[0])
+    for lane in lanes:
+        c = SLOTS.lanes[lane].noise
+        state.lane("slot", lane)[WIDE.n_numbers - 1] = 300.0 * (-log(c) - 12.0 / c) / 2.0 + 900.0
+    suspect = state.diagnose()["candidates"][0]["suspects"][0]
+    sd = SPEC.outputs[1].noise * 2.0 * 1.5 * sqrt(12.0)
+    assert (suspect["output"], suspect["word"], suspect["nominal"]) == (1, 4, SPEC.outputs[1].noise)
+    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((sd, sd / sqrt(600.0)))
+
+
+def test_words_of_instruments(state: Diagnosed) -> None:
+    """What is wrong with an instrument has a word, a healthy value, and the unit of its reading; 1.1 of a gain."""
+    noise = SPEC.outputs[0].noise
+    expected = {
+        slot_of(output=0, kind=FaultKind.BIAS): (1, 0.0, 0.1 * noise),
+        slot_of(output=0, kind=FaultKind.DRIFT): (1, 0.0, 0.1 * noise),
+        slot_of(output=0, kind=FaultKind.INTERMITTENT, sticks=False, acts=False): (1, 0.0, 0.1 * noise),
+        slot_of(output=0, kind=FaultKind.INTERMITTENT, sticks=True): (2, nan, 0.1 * noise),
+        slot_of(output=0, kind=FaultKind.STUCK): (2, nan, 0.1 * noise),
+        slot_of(output=0, kind=FaultKind.GAIN): (3, 1.0, 1.1),
+        slot_of(input=0, kind=FaultKind.BIAS): (1, 0.0, 0.1),
+    }
+    for lane, (word, nominal, estimate) in expected.items():
+        state.only(state.n_steps + lane)
+        state.lane("slot", lane)[SIZE] = 0.1
+        best = state.diagnose()["candidates"][0]
+        suspect = best["suspects"][0]
+        assert best["present"] == SLOTS.lanes[lane].acts
+        assert (suspect["parameter"], suspect["output"]) == (-1, SLOTS.lanes[lane].output)
+        assert (suspect["word"], suspect["nominal"], suspect["estimate"]) == pytest.approx(
+            (word, nominal, estimate), nan_ok=True
+        )
+        assert np.isnan(suspect["rate"]) == (SLOTS.lanes[lane].kind is not FaultKind.DRIFT)
+
+
+@pytest.mark.parametrize("options", [("-DFB_LANES=1",), ("-DFB_LANES=4", *IN_CPP)])
+def test_every_width_has_the_same_digits(options: tuple[str, ...]) -> None:
+    """Lanes stand elsewhere, and nothing else differs, in C and in C++."""
+    one, other = Diagnosed(), Diagnosed(SPEC, *options)
+    for state in (one, other):
+        mixed(5, state)
+    assert one.diagnose().tobytes() == other.diagnose().tobytes()

@@ -1,0 +1,230 @@
+"""Which samples are tried as onset, and the trail that they are places of."""
+
+import ctypes
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, at, bare, compiled, in_c
+from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.model.text import parse_model
+from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.model_text import model_text
+from faultbond.synthesis.specify import build_spec
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+SETTINGS = core_settings()
+DENSE, MOST_BURSTS, EVERY, SNAPSHOTS = (
+    int(SETTINGS[name]) for name in ("DENSE", "MOST_BURSTS", "SNAPSHOT_EVERY", "SNAPSHOTS")
+)
+# The trail alone, in front of a bank whose size is told at run time.
+OF_ANY_SIZE = '#include "advance.h"\nstatic int64_t n_lanes;\n#undef N_PLANNED\n'
+OF_ANY_SIZE += '#define N_PLANNED n_lanes\n#include "trail.h"\n'
+PLACES = """
+static Past past;
+static Trail trail;
+static Onsets onsets;
+int64_t t_onsets(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t *places, double *widths)
+{
+    n_lanes = lanes;
+    trail.n = n;
+    trail.alarm = alarm;
+    find_onsets(&trail, change, &onsets);
+    memcpy(places, onsets.place, sizeof onsets.place);
+    memcpy(widths, onsets.width, sizeof onsets.width);
+    return onsets.n;
+}
+/* Bursts of a trail of this wildness, whose rows go round the end of those that are kept. */
+int64_t t_bursts(const double *wildness, int64_t n, int64_t *places)
+{
+    trail.past = &past;
+    trail.oldest = DEPTH - 3;
+    trail.n = n;
+    trail.alarm = n - 1;
+    for (int64_t k = 0; k < n; k++) row_of(&past, trail.oldest + k)->wildness = wildness[k];
+    find_bursts(&trail);
+    memcpy(places, trail.bursts, sizeof trail.bursts);
+    return trail.n_bursts;
+}
+"""
+STATES = """
+static Trail trail;
+void t_trail(State *state, double *found)
+{
+    trail_of(state, &trail);
+    found[0] = (double)trail.oldest;
+    found[1] = (double)trail.n;
+    found[2] = (double)trail.alarm;
+    found[3] = trail.old ? trail.old[0] : NAN;
+    found[4] = (double)trail.n_bursts;
+    for (int k = 0; k < trail.n_bursts; k++) found[5 + k] = (double)trail.bursts[k];
+}
+void t_wild(State *state, const double *number, const double *wildness)
+{
+    row_of(&state->past, (int64_t)*number)->wildness = *wildness;
+}
+void t_wildness(State *state, const double *packed, const double *innovations)
+{
+    state->inputs.gain = wildness_of(packed, innovations);
+}
+"""
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The trail of a cell."""
+    plant = build_plant(parse_model(CELL))
+    text = model_text(build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True))
+    return compiled(text + OF_ANY_SIZE + in_c(PLACES))
+
+
+def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100) -> dict[int, float]:
+    """Places in a trail of 330 samples, and for how many each stands; of a bank of so many lanes."""
+    places, widths, wild = np.zeros(400, dtype=np.int64), np.zeros(400), np.zeros(330)
+    wild[[*bursts]] = 9.0
+    library().t_bursts(at(wild), ctypes.c_int64(330), at(places))
+    numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change))
+    n = library().t_onsets(*numbers, at(places), at(widths))
+    return dict(zip(places[:n].tolist(), widths[:n].tolist(), strict=True))
+
+
+def bursts(wildness: FloatArray) -> tuple[int, ...]:
+    """Places at which samples of this wildness begin a burst."""
+    places = np.zeros(MOST_BURSTS, dtype=np.int64)
+    n = library().t_bursts(at(wildness), ctypes.c_int64(len(wildness)), at(places))
+    return tuple(places[:n].tolist())
+
+
+def test_onsets_are_dense_before_the_alarm_and_stand_for_all_samples() -> None:
+    """Each of the last samples before the alarm, sparse ones elsewhere; their widths cover what lies between."""
+    found = onsets(250, 240)
+    assert set(range(250 - DENSE, 251)) <= set(found)
+    assert {240, 251, 252, 254, 258, 266, 282, 314} <= set(found)
+    back = np.array(sorted(250 - place for place in found if place <= 250))
+    assert np.all(np.diff(back) <= 0.05 * back[:-1] + 1.0)
+    assert np.count_nonzero(back > DENSE) < 50
+    places = sorted(found)
+    assert sum(found.values()) == pytest.approx(places[-1] - places[0] + 1)
+    assert all(width > 0.0 for width in found.values())
+    assert max(onsets(329, 240)) == 329
+
+
+def test_a_bank_of_many_lanes_tries_fewer() -> None:
+    """The last eight samples, then ever farther apart, with the estimated onset, and as widely spread in all."""
+    every, found = onsets(250, 193), onsets(250, 193, lanes=40000)
+    assert {193, *range(242, 251), 251, 252, 254, 258, 266, 282, 314} <= set(found)
+    assert len(found) < 0.4 * len(every)
+    back = np.array(sorted(250 - place for place in found if place <= 250))
+    assert np.all(np.diff(back) <= 0.25 * back[:-1] + 1.0)
+    assert sum(found.values()) == pytest.approx(max(found) - min(found) + 1)
+
+
+def test_a_bank_of_very_many_lanes_tries_some_about_the_estimated_onset() -> None:
+    """Twice as far before it and after it each time; so the rest of the trail is not tried."""
+    ways = {2**k for k in range(6)}
+    assert set(onsets(250, 193, lanes=10**6)) == {193, *(193 - k for k in ways), *(193 + k for k in ways)}
+
+
+@pytest.mark.parametrize("lanes", [100, 40000, 10**6])
+def test_bursts_are_tried(lanes: int) -> None:
+    """Where innovations became wild, and one sample before it, in banks of any size; never before the trail."""
+    plain, found = set(onsets(329, 320, lanes=lanes)), set(onsets(329, 320, (1, 137), lanes))
+    assert found - plain <= {1, 136, 137}
+    assert {1, 136, 137} <= found
+    assert min(found) >= 1
+
+
+def test_bursts_begin_where_innovations_become_wild() -> None:
+    """Of a run of wild samples the first counts, what is no number does not, and of many the wildest are kept."""
+    wild = np.zeros(200)
+    wild[[60, 61, 120, 150]] = 40.0, 45.0, 30.0, np.nan
+    assert bursts(wild) == (60, 120)
+    wild[:] = 0.0
+    places = 10 + 10 * np.arange(12)
+    wild[places] = np.array([20, 31, 22, 23, 35, 25, 26, 27, 28, 29, 30, 21])
+    kept = sorted(places[np.argsort(wild[places])[-MOST_BURSTS:]].tolist())
+    assert bursts(wild) == tuple(kept)
+    wild[places] = 20.0 + np.arange(12)
+    assert bursts(wild) == tuple(places[-MOST_BURSTS:])
+
+
+def test_the_first_sample_of_a_trail_begins_no_burst() -> None:
+    """What was wild before the trail begins there in no place that a lane could begin at."""
+    assert bursts(np.array([9.0, 8.0, 0.0, 9.0, 9.0])) == (1, 3)
+    assert bursts(np.array([9.0, 0.0, 0.0])) == ()
+
+
+def test_how_wild_a_sample_is() -> None:
+    """As its largest innovation that is there, in its sd; of a filter that has run away nobody knows."""
+    core = bare(STATES)
+    packed, found = np.zeros(core.spec.n_sample), []
+    packed[core.spec.sample_fields["use"]] = 1.0, 1.0
+    for off in ((-8.0, 3.0, 4.0, 1.0), (2.0, 5.0, 4.0, 1.0), (np.nan, 5.0, 4.0, 1.0), (2.0, np.inf, 4.0, 1.0)):
+        core.call("t_wildness", packed, np.array(off))
+        found.append(core["inputs.gain"][0])
+    assert found == pytest.approx([4.0, 5.0, np.nan, np.inf], nan_ok=True)
+    packed[core.spec.sample_fields["use"]] = 0.0, 1.0
+    core.call("t_wildness", packed, np.array([np.nan, 5.0, 4.0, 1.0]))
+    assert core["inputs.gain"][0] == 5.0
+
+
+def running(**clock: int) -> Bare:
+    """A core whose clock stands so."""
+    core = bare(STATES)
+    for name, value in {"begun": 0, "running": 1, **clock}.items():
+        core[f"clock.{name}"] = value
+    return core
+
+
+def trail_of(core: Bare) -> FloatArray:
+    """The number of its oldest sample, samples, place of the alarm, number of the old lane; bursts."""
+    found = np.full(5 + MOST_BURSTS, np.nan)
+    core.call("t_trail", found)
+    return found[: 5 + int(found[4])]
+
+
+def test_a_trail_knows_where_the_alarm_was() -> None:
+    """It has samples of after the alarm too, but looks for bursts before it only; its length has an end."""
+    core = running(index=900, alarm=850)
+    for number in (700, 850, 870):
+        core.call("t_wild", np.array([float(number)]), np.array([8.0]))
+    kept = core.spec.thresholds.history_samples + 2
+    oldest = 901 - kept
+    assert trail_of(core)[[0, 1, 2, 4, 5, 6]].tolist() == [oldest, kept, 850 - oldest, 2, 700 - oldest, 850 - oldest]
+    core["clock.alarm"] = -1
+    assert trail_of(core)[[0, 1, 2, 4]].tolist() == [oldest, kept, kept - 1, 3]
+
+
+@pytest.mark.parametrize("name", ["begun", "accepted"])
+def test_a_trail_begins_with_the_run_or_what_was_accepted(name: str) -> None:
+    """What was before is of another plant."""
+    assert trail_of(running(index=900, **{name: 850}))[:3].tolist() == [850, 51, 50]
+
+
+def numbered(**clock: int) -> Bare:
+    """The same with lanes that are kept for long, each with its number."""
+    core = running(**clock)
+    core["healthy.snapshots"] = np.repeat(np.arange(float(SNAPSHOTS)), core.spec.n_numbers)
+    return core
+
+
+@pytest.mark.parametrize("accepted", [-1, 400])
+def test_the_ring_of_old_lanes_turns(accepted: int) -> None:
+    """When more lanes have been kept than there is room for, the oldest is the one after the newest."""
+    for kept in (1, SNAPSHOTS, SNAPSHOTS + 1, 2 * SNAPSHOTS + 3):
+        core = numbered(index=max(0, accepted) + EVERY * kept, accepted=accepted)
+        assert trail_of(core)[3] == (0 if kept <= SNAPSHOTS else kept % SNAPSHOTS)
+    assert np.isnan(trail_of(numbered(index=max(0, accepted) + EVERY - 1, accepted=accepted))[3])
+
+
+def test_no_lane_of_after_the_alarm_is_an_old_one() -> None:
+    """A short run has no healthy lane from long before the alarm, at the alarm or later."""
+    assert trail_of(numbered(index=EVERY + 1))[3] == 0.0
+    assert np.isnan(trail_of(numbered(index=EVERY + 1, alarm=EVERY - 1))[3])
+    assert trail_of(numbered(index=EVERY + 1, alarm=EVERY))[3] == 0.0
+    late = numbered(index=EVERY * (SNAPSHOTS + 2), alarm=2 * EVERY)
+    assert np.isnan(trail_of(late)[3])

@@ -1,0 +1,389 @@
+"""Lanes with a slot in the core: how they begin, mix, go on and begin again, next to sums that are slow and plain."""
+
+import ctypes
+import shutil
+
+import numpy as np
+import pytest
+
+from bare_core import IN_CPP, aligned, at, compiled, in_c
+from faultbond.arrays import FloatArray
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import covariance_place, pack, unpack
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.model.text import parse_model
+from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.model_text import core_text
+from faultbond.synthesis.specify import build_spec
+from faultbond.types import FaultKind
+from lamp_core import lamp
+
+pytestmark = pytest.mark.skipif(find_compiler() is None or shutil.which("g++") is None, reason="no compiler")
+CELL = """\
+name: cell
+sample_time: 0.5 s
+max_faults: 1
+constants: {C1: 0.1 F}
+inputs: {V: {unit: V, settling: 7 s}, W: {unit: A, noise: 5 mA}}
+components:
+  source: {type: Se, law: e = V}
+  more: {type: Sf, law: f = W}
+  series: {type: R, parameters: {R1: 10 ohm}}
+  cell: {type: C, law: e = q/C1}
+  leak: {type: Sf, law: f = L, parameters: {L: {nominal: 0 A, accuracy: 1 mA, change: 50 mA}}}
+junctions: {first: 1, node: 0}
+bonds: [source -> first, first -> series, first -> node, node -> cell, node -> leak, more -> node]
+sensors: {i: {reads: first.f, unit: A, noise: 5 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
+slow_error: {first.f: 1 % over 20 s}
+"""
+GRAPH = parse_model(CELL)
+PLANT = build_plant(GRAPH)
+SPEC = build_spec(build_step_model(PLANT))
+WIDE, PLAN, SWITCHED = SPEC.slotted, plan_slots(SPEC), plan_slots(SPEC).switched
+N, SIZE, RATE = PLAN.n_lanes, WIDE.slot_slice.start, WIDE.slot_slice.start + 1
+SHARED = [k for k in range(WIDE.n_joint) if k not in (SIZE, RATE)]  # of a wide z, what a plain one holds too
+PEAK = np.array([6.0, 0.0])  # of each input; one that was always zero counts as 1
+WIDTHS = (0.5, 3.0, 7.0, 2.0)
+CALLS = """
+static Past past;
+static Bank bank;
+static Normal normal;
+static Onsets onsets;
+static Filters filters;
+static SlotMemory memory;
+static Trail trail;
+double *t_numbers(int64_t k)
+{
+    double *const of[] = {bank.slots[0][0], past.rows[0].sample, normal.rates, normal.wander, onsets.width};
+    return of[k];
+}
+int64_t *t_places(void) { return onsets.place; }
+void t_set(int64_t n, const double *old)
+{
+    prepare_filters(&filters);
+    memset(&memory, 0xff, sizeof memory);
+    trail.past = &past;
+    trail.oldest = DEPTH - 3;
+    trail.n = n;
+    trail.alarm = n - 3;
+    trail.old = old;
+}
+void t_begin(int64_t n, const double *peak)
+{
+    onsets.n = (int)n;
+    begin_slots(&bank, &trail, &onsets, peak, &normal, &filters.wide, &memory);
+}
+int64_t t_renew(const double *peak)
+{
+    renew_slots(&bank, &trail, peak, &normal, &filters.wide, &memory);
+    onsets = memory.onsets;
+    return onsets.n;
+}
+void t_advance(const double *packed, double *innovations, int64_t stride)
+{
+    advance_slots(&bank, packed, &normal, innovations, stride, &filters.wide, &memory);
+}
+void t_narrowed(const double *wide, double weight, int64_t parameter, double *plain)
+{
+    narrow(wide, weight, (int)parameter, plain);
+}
+"""
+
+
+class Core:
+    """The core at one width of lanes, with arrays that look into its memory.
+
+    slots : (n_blocks, n_numbers, width); normal: rates and wander of parameters; rows: of the past
+    """
+
+    def __init__(self, width: int) -> None:
+        text = core_text(SPEC, build_step_model(PLANT, all_inputs=True)) + in_c(CALLS)
+        self.width, self.library = width, compiled(text, f"-DFB_LANES={width}", *(IN_CPP if width == 1 else ()))
+        self.library.t_numbers.restype = self.library.t_places.restype = ctypes.c_void_p
+        self.library.t_renew.restype = self.library.fb_work_size.restype = ctypes.c_int64
+        n_rows = SPEC.thresholds.history_samples + 2
+        shapes = (
+            (-(-N // width), WIDE.n_numbers, width),
+            (n_rows, SPEC.n_sample + SPEC.n_numbers + 2),
+            (2,),
+            (2,),
+            (n_rows,),
+        )
+        self.slots, self.rows, self.rates, self.wander, self.widths = (
+            self._view(k, *shape) for k, shape in enumerate(shapes)
+        )
+        self.places = np.ctypeslib.as_array(
+            ctypes.cast(self.library.t_places(), ctypes.POINTER(ctypes.c_int64)), (n_rows,)
+        )
+        self.rates[:], self.wander[:] = 0.0, 0.0
+
+    def _view(self, k: int, *shape: int) -> FloatArray:
+        return np.ctypeslib.as_array(ctypes.cast(self.library.t_numbers(k), ctypes.POINTER(ctypes.c_double)), shape)
+
+    def put(self, of: tuple[FloatArray, FloatArray], old: FloatArray | None, lanes: FloatArray | None = None) -> None:
+        """Set the trail, the lane of long ago, and all lanes; numbers of samples go round the end of the rows."""
+        places = (len(self.rows) - 3 + np.arange(len(of[0]))) % len(self.rows)
+        self.rows[places, : SPEC.n_sample], self.rows[places, SPEC.n_sample : -2] = of
+        self.library.t_set(ctypes.c_int64(len(of[0])), at(old))
+        if lanes is not None:
+            first = (N - 1) // self.width * self.width  # of the last block, which is filled up with it
+            filled = lanes[:, [*range(N), *[first] * (-N % self.width)]]
+            self.slots[:] = filled.reshape(len(lanes), -1, self.width).transpose(1, 0, 2)
+
+    def lanes(self) -> FloatArray:
+        """All lanes, (n_numbers, n_lanes); those that fill up the last block repeat its first."""
+        every = self.slots.transpose(1, 0, 2).reshape(WIDE.n_numbers, -1)
+        assert all(np.array_equal(extra, self.slots[-1, :, 0], equal_nan=True) for extra in every[:, N:].T)
+        return every[:, :N].copy()
+
+    def advanced(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Wide lanes (n_numbers, n) after samples, and the last innovations, by the filter alone."""
+        n, now = lanes.shape[1], np.resize(lanes.T, (-(-lanes.shape[1] // 8) * 8, len(lanes))).T.copy()
+        found, first = np.zeros((2 * len(SPEC.outputs), now.shape[1])), WIDE.parameter_slice.start
+        room = aligned(self.library.fb_work_size())
+        for sample in samples.copy():
+            sample[SPEC.sample_fields["again"]], sample[SPEC.sample_fields["bound"]] = 1.0, SPEC.thresholds.bank_bound
+            for k in range(2):
+                now[first + k] += self.rates[k] * sample[0]
+                now[covariance_place(WIDE, first + k, first + k)] += (self.wander[k] * sample[0]) ** 2
+            counts = (ctypes.c_int64(now.shape[1]), ctypes.c_int64(1))
+            self.library.fb_advance_wide(*counts, *map(at, (sample, now, found, room)))
+        return now[:, :n], found[:, :n]
+
+
+@pytest.fixture(params=[1, 8])
+def core(request: pytest.FixtureRequest) -> Core:
+    """The core at one width in C++, at the other in C, in which nothing drifts by itself."""
+    return Core(request.param)
+
+
+def plain_lane(seed: int) -> FloatArray:
+    """A healthy lane, shape (n_numbers,), with a covariance that is full."""
+    generator, n = np.random.default_rng(seed), SPEC.n_joint
+    root = generator.normal(size=(n, n)) * 0.02
+    z = [0.3, 0.005, generator.uniform(0.9, 1.1), generator.normal(0.0, 1e-3), 0.001]
+    return np.array([*z, *pack(root @ root.T + 1e-4 * np.eye(n)), generator.normal(-5.0, 3.0)])
+
+
+def trail(n: int) -> tuple[FloatArray, FloatArray]:
+    """Samples and healthy lanes of `n` moments; some values are missing, at the first moment all of one sensor."""
+    generator, place = np.random.default_rng(n), SPEC.sample_fields
+    samples = np.zeros((n, SPEC.n_sample))
+    samples[:, place["dt"]], samples[:, place["scale"]] = 0.5, 1.0
+    samples[:, place["u"]] = generator.uniform([2.9, -0.01], [3.1, 0.01], (n, 2))
+    samples[1:, place["u_before"]] = samples[:-1, place["u"]]
+    samples[:, place["y"]] = generator.normal([0.0, 3.0], [0.01, 0.05], (n, 2))
+    samples[:, place["use"]] = generator.random((n, 2)) > 0.2
+    samples[:4, place["use"]] = [1.0, 0.0]
+    return samples, np.array([plain_lane(k) for k in range(n)])
+
+
+def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], old: FloatArray | None) -> FloatArray:
+    """Lane k of the plan (n_numbers,), begun from the healthy lane at a place, by matrices."""
+    (samples, lanes), item, slow, own = of, PLAN.lanes[k], SPEC.slow_slice, SPEC.parameter_slice
+    z, full = lanes[place, : SPEC.n_joint].copy(), unpack(SPEC, lanes[place, SPEC.covariance_slice])
+    z[slow], full[slow], full[:, slow] = 0.0, 0.0, 0.0
+    full[slow, slow] = 0.01**2
+    unit = z[own][item.parameter] if item.parameter == 0 else ([6.0, 1.0][item.input] if item.input >= 0 else 1.0)
+    if item.old and old is not None:
+        z[own], full[own], full[:, own] = old[own], 0.0, 0.0
+        full[own, own] = unpack(SPEC, old[SPEC.covariance_slice])[own, own]
+    lane, wide = np.zeros(WIDE.n_numbers), np.zeros((WIDE.n_joint, WIDE.n_joint))
+    lane[SHARED], wide[np.ix_(SHARED, SHARED)], lane[-1] = z, full, lanes[place, -1]
+    lane[SIZE] = item.size * unit
+    wide[SIZE, SIZE], wide[RATE, RATE] = (item.size_sd * unit) ** 2, (item.rate_sd * unit / 0.5) ** 2
+    role = {name: lane[where] for name, where in WIDE.role_fields.items()}
+    role["reads"][:] = role["noise"][:] = 1.0
+    role["wander"][:] = 0.5 * wide[RATE, RATE] / (item.span * 0.5) if item.span else 0.0
+    if item.parameter >= 0:
+        role["theta"][item.parameter] = item.acts
+    if item.input >= 0:
+        role["input"][item.input] = item.acts
+    if item.output >= 0:
+        j, noise = item.output, SPEC.outputs[item.output].noise
+        role["noise"][j], role["gain"][j] = item.noise, item.kind is FaultKind.GAIN
+        role["reads"][j] = not (item.sticks and item.acts)
+        role["bias"][j] = noise * (item.acts and item.kind not in (FaultKind.GAIN, FaultKind.NOISE))
+        seen = [row[SPEC.sample_fields["y"]][j] for row in samples[:n_seen] if row[SPEC.sample_fields["use"]][j]]
+        lane[SIZE] = ([0.0, *seen][-1] / noise) if item.sticks else lane[SIZE]
+    lane[WIDE.covariance_slice] = pack(wide)
+    return lane
+
+
+def mixture(lanes: FloatArray, widths: FloatArray) -> FloatArray:
+    """The best of lanes (n_onsets, n_numbers, n), with the mean likelihood over all, onsets weighed by their width."""
+    best = lanes[np.argmax(lanes[:, -1], axis=0), :, np.arange(lanes.shape[2])].T.copy()
+    best[-1] += np.log(np.exp(lanes[:, -1] - best[-1]).T @ widths / SPEC.thresholds.history_samples)
+    return best
+
+
+def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> FloatArray:
+    """A lane (n_numbers,) with mean and covariance of one and another, of such log-weights; the roles of the first."""
+    n, lane, total = WIDE.n_joint, one.copy(), np.logaddexp(first, second)
+    p, q = np.exp(first - total), np.exp(second - total)
+    q = 0.0 if p == 1.0 else q
+    full = [unpack(WIDE, part[WIDE.covariance_slice]) for part in (one, two)]
+    lane[:n] = p * one[:n] + q * two[:n]
+    middle = p * full[0] + q * full[1] + p * q * np.outer(one[:n] - two[:n], one[:n] - two[:n])
+    lane[WIDE.covariance_slice], lane[-1] = pack(middle), total
+    return lane
+
+
+def interacted(lanes: FloatArray) -> FloatArray:
+    """Pairs (n_numbers, 2 n), in which once in 300 samples the fault comes or goes."""
+    stay, come = np.log(299.0 / 300.0), np.log(1.0 / 300.0)
+    pairs = [(lanes[:, k], lanes[:, k ^ 1]) for k in range(lanes.shape[1])]
+    return np.array([merged(own, other, own[-1] + stay, other[-1] + come) for own, other in pairs]).T
+
+
+def close(found: FloatArray, wanted: FloatArray) -> bool:
+    """Whether lanes agree but for rounding: to 1e-9 of each number, or of the sds that a covariance is of."""
+    sizes = 1e-3 * np.abs(wanted).max(axis=1, keepdims=True) * np.ones_like(wanted)
+    for k, lane in enumerate(wanted.T):
+        full = unpack(WIDE, lane[WIDE.covariance_slice])
+        sd = np.sqrt(np.diag(full))
+        sizes[WIDE.covariance_slice, k] = np.maximum(sizes[WIDE.covariance_slice, k], pack(np.outer(sd, sd)))
+    return bool(np.all(np.abs(found - wanted) <= 1e-9 * (np.abs(wanted) + sizes)))
+
+
+def test_the_plan_has_what_the_tests_are_about() -> None:
+    """Pairs straddle blocks, being behind an odd number of lanes, and an input settles in sight of a sensor."""
+    assert (SWITCHED % 2, (N - SWITCHED) // 2 % 8) == (1, 1)
+    assert [item.direct_inputs for item in SPEC.outputs] == [(0,), ()]
+    old = {(item.kind, item.parameter >= 0) for item in PLAN.lanes if item.old}
+    assert old == {(FaultKind.DRIFT, True)}  # of drifts under way what the plant has learned is forgotten
+    assert any(item.kind is FaultKind.DRIFT and item.parameter >= 0 and not item.old for item in PLAN.lanes)
+
+
+@pytest.mark.parametrize("old", [None, plain_lane(99)], ids=["young", "old"])
+@pytest.mark.parametrize(("drift", "onsets"), [(0.0, (3, 10, 23, 31)), (0.01, (3,))])
+def test_lanes_begin_at_all_onsets_and_pairs_at_the_oldest_sample(
+    core: Core, old: FloatArray | None, drift: float, onsets: tuple[int, ...]
+) -> None:
+    """Each is the best of its onsets, as likely as all are on the mean; pairs mix before each sample."""
+    of, n, place = trail(34), len(onsets), covariance_place(WIDE, SIZE, SIZE)
+    core.rates[0], core.wander[0], core.places[:n], core.widths[:n] = drift, 0.5 * drift, onsets, WIDTHS[:n]
+    core.put(of, old)
+    core.library.t_begin(ctypes.c_int64(n), at(PEAK))
+    ends = []
+    for onset in onsets:
+        lanes = np.array([begun(k, onset - 1, onset, of, old) for k in range(SWITCHED)]).T
+        end, _ = core.advanced(lanes, of[0][onset:])
+        own = [k for k in range(SWITCHED) if PLAN.lanes[k].input == 0]  # comes up in 12 steps over 7 s, 14 samples
+        steps, now = np.array_split(of[0][onset:][:14], min(12, 34 - onset)), lanes[:, own]
+        more, now[place] = now[place] / len(steps), 0.0
+        for rows in steps:
+            now[place] += more
+            now, _ = core.advanced(now, rows)
+        end[:, own], _ = core.advanced(now, of[0][onset + 14 :])
+        ends.append(end)
+    assert close(core.lanes()[:, :SWITCHED], mixture(np.array(ends), np.array(WIDTHS[:n])))
+    now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
+    now[-1, ::2] = -np.inf
+    for sample in of[0][1:]:
+        now, _ = core.advanced(interacted(now), sample[None, :])
+    assert close(core.lanes()[:, SWITCHED:], now)
+
+
+def test_lanes_go_on_and_pairs_are_judged_as_one(core: Core) -> None:
+    """A sample goes into every lane; both lanes of a pair have the innovations of their mixture."""
+    of, n_y, found = trail(24), len(SPEC.outputs), np.full((4, N + 3), 7.0)
+    lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
+    core.rates[0], core.wander[0] = 0.01, 0.002
+    core.put(of, None, lanes)
+    core.library.t_advance(at(of[0][-1]), at(found), ctypes.c_int64(N + 3))
+    ready = np.concatenate([lanes[:, :SWITCHED], interacted(lanes[:, SWITCHED:])], axis=1)
+    after, wanted = core.advanced(ready, of[0][-1:])
+    for k in range(SWITCHED, N, 2):
+        weights = np.exp(ready[-1, k : k + 2] - np.logaddexp(*ready[-1, k : k + 2]))
+        error, variance = wanted[:n_y, k : k + 2], wanted[n_y:, k : k + 2]
+        mean = error @ weights
+        wanted[:, k : k + 2] = np.array([*mean, *((variance + error**2) @ weights - mean**2)])[:, None]
+    assert close(core.lanes(), after)
+    assert np.allclose(found[:, :N], wanted, rtol=1e-9, atol=1e-12)
+    assert np.all(found[:, N:] == 7.0)
+
+
+def test_a_lane_that_is_no_number_spoils_no_other(core: Core) -> None:
+    """Where one lane of a pair has run away, the other goes on as it was, and takes its place at the next sample."""
+    of, innovations = trail(24), np.zeros((4, N))
+    lanes = np.array([begun(k, 5, 3, of, None) for k in range(N)]).T
+    lanes[: WIDE.loop_slice.stop, SWITCHED], lanes[-1, SWITCHED], lanes[-1, 2] = np.inf, np.nan, np.nan
+    core.put(of, None, lanes)
+    core.library.t_advance(at(of[0][-1]), at(innovations), ctypes.c_int64(N))
+    found, (alone, _) = core.lanes(), core.advanced(lanes[:, SWITCHED + 1, None], of[0][-1:])
+    assert np.all(np.isfinite(np.delete(found, 2, axis=1)))
+    assert found[:-1, SWITCHED + 1] == pytest.approx(alone[:-1, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize("likelier", [False, True])
+def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core, likelier: bool) -> None:
+    """The least likely lane of each becomes one that begins with size and rate of the likeliest, if it is likelier."""
+    of, old = trail(30), plain_lane(99)
+    lanes = np.array([begun(k, 20, 3, of, None) for k in range(N)]).T
+    lanes[SIZE], lanes[RATE], lanes[-1] = np.random.default_rng(3).normal(0.0, [[0.3], [0.01], [5.0]], (3, N))
+    lanes[-1] += -1e4 if likelier else 1e4
+    lanes[-1, 1] = np.nan  # one of the first drift
+    core.put(of, old, lanes)
+    n, wanted = core.library.t_renew(at(PEAK)), lanes.copy()
+    groups: dict[int, list[int]] = {}
+    for k, item in enumerate(PLAN.lanes[:SWITCHED]):
+        if item.input >= 0 or (item.kind is FaultKind.DRIFT and item.parameter >= 0):
+            groups.setdefault(item.hypothesis, []).append(k)
+    for group in groups.values():
+        likelihood = np.nan_to_num(lanes[-1, group], nan=-np.inf)
+        best, worst = group[int(np.argmax(likelihood))], group[int(np.argmin(likelihood))]
+        widest = max(group, key=lambda k: PLAN.lanes[k].size_sd)
+        spread, ends = widest if PLAN.lanes[worst].input >= 0 else worst, []
+        for onset in core.places[:n]:
+            lane = begun(spread, onset - 1, onset, of, old)
+            lane[SIZE], lane[RATE] = lanes[SIZE, best] - lanes[RATE, best] * 0.5 * (30 - onset), lanes[RATE, best]
+            ends.append(core.advanced(lane[:, None], of[0][onset:])[0])
+        if likelier or worst == 1:
+            wanted[:, worst] = mixture(np.array(ends), core.widths[:n])[:, 0]
+    assert close(np.delete(core.lanes(), 1, axis=1), np.delete(wanted, 1, axis=1))
+    assert np.array_equal(np.isfinite(core.lanes()[-1]), np.isfinite(wanted[-1]))
+    changed = {k for k in range(N) if not np.array_equal(core.lanes()[:, k], lanes[:, k])}
+    assert [len(changed & set(group)) for group in groups.values()] == ([1, 1, 1, 1] if likelier else [1, 0, 0, 0])
+
+
+@pytest.mark.parametrize("parameter", [-1, 0, 1])
+def test_a_lane_without_its_slot(core: Core, parameter: int) -> None:
+    """What the slot adds to a parameter becomes part of it, and of its covariance: T z and T P T'."""
+    lane, found = np.zeros(WIDE.n_numbers), np.zeros(SPEC.n_numbers)
+    root, take = np.random.default_rng(4).normal(size=(WIDE.n_joint, WIDE.n_joint)), np.eye(WIDE.n_joint)[SHARED]
+    lane[: WIDE.n_joint], lane[WIDE.covariance_slice], lane[-1] = root[0], pack(root @ root.T), -3.0
+    if parameter >= 0:
+        take[SPEC.parameter_slice.start + parameter, SIZE] = 0.7
+    core.library.t_narrowed(at(lane), ctypes.c_double(0.7), ctypes.c_int64(parameter), at(found))
+    wanted = [*(take @ root[0]), *pack(take @ root @ root.T @ take.T), -3.0]
+    assert found == pytest.approx(np.array(wanted), rel=1e-12, abs=1e-12)
+
+
+def test_an_empty_slot_changes_nothing_else() -> None:
+    """Mean, covariance and implicit signals stay; the slot is zero, and without it the lane is as before."""
+    core, spec = lamp(), lamp().spec
+    own = [k for k in range(spec.slotted.n_joint) if k not in range(*spec.slotted.slot_slice.indices(99))]
+    plain, wide = np.random.default_rng(2).normal(size=spec.n_numbers), np.ones(spec.slotted.n_numbers)
+    core.call("t_widen", plain, wide)
+    full = unpack(spec.slotted, wide[spec.slotted.covariance_slice])
+    assert len(spec.loops) == 1
+    assert np.array_equal(wide[own], plain[: spec.n_joint])
+    assert np.array_equal(full[np.ix_(own, own)], unpack(spec, plain[spec.covariance_slice]))
+    assert np.array_equal(wide[spec.slotted.loop_slice], plain[spec.loop_slice])
+    assert wide[-1] == plain[-1]
+    assert not np.any(wide[spec.slotted.slot_slice])
+    assert not np.any(full[spec.slotted.slot_slice])
+    assert not np.any(wide[spec.slotted.loop_slice.stop : -1])
+    back = np.zeros_like(plain)
+    core.call("t_narrow", wide, back)
+    assert np.array_equal(back, plain)
+
+
+def test_rates_on_a_grid_without_a_step() -> None:
+    """Where the sample time varies, a rate per sample is one per mean time between samples; per second at the least."""
+    found = np.zeros(1)
+    for steps, wanted in (([0.0, 0.5, 0.25], 0.25), ([0.0, 0.0], 1.0)):
+        lamp().call("t_usual_step", np.array(steps), np.array([float(len(steps))]), found)
+        assert found[0] == pytest.approx(wanted)

@@ -1,0 +1,235 @@
+"""Where lanes of steps begin: suspects at their starts, stores that keep what they hold, and the first sample."""
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, bare
+from faultbond.arrays import FloatArray
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.synthesis.compile import find_compiler
+from made import EXAMPLES
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+CALLS = """
+static StepMemory steps;
+static Filters filters;
+static Trail trail;
+void t_suspect(State *state, const double *lane, const double *tied, const double *healthy, double *to)
+{
+    Start start;
+    (void)state;
+    planned_start((int64_t)*lane, &start);
+    start.tied = *tied != 0.0;
+    suspect_lane(&start, healthy, to);
+}
+int64_t t_settles(State *state, const double *lane) { (void)state; return settles_in_sight((int64_t)*lane); }
+/* Rows of the past, [n][samples and lanes], and lane 0 begun at one of them. */
+void t_begin(State *state, const double *rows, const double *n, const double *onset, double *to)
+{
+    const int64_t width = N_SAMPLE + PLAIN_NUMBERS;
+    prepare_filters(&filters);
+    trail.past = &state->past;
+    trail.oldest = DEPTH - 2;
+    trail.n = (int64_t)*n;
+    for (int64_t k = 0; k < trail.n; k++)
+        memcpy(row_of(&state->past, trail.oldest + k), rows + k * width, (size_t)width * sizeof *rows);
+    steps.onsets.n = 1;
+    steps.onsets.place[0] = (int64_t)*onset;
+    steps.onsets.width[0] = (double)HISTORY_SAMPLES;
+    planned_starts(0, steps.starts);
+    begin_steps(steps.starts, &trail, &steps.onsets, &state->normal, steps.near, &steps, &filters.plain);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = steps.near[k][0];
+}
+void t_one(State *state, const double *sample, double *lane)
+{
+    prepare_filters(&filters);
+    advance_one(lane, sample, &state->normal, NULL, &filters.plain);
+}
+"""
+PLANTS = ("tank", "rlc")
+
+
+@cache
+def core(name: str) -> Bare:
+    """The core of a plant."""
+    text = CELL if name == "cell" else (EXAMPLES / name / "model.yaml").read_text(encoding="utf-8")
+    return bare(CALLS, text)
+
+
+def wide_lane(spec: EngineSpec, seed: int = 1) -> FloatArray:
+    """A healthy lane, shape (n_numbers,), in which everything is correlated and no mean is a round number."""
+    generator, lane = np.random.default_rng(seed), np.zeros(spec.n_numbers)
+    lane[: len(spec.states)] = 3.0
+    root = 0.05 * generator.normal(size=(spec.n_joint, spec.n_joint))
+    lane[spec.covariance_slice] = pack(root @ root.T + 0.01 * np.eye(spec.n_joint))
+    lane[spec.parameter_slice] = [item.healthy for item in spec.parameters]
+    lane[spec.parameter_slice] *= generator.uniform(0.95, 1.05, len(spec.parameters))
+    lane[spec.slow_slice] = 0.3
+    lane[-1] = -12.5
+    return lane
+
+
+def suspect_lanes(core: Bare, healthy: FloatArray, *, tied: bool = False) -> FloatArray:
+    """All lanes of the plan from a healthy one, (n_lanes, n_numbers)."""
+    lanes = np.zeros((plan_lanes(core.spec).n_lanes, core.spec.n_numbers))
+    for k, lane in enumerate(lanes):
+        core.call("t_suspect", np.array([float(k)]), np.array([float(tied)]), healthy, lane)
+    return lanes
+
+
+def is_positive(full: FloatArray) -> bool:
+    """Whether a covariance is positive definite."""
+    sd = np.sqrt(np.diag(full))
+    return bool(np.linalg.eigvalsh(full / np.outer(sd, sd)).min() > 0.0)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_suspects_begin_at_their_starts(name: str) -> None:
+    """In its lanes a suspect stands at its start, as wide as that and correlated with nothing; the rest is healthy."""
+    spec = core(name).spec
+    plan, healthy = plan_lanes(spec), wide_lane(spec)
+    lanes, before = suspect_lanes(core(name), healthy), unpack(spec, healthy[spec.covariance_slice])
+    first, n_x = spec.parameter_slice.start, len(spec.states)
+    for lane, z in enumerate(lanes):
+        full = unpack(spec, z[spec.covariance_slice])
+        chosen = np.flatnonzero(plan.suspected[:, lane])
+        own = first + chosen
+        others = np.setdiff1d(np.arange(spec.n_joint), own)
+        for index, k in zip(chosen, own, strict=True):
+            item = spec.parameters[index]
+            value = np.clip(healthy[k] * plan.values[index, lane], item.lower, item.upper)
+            assert z[k] == pytest.approx(value, rel=1e-14)
+            assert full[k, k] == pytest.approx((plan.sds[index, lane] * healthy[k]) ** 2, rel=1e-12)
+            assert not np.any(full[k, others])
+        still = others[others >= n_x]
+        assert np.array_equal(z[still], healthy[still])
+        assert np.array_equal(full[np.ix_(still, still)], before[np.ix_(still, still)])
+        if not plan.jumps[lane].any():
+            assert np.array_equal(full[np.ix_(others, others)], before[np.ix_(others, others)])
+            assert np.array_equal(z[:n_x], healthy[:n_x])
+        assert is_positive(full)
+        assert np.array_equal(z[spec.n_joint + spec.n_packed :], healthy[spec.n_joint + spec.n_packed :])
+
+
+def content_variance(spec: EngineSpec, lane: FloatArray, exponents: dict[int, float]) -> float:
+    """The relative variance, to first order, of the product of elements of z, each to its exponent."""
+    full, places = unpack(spec, lane[spec.covariance_slice]), list(exponents)
+    slopes = np.array([exponents[k] / lane[k] for k in places])
+    return float(slopes @ full[np.ix_(places, places)] @ slopes)
+
+
+def test_content_goes_on_where_it_is_kept() -> None:
+    """Where a store keeps its content, its effort or flow moves against its own parameter, and nothing else moves."""
+    spec = core("rlc").spec
+    plan, healthy = plan_lanes(spec), wide_lane(spec)
+    lanes = suspect_lanes(core("rlc"), healthy)
+    names = [item.name for item in spec.parameters]
+    for state, (store, owner) in enumerate((("C.e", "C"), ("L.f", "L"))):
+        assert spec.states[state].name == store
+        index = names.index(owner)
+        jumping = np.flatnonzero(plan.jumps[:, state])
+        assert len(jumping) > 0
+        assert all(plan.suspected[index, lane] for lane in jumping)
+        for lane in jumping:
+            factor = plan.values[index, lane]
+            assert lanes[lane, state] == pytest.approx(healthy[state] / factor, rel=1e-9)
+            assert lanes[lane, 1 - state] == healthy[1 - state]
+            # e = content/factor: as uncertain as the content before, and as the factor (relative sd) makes it
+            place = spec.parameter_slice.start + index
+            before = content_variance(spec, healthy, {state: 1.0, place: 1.0}) * (healthy[state] / factor) ** 2
+            relative = plan.sds[index, lane] * healthy[place] / lanes[lane, place]
+            found = unpack(spec, lanes[lane, spec.covariance_slice])[state, state]
+            assert found == pytest.approx(before + (lanes[lane, state] * relative) ** 2, rel=1e-9)
+
+
+def jumps(spec: EngineSpec) -> Iterator[tuple[int, int, dict[int, float]]]:
+    """State and lane of each store that jumps, and the exponents of what it holds by place in z."""
+    plan, first = plan_lanes(spec), spec.parameter_slice.start
+    for state, item in enumerate(spec.states):
+        for lane in np.flatnonzero(plan.jumps[:, state]):
+            own = {first + k: -exponent for k, exponent in item.jumps if plan.suspected[k, lane]}
+            yield state, int(lane), own
+
+
+@pytest.mark.parametrize("clipped", [False, True])
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_tied_jump_keeps_the_content(name: str, clipped: bool) -> None:
+    """Begun from what was found, a store holds what it held, as uncertain as before and not bound to the factor.
+
+    Also where a parameter cannot go as far as its start says.
+    """
+    spec = core(name).spec
+    healthy, checked, bound = wide_lane(spec), 0, 0
+    if clipped:
+        healthy[spec.parameter_slice] *= [item.upper / item.healthy / 1.2 for item in spec.parameters]
+    lanes = suspect_lanes(core(name), healthy, tied=True)
+    for state, k, own in jumps(spec):
+        lane, exponents, slopes = lanes[k], {state: 1.0} | own, np.zeros(spec.n_joint)
+        full = unpack(spec, lane[spec.covariance_slice])
+        slopes[list(exponents)] = [exponent / lane[place] for place, exponent in exponents.items()]
+        content, held = (np.prod([z[place] ** e for place, e in exponents.items()]) for z in (lane, healthy))
+        assert content == pytest.approx(held, rel=1e-9)
+        sds = np.sqrt(np.diag(full))[list(own)] / lane[list(own)]
+        assert full[list(own)] @ slopes / (sds * lane[list(own)]) == pytest.approx(0.0, abs=1e-9 * sds.max())
+        known = content_variance(spec, healthy, exponents)
+        assert content_variance(spec, lane, exponents) == pytest.approx(known, rel=1e-9, abs=1e-12 * sds.max() ** 2)
+        assert is_positive(full)
+        checked += 1
+        bound += any(lane[place] == spec.parameters[place - spec.parameter_slice.start].upper for place in own)
+    assert checked > 5
+    assert (bound > 2) == clipped
+
+
+def test_which_biases_come_up_slowly() -> None:
+    """Those of inputs that settle in sight of a sensor: the inlet of the tank, not its outlet; none of the circuit."""
+    lanes = plan_slots(core("tank").spec).lanes
+    own = [k for k in range(len(lanes)) if core("tank").call("t_settles", np.array([float(k)]))]
+    assert all(item.settling > 0.0 for item in core("tank").spec.inputs)
+    assert {lanes[k].input for k in own} == {0}
+    assert own == [k for k, item in enumerate(lanes) if item.input == 0]
+    n = len(plan_slots(core("rlc").spec).lanes)
+    assert not any(core("rlc").call("t_settles", np.array([float(k)])) for k in range(n))
+
+
+def test_no_time_passes_twice_at_the_onset() -> None:
+    """Half of the way of a fault that came at the sample before; slow errors, which hold a part of it, begin anew.
+
+    What a gap or a kick adds at the onset is added once, before its readings.
+    """
+    cell = core("cell")
+    spec, n, onset, n_x = cell.spec, 9, 4, len(cell.spec.states)
+    place, generator = spec.sample_fields, np.random.default_rng(4)
+    samples, lanes = np.zeros((n, spec.n_sample)), np.array([wide_lane(spec, k) for k in range(n)])
+    samples[:, place["dt"]], samples[:, place["use"]], samples[:, place["scale"]] = 0.5, 1.0, 1.0
+    samples[:, place["u"]] = samples[:, place["u_before"]] = [3.0, 0.1]
+    samples[:, place["y"]] = generator.normal(0.5, 1.0, (n, 2))
+    samples[onset, place["kick"]], samples[onset, place["gap"]] = 0.02, 0.3
+    found = np.zeros(spec.n_numbers)
+    rows = np.ascontiguousarray(np.concatenate([samples, lanes], axis=1))
+    cell.call("t_begin", rows, np.array([float(n)]), np.array([float(onset)]), found)
+    later, full = lanes[onset - 1].copy(), unpack(spec, lanes[onset - 1, spec.covariance_slice])
+    (slow,) = range(*spec.slow_slice.indices(spec.n_joint))
+    later[slow], full[slow], full[:, slow] = 0.0, 0.0, 0.0
+    full[slow, slow] = spec.slow_errors[0].sd ** 2
+    later[spec.covariance_slice] = pack(full)
+    samples[:, place["again"]], samples[:, place["bound"]] = 1.0, spec.thresholds.bank_bound
+    blind = samples[onset].copy()
+    blind[place["use"]] = 0.0
+    early = suspect_lanes(cell, later)[0]
+    cell.call("t_one", blind, early)
+    cell.call("t_one", blind, later)
+    expected, half = suspect_lanes(cell, later)[0], np.zeros(spec.n_joint)
+    half[:n_x] = 0.5 * (early[:n_x] - expected[:n_x])
+    expected[: spec.n_joint] += half
+    expected[spec.covariance_slice] += pack(np.outer(half, half))
+    expected[-1] = lanes[onset - 1, -1]
+    samples[onset, place["dt"]] = 0.0
+    samples[onset, place["kick"]] = samples[onset, place["gap"]] = 0.0
+    for sample in samples[onset:]:
+        cell.call("t_one", sample, expected)
+    assert found == pytest.approx(expected, rel=1e-8, abs=1e-12)

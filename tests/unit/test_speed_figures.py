@@ -1,0 +1,83 @@
+"""What the figures of speed compare with: filters that are filters, a lane that is told of its fault, shown spreads."""
+
+import numpy as np
+import pytest
+from benchmarks.shared.play import engine_of
+from benchmarks.shared.told import told_lane
+from benchmarks.shared.turns import Work, spread, turns
+from benchmarks.speed import peers
+
+from faultbond.arrays import FloatArray
+from faultbond.contract.spec import unpack
+
+N, N_OUTPUTS = 4, 2
+
+
+def one_sample(x: FloatArray, p: FloatArray, reading: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """The same sample by textbook formulas in matrices."""
+    transition, slopes = peers._system(N, N_OUTPUTS)
+    x, p = transition @ x, transition @ p @ transition.T + 1e-4 * np.eye(N)
+    s = slopes @ p @ slopes.T + np.eye(N_OUTPUTS)
+    gain, off = p @ slopes.T @ np.linalg.inv(s), reading - slopes @ x
+    likelihood = -0.5 * (off @ np.linalg.solve(s, off) + np.linalg.slogdet(2.0 * np.pi * s)[1])
+    return x + gain @ off, p - gain @ s @ gain.T, float(likelihood)
+
+
+def test_filters_in_loops_are_filters() -> None:
+    """Mean, covariance and likelihood of each are those of the textbook, so they do the work that is timed."""
+    generator = np.random.default_rng(3)
+    x, p, likelihood = generator.normal(size=(3, N)), np.repeat(np.eye(N)[None], 3, axis=0), np.zeros(3)
+    reading = np.array([1.5, -0.7])
+    wanted = [one_sample(row.copy(), np.eye(N), reading) for row in x]
+    peers._filters(peers._predict, peers._update, x, p, likelihood, *peers._system(N, N_OUTPUTS), reading)
+    for k, (mean, covariance, said) in enumerate(wanted):
+        np.testing.assert_allclose(x[k], mean, rtol=1e-12)
+        np.testing.assert_allclose(p[k], covariance, rtol=1e-10, atol=1e-14)
+        assert likelihood[k] == pytest.approx(said)
+
+
+def test_filters_of_filterpy_are_filters() -> None:
+    """After two samples a filter of theirs stands where the textbook's does, and says how likely the readings were."""
+    work = peers.by_filterpy([(1, N)], N_OUTPUTS, 2)
+    if work is None:
+        pytest.skip("FilterPy is not installed")
+    filters, (x, p, total) = work.prepare(), (np.zeros(N), np.eye(N), 0.0)
+    for _ in range(2):
+        x, p, said = one_sample(x, p, np.zeros(N_OUTPUTS))
+        total += said
+    assert work.run(filters) == pytest.approx(total)
+    np.testing.assert_allclose(filters[0][0].P, p, rtol=1e-10, atol=1e-14)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_lane_that_is_told_of_a_capacitor(kept: bool) -> None:
+    """C is as told; a charge that stays moves the voltage, as uncertain as C makes it; else nothing moves."""
+    spec, core = engine_of("rlc")
+    k = spec.parameter_slice.start + [item.name for item in spec.parameters].index("C")
+    (state,) = (i for i, item in enumerate(spec.states) if any(spec.parameters[j].name == "C" for j, _ in item.jumps))
+    mean = np.arange(1.0, 1.0 + len(spec.states))
+    healthy = core.healthy_lane(mean, 0.01 * np.eye(len(mean)))[:, 0]
+    lane = told_lane(spec, healthy, "C", 2.0, 0.1, kept=kept)[:, 0]
+    before, after = (unpack(spec, item[spec.covariance_slice]) for item in (healthy, lane))
+    assert lane[k] == pytest.approx(2.0 * healthy[k])
+    assert after[k, k] == pytest.approx((0.1 * healthy[k]) ** 2)
+    assert lane[state] == pytest.approx(healthy[state] * (0.5 if kept else 1.0))
+    slope = -lane[state] / lane[k] if kept else 0.0
+    assert after[state, k] == pytest.approx(slope * after[k, k])
+    if not kept:
+        assert after[state, state] == before[state, state]
+    rest = np.delete(np.arange(spec.n_joint), [state, k])
+    np.testing.assert_array_equal(after[np.ix_(rest, rest)], before[np.ix_(rest, rest)])
+
+
+def test_works_take_turns_on_what_was_prepared_for_them() -> None:
+    """Each turn prepares anew; the first does not count; a time is that of one unit."""
+    seen: list[str] = []
+
+    def work(name: str, count: int) -> Work:
+        return Work(prepare=lambda: [name], run=lambda given: seen.append(given.pop()), count=count)
+
+    times = turns([work("a", 1), work("b", 10)], 3)
+    assert seen == ["a", "b"] * 4
+    assert times.shape == (3, 2)
+    assert spread(np.array([1.0, 2.0, 3.0, 4.0, 5.0]), ".1f", 10.0) == "30.0 (20.0 to 40.0)"
