@@ -26,6 +26,8 @@ from faultbond.runtime.monitor import Monitor
 MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
 HELD = 4.0  # settling times between two moves
 SMALLER = (1.0, 1 / 4, 1 / 16, 0.0)  # parts of these moves, tried in turn
+_DIGITS = 1e-12  # part of a reading that must be less than its noise, or the plant has run away
+_STILL = 1e-6  # part of a state by which it may move where it stands
 _GROWN = 1e12  # times that a deviation has grown of a plant that runs away
 _MOST_RUNS = 3  # tried with the filter
 
@@ -205,7 +207,7 @@ def usual_operation(model: StepModel, spec: EngineSpec, engine: Core, count: int
     for run in islice(usual_runs(model, spec, count), _MOST_RUNS):
         with suppress(RecordingError):
             found = operate(model, spec, engine, run)
-            if len(found.time) == count and not _runs_away(found, len(spec.states)):
+            if len(found.time) == count and not _runs_away(run, found):
                 return found
     graph = model.plant.graph
     near = ", ".join(item.name for item in graph.inputs)
@@ -216,8 +218,11 @@ def usual_operation(model: StepModel, spec: EngineSpec, engine: Core, count: int
     )
 
 
-def _runs_away(found: Operation, n_states: int) -> bool:
-    """Whether the plant leaves where it is however little it is off: it may only stand there, as nothing real does."""
+def _runs_away(run: UsualRun, found: Operation) -> bool:
+    """Whether the plant stands where it would leave however little it is off, as nothing real does."""
+    n_states = run.states.shape[1]
+    if np.any(np.ptp(run.states, axis=0) > _STILL * (np.max(np.abs(run.states), axis=0) + _STILL)):
+        return False
     grown = np.eye(n_states)
     for step in found.transition[1:, :n_states, :n_states]:
         grown = step @ grown
@@ -261,7 +266,7 @@ def _run(model: StepModel, spec: EngineSpec, batch: Batch, stand: Stand, u: Floa
     for row, held in enumerate(u):
         if row:
             v, z, y = (item[:, :, 0] for item in batch(v, z, u[row - 1 : row], u[row : row + 1], dt))
-        if not (np.isfinite(v).all() and np.isfinite(y).all()):
+        if not np.isfinite(v).all() or not np.all(np.abs(y) * _DIGITS < spec.output_noise):
             return None
         time = row * float(dt[0, 0])
         samples.append(Sample(time=time, dt=float(dt[0, 0]) if row else 0.0, u=held, y=y[0].copy()))
