@@ -42,7 +42,6 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import Notation
 from faultbond.runtime.core import Core
 from faultbond.simulate import Fault
-from faultbond.synthesis import probe
 from faultbond.types import Method
 from lanes import slot_lanes, suspect_lanes
 from made import plant, recorded
@@ -76,7 +75,7 @@ def told(value: object) -> object:
 def built_once() -> Iterator[None]:
     """Build what does not change in a run once for a model."""
     with pytest.MonkeyPatch.context() as patch:
-        for module, name in ((methods, "build_watcher"), (classic, "build_classic"), (probe, "build_probe")):
+        for module, name in ((methods, "build_watcher"), (classic, "build_classic")):
             patch.setattr(module, name, cache(getattr(module, name)))
         yield
 

@@ -22,6 +22,7 @@ typedef struct {
     Report report;
     Diagnosis found;
     Candidate candidate;
+    Advice advice;
     double time;
     int is_true;   /* the state is one that samples led to, not one that was made up */
     int is_strict; /* no variance is lost by rounding, as where a state has grown to 1e60 */
@@ -215,11 +216,29 @@ static double odd_step(double step, uint64_t *seed, int64_t one_in)
     return step * factors[below(seed, 6)];
 }
 
+/* Ask what to check next, of a diagnosis that was just given. */
+static void advise_next(Drive *drive)
+{
+    const Advice *advice = &drive->advice;
+    fb_advice(drive->state, drive->work, &drive->found, &drive->advice);
+    if (advice->n_checks < 0 || advice->n_checks > MOST_CHECKS) fail("number of checks");
+    for (int64_t k = 0; k < advice->n_checks; k++) {
+        const Check *check = &advice->checks[k];
+        if (!(check->gain >= WORTH && check->gain <= 3.01)) fail("a check that tells nothing, or more than there is");
+        if (check->n_groups < 2 || check->n_groups > advice->n_rivals) fail("groups of a check");
+        for (int64_t r = 0; r < advice->n_rivals; r++)
+            if (check->group[r] < 0 || check->group[r] >= check->n_groups) fail("group of a candidate");
+    }
+}
+
 static void decide(Drive *drive, uint64_t *seed)
 {
     const int64_t chosen = below(seed, N_HYPOTHESES + 3) - 1;
     fb_diagnosis(drive->state, drive->work, &drive->found);
     check_diagnosis(drive, &drive->found);
+    if (drive->state->clock.index % 4 == 0) advise_next(drive); /* no number is drawn: cases that are kept stay the same */
+    const int64_t sure = fb_sure(drive->state, &drive->found, 0.5);
+    if (sure < -1 || sure >= N_HYPOTHESES) fail("what the rule accepts");
     const int64_t listed = drive->found.n_candidates;
     const int64_t one = listed && below(seed, 4) ? drive->found.candidates[below(seed, listed)].hypothesis : chosen;
     if (below(seed, 3)) fb_reject(drive->state, drive->work, one, &drive->candidate);
@@ -303,6 +322,8 @@ static void run_whole(const char *path)
         keep_and_restore(&drive);
         check_diagnosis(&drive, &drive.found);
         write_all(out, &drive.found, sizeof drive.found);
+        advise_next(&drive);
+        write_all(out, &drive.advice, sizeof drive.advice);
         write_all(out, drive.saved, (size_t)fb_saved_size() - 8); /* but for the checksum */
         if (due == 2 && drive.found.n_candidates > 1)
             decisions += !fb_reject(drive.state, drive.work, drive.found.candidates[1].hypothesis, &drive.candidate);

@@ -22,6 +22,11 @@
 #define KIND_STUCK 5
 #define KIND_NOISE 6
 #define N_KINDS 7
+#define CHECK_COMPONENT 0
+#define CHECK_INPUT 1
+#define CHECK_SIGNAL 2
+#define N_PARTS 4
+#define N_SIGNALS 0
 #define N_SETS 2
 #define N_INSTRUMENTS 2
 #define N_RESERVE 0
@@ -51,8 +56,10 @@
 #define HISTORY_SAMPLES 330
 #define MOST_NOISES 5
 #define MAX_CANDIDATES 100
+#define MOST_RIVALS 8
+#define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x949b0dd9b553c3f2ULL, 0xd3c9a8cc94655f3fULL, 0x7b9ee0e99c90a3edULL, 0x6cb1c8f1f5d73cf4ULL};
+static const uint64_t MODEL_HASH[] = {0x646b06f37710dbe3ULL, 0x460e0e117e7dd444ULL, 0x3db828bbb73dab75ULL, 0xbdffcd9e22e256c3ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -186,6 +193,19 @@ static const double SLOT_WEIGHT[] = {(-1.3862943611198906), (-2.772588722239781)
     (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-2.995732273553991), (-3.4011973816621555),
     (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555), (-3.4011973816621555),
     (-3.506557897319982), (-3.506557897319982), (-3.506557897319982), (-3.506557897319982)};
+static const int PARAMETER_PART[] = {0, 1};
+static const int INPUT_PART[] = {2};
+static const int OUTPUT_PART[] = {3};
+static const double PART_COST[] = {1.0, 1.0, 1.0, 1.0};
+static const int PART_ORDER[] = {1, 0, 2, 3};
+static const double INPUT_COST[] = {1.0};
+static const int INPUT_ORDER[] = {2};
+static const double SIGNAL_COST[] = {0.0};
+static const int SIGNAL_ORDER[] = {0};
+static const double INPUT_MOVE[] = {NAN};
+static const int INPUT_PERCENT[] = {0};
+static const int INPUT_HAS_ZERO[] = {1};
+static const double SIGNAL_NOISE[] = {0.0};
 #ifdef FB_HOLDS_FILTERS
 
 static void model_rates(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,

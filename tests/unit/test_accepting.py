@@ -20,10 +20,8 @@ from faultbond.contract.findings import (
     Decider,
     Decision,
     Detection,
-    Diagnosis,
     Forecast,
     Suspect,
-    Unexplained,
 )
 from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.errors import FaultbondError, RecordingError
@@ -31,7 +29,6 @@ from faultbond.io.grid import Counts, Grid, GridClock, Row
 from faultbond.io.out import Out
 from faultbond.io.saved import FoundSoFar, Saved, read_saved, write_saved
 from faultbond.model.text import load_model
-from faultbond.runtime.rule import Sure, sure_after
 from faultbond.runtime.trace import Trace
 from faultbond.types import FaultKind, Method
 
@@ -492,7 +489,6 @@ def kept() -> Saved:
         open=Detection(time=4.0, sample=4, change_time=3.0, signals=("V_C",)),
         accepted=(Decision(time=2.0, candidate=candidate, by=Decider.PERSON),),
         rejected=(Decision(time=4.0, candidate=replace(candidate, hypothesis=3), by=Decider.PERSON),),
-        sure=Sure(hypothesis=1, since=5),
     )
     row = Row(time=0.1 + 0.2, u=np.array([1 / 3]), y=np.array([np.nan]))
     clock = GridClock(
@@ -548,41 +544,3 @@ def test_a_file_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.Monke
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(RecordingError, match="cannot be read: No such file"):
         read_saved(tmp_path / "y")
-
-
-def said(
-    hypothesis: int, *, probability: float = 0.99, share: float = 1.0, doubt: bool = False, alone: bool = True
-) -> Diagnosis:
-    """Give a diagnosis with a best candidate; `share`: of its likeliest kind."""
-    kinds = ((FaultKind.BIAS, share), (FaultKind.DRIFT, 1 - share))
-    best = Candidate(suspects=(), probability=probability, group=True, kinds=kinds, hypothesis=hypothesis)
-    other = Candidate(suspects=(), probability=1 - probability, group=not alone, hypothesis=9)
-    unexplained = Unexplained(signal="V_C", sd=3.0, since=0.0, until=1.0) if doubt else None
-    return Diagnosis(time=0.0, candidates=(best, other), unexplained=unexplained)
-
-
-def test_the_rule() -> None:
-    """A candidate is accepted once it has been sure without a break for 200 samples; any doubt begins anew."""
-    sure = sure_after(Sure(), said(3), 100, 0.95)
-    assert sure == Sure(hypothesis=3, since=100, clear_since=100)
-    assert not sure.ripe(299)
-    assert sure.ripe(300)
-    assert sure_after(sure, said(3), 200, 0.95) == sure
-    assert sure_after(sure, said(4), 200, 0.95) == Sure(hypothesis=4, since=200, clear_since=200)
-    for doubtful in (said(3, probability=0.9), said(3, doubt=True), said(3, alone=False)):
-        assert sure_after(sure, doubtful, 200, 0.95) == Sure()
-    assert not Sure().ripe(1000)
-    assert sure_after(sure, Diagnosis(time=0.0, candidates=()), 200, 0.95) == Sure()
-
-
-def test_the_rule_where_the_kind_stays_open() -> None:
-    """A set that is sure while its kind is not is accepted after 600 samples; a kind that becomes clear counts anew."""
-    sure = sure_after(Sure(), said(3, share=0.9), 100, 0.95)
-    assert sure == Sure(hypothesis=3, since=100)
-    assert not sure.ripe(699)
-    assert sure.ripe(700)
-    clear = sure_after(sure, said(3), 300, 0.95)
-    assert clear == Sure(hypothesis=3, since=100, clear_since=300)
-    assert not clear.ripe(499)
-    assert clear.ripe(500)
-    assert sure_after(clear, said(3, share=0.9), 320, 0.95) == sure

@@ -16,7 +16,7 @@ from faultbond.errors import StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import fitting
 from faultbond.thesis.offline.build import build_classic
-from faultbond.thesis.online import decision, watch
+from faultbond.thesis.online import decision, rule, watch
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.ranking import current_limits
 from faultbond.thesis.online.state import ALLOWED, ClassicState, init
@@ -53,6 +53,7 @@ class Classic:
         self.asleep, self.lag = plan.delay + plan.depth + spec.thresholds.warm_up_samples, plan.delay
         self.in_use: BoolArray = np.ones(len(spec.outputs), dtype=bool)
         self._plan = plan
+        self._told: Diagnosis | None = None
         fresh = init(spec, plan)
         self._state = fresh if saved is None else ClassicState.restore(fitting(fresh.save(), saved, ALLOWED))
 
@@ -64,11 +65,19 @@ class Classic:
         """Take the first of some samples; the statistic is that part of its limit which it is of the bank's."""
         self._state, report = watch.step(self.spec, self._plan, self._state, samples.first)
         limits = current_limits(self.spec, self._plan, self._state)
+        self._told = report.diagnosis
         return replace(report, cusum=report.cusum / limits * self.spec.thresholds.cusum_limit).alone
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
         return watch.finish(self.spec, self._plan, self._state)
+
+    def sure(self, level: float) -> int | None:
+        """Tell the rule of the diagnosis that was due, and give the hypothesis that it accepts now; None: none yet."""
+        if self._told is None:
+            return None
+        self._state, hypothesis = rule.take_diagnosis(self._state, self._told, level)
+        return hypothesis
 
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood."""

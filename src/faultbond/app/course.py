@@ -14,7 +14,6 @@ from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, PointBlock
 from faultbond.io.out import Out
 from faultbond.io.saved import FoundSoFar, Saved
-from faultbond.runtime.rule import sure_after
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
@@ -196,10 +195,9 @@ class Course:
         self._told = sample
         if self._level is None:
             return
-        sure = sure_after(self.found.sure, diagnosis, sample, self._level)
-        self.found = replace(self.found, sure=sure)
-        if sure.ripe(sample):
-            self._accept(sure.hypothesis, diagnosis.time, Decider.RULE)
+        hypothesis = self._watcher.sure(self._level)
+        if hypothesis is not None:
+            self._accept(hypothesis, diagnosis.time, Decider.RULE)
 
     def _accept(self, hypothesis: int, time: float, by: Decider) -> None:
         accepted = Decision(time=time, candidate=self._watcher.accept(hypothesis), by=by)

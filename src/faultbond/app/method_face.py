@@ -43,6 +43,12 @@ class Watcher(Protocol):
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
 
+    def sure(self, level: float) -> int | None:
+        """Tell the rule of the diagnosis that `take` gave, and give the hypothesis that it accepts now; None: none yet.
+
+        level: probability of a candidate from which it is sure
+        """
+
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
 

@@ -1,26 +1,22 @@
 """The methods of detection and diagnosis: the bank, and where the other one is made."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.method_face import Numbers, Watcher
-from faultbond.app.plant import WatchedPlant, load_prepared
-from faultbond.arrays import BoolArray, FloatArray
+from faultbond.app.plant import load_prepared
+from faultbond.arrays import BoolArray
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.samples import Reports, Samples
-from faultbond.contract.spec import EngineSpec
-from faultbond.errors import GenerationError, RecordingError
+from faultbond.errors import RecordingError
 from faultbond.io.prepared import Identity, Prepared
 from faultbond.model.graph import BondGraph
-from faultbond.runtime.advice import Probe, advise
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import BEGIN_ANEW, Monitor
-from faultbond.types import CheckKind, Method
+from faultbond.types import Method
 
 _STATE = "state"  # name of what the core saves
 
@@ -32,14 +28,12 @@ class BankWatcher:
     ----------
     core : of the model
     saved : what another watcher saved; None begins anew
-    probe : gives what candidates expect of signals that are measured by hand
     """
 
-    def __init__(self, core: Core, saved: Numbers | None = None, probe: Probe | None = None) -> None:
+    def __init__(self, core: Core, saved: Numbers | None = None) -> None:
         self.spec = core.spec
         self.title = core.title
         self.asleep, self.lag = core.spec.thresholds.warm_up_samples, 0
-        self._probe = probe
         self._monitor = Monitor(core, None if saved is None else _state_of(saved))
 
     @property
@@ -64,8 +58,11 @@ class BankWatcher:
 
     def _advised(self, diagnosis: Diagnosis) -> Diagnosis:
         """Add what to do next."""
-        with np.errstate(all="ignore"):  # of filters that run away, numbers without end are a defined outcome
-            return replace(diagnosis, advice=advise(self._monitor, diagnosis, self._probe))
+        return replace(diagnosis, advice=self._monitor.advise())
+
+    def sure(self, level: float) -> int | None:
+        """Tell the rule of the diagnosis that was due, and give the hypothesis that it accepts now; None: none yet."""
+        return self._monitor.sure(level)
 
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
@@ -101,11 +98,10 @@ def build_method(
         from faultbond.app.classic import build_classic_watcher  # noqa: PLC0415 - loads casadi and sympy
 
         return build_classic_watcher(graph, saved)
-    core = build_watcher(graph, identity)
-    return BankWatcher(core, saved, late_probe(core.spec, lambda: graph))
+    return BankWatcher(build_watcher(graph, identity), saved)
 
 
-def prepared_bank(plant: WatchedPlant, prepared: Prepared, saved: Numbers | None = None) -> BankWatcher:
+def prepared_bank(prepared: Prepared, saved: Numbers | None = None) -> BankWatcher:
     """Give the method `bank` of a plant that the cache knows, at its beginning, or as it was saved.
 
     Raises
@@ -113,24 +109,4 @@ def prepared_bank(plant: WatchedPlant, prepared: Prepared, saved: Numbers | None
     GenerationError
         Where its core cannot be loaded.
     """
-    return BankWatcher(load_prepared(prepared), saved, late_probe(prepared.spec, lambda: plant.graph))
-
-
-def late_probe(spec: EngineSpec, graph: Callable[[], BondGraph]) -> Probe | None:
-    """Give what candidates expect of signals measured by hand, made when it is first asked; None without such ones."""
-    if all(item.kind is not CheckKind.SIGNAL for item in spec.checks):
-        return None
-
-    @cache
-    def made() -> Probe | None:
-        from faultbond.synthesis.probe import build_probe  # noqa: PLC0415 - loads casadi
-
-        return build_probe(spec, graph())
-
-    def probe(lane: FloatArray, inputs: FloatArray) -> FloatArray:
-        found = made()
-        if found is None:  # of a spec that names such signals there is one
-            raise GenerationError("the model has no signal that is measured by hand")
-        return found(lane, inputs)
-
-    return probe
+    return BankWatcher(load_prepared(prepared), saved)

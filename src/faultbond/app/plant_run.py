@@ -70,7 +70,7 @@ def _watcher(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watch
     numbers = before.numbers if before is not None else None
     if plant.prepared is not None:
         with suppress(GenerationError):
-            return prepared_bank(plant, plant.prepared, numbers)
+            return prepared_bank(plant.prepared, numbers)
     return build_method(plant.graph, wanted.method, numbers, plant.identity)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from faultbond.types import Method
 
 DEMO = "tank"  # the example that the demo runs
-SURE = 0.95  # probability from which a rule accepts, if nothing else is said
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
-from faultbond.app.wishes import SURE
+from faultbond.contract.findings import SURE
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out

@@ -206,6 +206,18 @@ class EngineSpec:
         """Cost of the suspects of each set in reserve, (n_sets,), nats."""
         return _still(self.thresholds.cost_per_suspect * np.array([float(len(chosen)) for chosen in self.reserve]))
 
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """What a person can look at, each once: components that own a parameter, inputs, sensors."""
+        owners = (item.component for item in self.parameters)
+        return tuple(
+            dict.fromkeys((*owners, *(item.name for item in self.inputs), *(item.name for item in self.outputs)))
+        )
+
+    def checked(self, kind: CheckKind) -> dict[str, CheckSpec]:
+        """Give what the model file says of the checks of a kind, by name, in order."""
+        return {item.name: item for item in self.checks if item.kind is kind}
+
     def members(self, hypothesis: int) -> tuple[int, ...]:
         """Give the parameters of a hypothesis; none of an instrument."""
         if hypothesis < len(self.hypotheses):

@@ -47,6 +47,17 @@ static void advance_plain(double (*block)[FB_LANES], const double *sample, const
     for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i], work->innovations[i]);
 }
 
+/* The same of wide lanes. */
+static void advance_wide(double (*block)[FB_LANES], const double *sample, const Normal *normal,
+                         double (*innovations)[FB_LANES], Filter_wide *work)
+{
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) work->lane[i] = load(block[i]);
+    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, WIDE_JOINT);
+    filter_step_wide(work->lane, sample, work->innovations, work);
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], work->lane[i]);
+    for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i], work->innovations[i]);
+}
+
 /* Take one sample into one plain lane; innovations: [2 * N_OUTPUTS], as above. */
 static void advance_one(double *lane, const double *sample, const Normal *normal, double *innovations, Filter_plain *work)
 {

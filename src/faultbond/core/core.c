@@ -11,8 +11,8 @@
      7. bank.h       a filter for every hypothesis from there: steps.h and growing.h for steps of parameters, slots.h for
                      all other kinds of fault
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
-     9. diagnosis.h  what is said
-    10. decide.h     a diagnosis becomes the healthy model, or is ruled out; save.h: a state as bytes
+     9. diagnosis.h  what is said; advice.h: what to check next
+    10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as bytes
 
    watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
    stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
@@ -34,6 +34,7 @@ int64_t fb_saved_size(void) { return saved_size(); }
 int64_t fb_report_size(void) { return (int64_t)sizeof(Report); }
 int64_t fb_diagnosis_size(void) { return (int64_t)sizeof(Diagnosis); }
 int64_t fb_candidate_size(void) { return (int64_t)sizeof(Candidate); }
+int64_t fb_advice_size(void) { return (int64_t)sizeof(Advice); }
 
 void fb_init(void *state, double time, int64_t quiet) { begin_state((State *)state, time, quiet); }
 
@@ -66,6 +67,19 @@ int64_t fb_block(void *state, void *work, int64_t n, const double *times, const 
 void fb_diagnosis(const void *state, void *work, void *found)
 {
     conclude((const State *)state, (Diagnosis *)found, &((Work *)work)->ranking);
+}
+
+void fb_advice(const void *state, void *work, const void *found, void *advice)
+{
+    Work *memory = (Work *)work;
+    prepare_filters(&memory->filters);
+    advise((const State *)state, (const Diagnosis *)found, &memory->rivals, &memory->filters, (Advice *)advice);
+}
+
+int64_t fb_sure(void *state, const void *found, double level)
+{
+    State *known = (State *)state;
+    return take_diagnosis(&known->sure, (const Diagnosis *)found, known->clock.index - 1, level);
 }
 
 int64_t fb_accept(void *state, void *work, int64_t hypothesis, void *candidate)

@@ -6,7 +6,7 @@
 #ifndef FB_DECIDE_H
 #define FB_DECIDE_H
 
-#include "diagnosis.h"
+#include "rule.h"
 
 #define ACCEPTED_WANDER 0.5 /* of what an accepted drift moves in a sample, the parameter may move otherwise */
 #define MOST_NOISE 0.25     /* of the variance of a blanked sensor: one accepted with more would count as such */
@@ -97,6 +97,7 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     state->clock.accepted = last;
     begin_sums(&state->sensors, (double)last);
     clear_bank(&state->bank);
+    forget_sure(&state->sure);
     return 0;
 }
 
@@ -129,6 +130,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     if (is_last) return LAST_ONE;
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
         if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
+    forget_sure(&state->sure);
     return 0;
 }
 

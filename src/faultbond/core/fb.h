@@ -14,13 +14,14 @@
 extern "C" {
 #endif
 
-/* Bytes of a state, of work memory, of a saved state, and of what calls give (see watch.h and ranking.h). */
+/* Bytes of a state, of work memory, of a saved state, and of what calls give (see watch.h, ranking.h and advice.h). */
 int64_t fb_state_size(void);
 int64_t fb_work_size(void);
 int64_t fb_saved_size(void);
 int64_t fb_report_size(void);
 int64_t fb_diagnosis_size(void);
 int64_t fb_candidate_size(void);
+int64_t fb_advice_size(void);
 
 /* Give the state before the first sample, at `time` (s). quiet 1: no alarm is ever raised. */
 void fb_init(void *state, double time, int64_t quiet);
@@ -39,6 +40,13 @@ int64_t fb_step(void *state, void *work, const double *sample, void *report, voi
 
 /* Give the diagnosis of now, after an alarm. */
 void fb_diagnosis(const void *state, void *work, void *found);
+
+/* Give what to check next, an Advice, after the diagnosis that was `found` last. */
+void fb_advice(const void *state, void *work, const void *found, void *advice);
+
+/* For who lets a rule accept: take the diagnosis that was due, `found`, and give the hypothesis that has been sure for so long
+   that it is to be accepted now; -1: none yet. level: probability from which it is sure, such as SURE. */
+int64_t fb_sure(void *state, const void *found, double level);
 
 /* Take a hypothesis as the new healthy model, or rule it out until the next alarm, with all sets that contain it; `candidate`:
    as it stood. 0, or why not (decide.h). */

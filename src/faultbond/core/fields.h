@@ -47,6 +47,7 @@ static const Field FIELDS[] = {
     FINITE(normal.lane), FINITE(normal.gain), FINITE(normal.offset), ENDLESS(normal.noise), FINITE(normal.input_offset),
     FINITE(normal.rates), ENDLESS(normal.wander),
     FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
+    WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
 

@@ -29,6 +29,11 @@ typedef struct {
 FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
 
+#if N_SIGNALS > 0
+/* What lanes expect of the signals that a person can measure by hand, [N_SIGNALS], SI, under these inputs. */
+FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT u, lanes *FB_RESTRICT values);
+#endif
+
 #ifdef FB_HOLDS_FILTERS
 /* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs. */
 static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, lanes *FB_RESTRICT v)
@@ -300,4 +305,15 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRIC
     if (again) update_again(lane, sample, says_much, guess, p_first, work);
     memcpy(lane, guess, sizeof guess);
 }
+
+#if N_SIGNALS > 0
+FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT u, lanes *FB_RESTRICT values)
+{
+    lanes v[N_V], implicit[FB_ROOM(N_IMPLICIT)];
+    joint_to_model(lane, lane, v);
+    for (int k = 0; k < N_IMPLICIT; k++) implicit[k] = lane[AT_IMPLICIT + k];
+    solve_implicit(v, u, implicit);
+    model_signals(v, u, implicit, values);
+}
+#endif
 #endif

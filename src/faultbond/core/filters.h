@@ -46,6 +46,7 @@
 #define innovate OF_KIND(innovate)
 #define update_again OF_KIND(update_again)
 #define filter_step OF_KIND(filter_step)
+#define expect_signals OF_KIND(expect_signals)
 
 #define FB_KIND _plain
 #define N_SLOT 0
@@ -90,5 +91,6 @@
 #undef innovate
 #undef update_again
 #undef filter_step
+#undef expect_signals
 
 #endif

@@ -5,6 +5,7 @@
      model_misfit(v, u, z, misfit)         the square alone
      model_rates(v, u, z, rates, slopes)   rates of the states, and their slopes by v, those that are not zero
      model_readings(v, u, z, y, slopes)    readings of the sensors, and their slopes by v
+     model_signals(v, u, z, values)        signals that are measured by hand, where there are such
 
    Tables: RATE_ROW[i] .. RATE_ROW[i + 1] are the places of row i in `slopes`, RATE_COLUMN their columns in v. A state
    feels the columns REACH_COLUMN[REACH_ROW[i] ..] in the course of a step; where REACHES_ALL, every state feels all, and

@@ -1,5 +1,5 @@
 /* All that is remembered from sample to sample: numbers only, all of eight bytes, no pointer, no hole. So a state can be
-   copied, kept and sent. `State` has seven parts, and what was found last. */
+   copied, kept and sent. `State` has seven parts, what was found last, and what is sure. */
 #ifndef FB_STATE_H
 #define FB_STATE_H
 
@@ -111,6 +111,12 @@ typedef struct {
     int64_t crossed[N_OUTPUTS]; /* 1: the sensors whose sums crossed */
 } Alarm;
 
+/* What the rule has in mind that accepts without a person: which hypothesis has been sure, since which sample, and since when
+   its kind has been, too; -1: none. */
+typedef struct {
+    int64_t hypothesis, since, clear_since;
+} Sure;
+
 typedef struct {
     Clock clock;
     Inputs inputs;
@@ -120,6 +126,7 @@ typedef struct {
     Bank bank;
     Normal normal;
     Alarm alarm;
+    Sure sure;
 } State;
 
 /* Number k of a lane of steps, and of one with a slot. */

@@ -2,8 +2,9 @@
 #ifndef FB_WATCH_H
 #define FB_WATCH_H
 
-#include "diagnosis.h"
+#include "advice.h"
 #include "outliers.h"
+#include "rule.h"
 
 #define START_SAMPLES 20 /* gathered before an unknown start is solved */
 #define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
@@ -29,6 +30,7 @@ typedef struct {
     StartMemory start;
     BankMemory bank;
     RankingMemory ranking;
+    Rivals rivals;
     Diagnosis found; /* where nobody asked for one */
     double lane[PLAIN_NUMBERS];  /* the healthy lane after the sample */
     Normal normal; /* where nothing was accepted */
@@ -77,6 +79,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     begin_sums(&state->sensors, 0.0);
     begin_travel(&state->healthy);
     clear_bank(&state->bank);
+    forget_sure(&state->sure);
 }
 
 /* A report without anything in it. */

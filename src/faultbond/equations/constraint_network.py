@@ -5,13 +5,13 @@ is one (`vessel.e`, `line.f`), else that of the component (`tank.f`). A block ne
 their names (`y`), and the rate of a store is a signal, `der(y)`. Source: thesis 3.2.3, 3.3; blocks 3.4, 3.9.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from faultbond.equations.causality import Causality
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
-from faultbond.model.graph import BondGraph, SlowError
+from faultbond.model.graph import BondGraph, Check, SlowError
 from faultbond.model.parser import to_text
 from faultbond.types import ElementType, JunctionType
 
@@ -41,7 +41,7 @@ class ConstraintNetwork:
 
     signals: unknown at an instant, given states, inputs and parameters.
     states: independent stores. dependent: stores in derivative causality; their quantity is one of the signals.
-    readings: one expression per sensor.
+    readings: one expression per sensor. by_hand: one per signal that a person can measure, in the order of the checks.
     """
 
     signals: tuple[str, ...]
@@ -50,6 +50,7 @@ class ConstraintNetwork:
     dependent: tuple[Store, ...]
     readings: tuple[Expression, ...]
     slow_errors: tuple[SlowError, ...]
+    by_hand: tuple[Expression, ...] = ()
 
 
 class _Names:
@@ -128,7 +129,25 @@ def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
         dependent=tuple(dependent),
         readings=tuple(rename(sensor.reads, canonical) for sensor in graph.sensors),
         slow_errors=tuple(replace(error, target=canonical(error.target)) for error in graph.slow_errors),
+        by_hand=tuple(
+            _by_hand(graph, item, item.reads, canonical, {*known, *table.parent})
+            for item in graph.checks
+            if item.reads is not None
+        ),
     )
+
+
+def _by_hand(
+    graph: BondGraph, check: Check, reads: Expression, canonical: Callable[[str], str], signals: set[str]
+) -> Expression:
+    """Give what is measured by hand; an integral that nothing else reads is no state, so nothing is known of it."""
+    for name in names(reads):
+        if "." in name and name not in signals:
+            raise ModelError(
+                f"{graph.file}:{check.line}: check {check.name} reads {name}, of which nothing is known, since no "
+                "sensor and no law reads it. Let a sensor read it, or remove the check."
+            )
+    return rename(reads, canonical)
 
 
 def _block_network(graph: BondGraph) -> ConstraintNetwork:
@@ -150,6 +169,7 @@ def _block_network(graph: BondGraph) -> ConstraintNetwork:
         dependent=(),
         readings=tuple(sensor.reads for sensor in graph.sensors),
         slow_errors=graph.slow_errors,
+        by_hand=tuple(item.reads for item in graph.checks if item.reads is not None),
     )
 
 

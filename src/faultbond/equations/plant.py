@@ -38,7 +38,8 @@ class Plant:
 
     x (n_states, 1), u (n_inputs, 1), theta (n_parameters, 1), b (n_slow_errors, 1): column symbols, SI. z: symbols of
     implicitly solved signals, with `gap(x, u, theta, b, z) = 0`; signals that have a closed form are not among them.
-    rates (n_states, 1), readings (n_outputs, 1): functions of all symbols.
+    rates (n_states, 1), readings (n_outputs, 1), by_hand (n_signals, 1), what a person can measure: functions of all
+    symbols.
     """
 
     graph: BondGraph
@@ -52,6 +53,7 @@ class Plant:
     z: ca.SX
     rates: ca.SX
     readings: ca.SX
+    by_hand: ca.SX
     gap: ca.SX
     implicit: tuple[str, ...]
     co_energy: tuple[CoEnergy | None, ...]  # per state: effort of a C, flow of an I; None: its content is the state
@@ -94,6 +96,7 @@ def build_plant(graph: BondGraph) -> Plant:
         z=ca.vertcat(*solver.unknowns) if solver.unknowns else ca.SX(0, 1),
         rates=ca.vertcat(*(values[state.rate] for state in network.states)) if network.states else ca.SX(0, 1),
         readings=ca.vertcat(*readings),
+        by_hand=ca.vertcat(*(evaluate(item, values) for item in network.by_hand)) if network.by_hand else ca.SX(0, 1),
         gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
         implicit=tuple(solver.implicit),
         co_energy=tuple(_co_energy(store, graph, network, steps, values) for store in network.states),

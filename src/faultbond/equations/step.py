@@ -41,7 +41,8 @@ class StepModel:
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
     What these are made of, where the implicit signals z are solved: rates(v, u, z) -> (rates, slope by v) and
-    readings(v, u, z) -> (y, slope by v). newton_step(v, u, z) -> (Newton's step of z, square of what is left to solve).
+    readings(v, u, z) -> (y, slope by v). by_hand(v, u, z) -> signals that a person can measure.
+    newton_step(v, u, z) -> (Newton's step of z, square of what is left to solve).
     prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
@@ -58,6 +59,7 @@ class StepModel:
     prediction: Callable[[], ca.Function]
     measure: ca.Function
     readings: ca.Function
+    by_hand: ca.Function
     newton_step: ca.Function
     substeps: int
     states: tuple[str, ...]
@@ -95,7 +97,9 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     theta = factors * ca.DM(scales) if n_p else factors
     old = ca.vertcat(plant.x, plant.b, plant.theta)
     new = ca.vertcat(contents(x, theta), b, theta)
-    rates_, readings, gap = ca.substitute([rates_x, plant.readings, plant.gap], [old, plant.u], [new, held])
+    rates_, readings, by_hand, gap = ca.substitute(
+        [rates_x, plant.readings, plant.by_hand, plant.gap], [old, plant.u], [new, held]
+    )
     arguments = [v, plant.u, plant.z]
     places = (n_x, n_x + n_b, n_x + n_b + n_p)
     rates = _with_slope("rates", rates_, gap, arguments, places)
@@ -118,6 +122,7 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         prediction=cache(lambda: _predict(rates, newton, arguments, n_x, substeps)),
         measure=measure,
         readings=readings_,
+        by_hand=ca.Function("by_hand", arguments, [ca.densify(by_hand)], {"cse": True}),
         newton_step=_newton_step(gap, arguments),
         substeps=substeps,
         states=tuple(

@@ -6,7 +6,7 @@ whole before any of it is used.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -22,10 +22,9 @@ from faultbond.io.record_file import Mark
 from faultbond.io.typed import TypeLimits, typed
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import COUNT
-from faultbond.runtime.rule import Sure
 from faultbond.types import Method
 
-FORMAT = 2  # of the file; one of another format is refused
+FORMAT = 3  # of the file; one of another format is refused
 _NUMBERS, _ROWS, _FROZEN = "numbers.", "rows.", "frozen"
 _STRANGE = (
     "this is not a state that this version of faultbond saved, or it is damaged. "
@@ -39,7 +38,7 @@ class FoundSoFar:
 
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
     input had a value. wild: values that were refused since the plant did not follow them. open: the detection that
-    nothing was accepted for yet. rejected: candidates that were ruled out since then. sure: what the rule has in mind.
+    nothing was accepted for yet. rejected: candidates that were ruled out since then.
     """
 
     detections: int = 0
@@ -49,19 +48,18 @@ class FoundSoFar:
     open: Detection | None = None
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
-    sure: Sure = field(default_factory=Sure)
 
     def with_detection(self, detection: Detection) -> "FoundSoFar":
         """Give this after one more alarm."""
-        return replace(self, detections=self.detections + 1, open=detection, rejected=(), sure=Sure())
+        return replace(self, detections=self.detections + 1, open=detection, rejected=())
 
     def with_accepted(self, accepted: Decision) -> "FoundSoFar":
         """Give this after a candidate was accepted."""
-        return replace(self, open=None, accepted=(*self.accepted, accepted), rejected=(), sure=Sure())
+        return replace(self, open=None, accepted=(*self.accepted, accepted), rejected=())
 
     def with_rejected(self, rejected: Decision) -> "FoundSoFar":
         """Give this after a candidate was ruled out."""
-        return replace(self, rejected=(*self.rejected, rejected), sure=Sure())
+        return replace(self, rejected=(*self.rejected, rejected))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

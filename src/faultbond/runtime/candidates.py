@@ -1,11 +1,12 @@
 """What the core found, with names: its numbers as the data that people and reports are told by."""
 
+from collections.abc import Sequence
 from math import isnan
 from typing import Any
 
-from faultbond.contract.findings import Candidate, Diagnosis, Forecast, Suspect, Unexplained, Untested
+from faultbond.contract.findings import Advice, Candidate, Diagnosis, Forecast, Suspect, Unexplained, Untested
 from faultbond.contract.spec import EngineSpec
-from faultbond.types import FaultKind
+from faultbond.types import CheckKind, FaultKind
 
 _KINDS = tuple(FaultKind)
 _WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `estimates.h` numbers it
@@ -44,6 +45,33 @@ def candidate_of(spec: EngineSpec, found: Any) -> Candidate:
         present=bool(found["present"]),
         hypothesis=int(found["hypothesis"]),
         lane=int(found["lane"]),
+    )
+
+
+def advice_of(spec: EngineSpec, found: Any, diagnosis: Any) -> tuple[Advice, ...]:
+    """Give advice; `found` is a record of `Core.advice`, `diagnosis` that of `Core.diagnosis` which it is for."""
+    rivals = [candidate_of(spec, item).components for item in diagnosis["candidates"][: int(found["n_rivals"])]]
+    return tuple(_advice(spec, item, rivals) for item in found["checks"][: int(found["n_checks"])])
+
+
+def _advice(spec: EngineSpec, found: Any, rivals: Sequence[tuple[str, ...]]) -> Advice:
+    kind, groups = tuple(CheckKind)[int(found["kind"])], found["group"][: len(rivals)]
+    targets = {
+        CheckKind.COMPONENT: spec.parts,
+        CheckKind.INPUT: tuple(item.name for item in spec.inputs),
+        CheckKind.SIGNAL: tuple(spec.checked(CheckKind.SIGNAL)),
+    }
+    return Advice(
+        kind=kind,
+        target=targets[kind][int(found["target"])],
+        gain=float(found["gain"]),
+        cost=float(found["cost"]),
+        separates=tuple(
+            tuple(names for names, group in zip(rivals, groups, strict=True) if group == k)
+            for k in range(int(found["n_groups"]))
+        ),
+        value=_number(found["value"]),
+        within=_number(found["within"]),
     )
 
 

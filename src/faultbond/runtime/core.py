@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import MAX_CANDIDATES
+from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError
-from faultbond.types import FaultKind
+from faultbond.types import CheckKind, FaultKind
 
 LANES = 8  # filters side by side in a compiled core
 _LINE = 64  # bytes of a cache line, at which memory for a core begins
@@ -79,7 +79,7 @@ class Core:
                 ("forecasts", forecast, (max(most_limits, 1),)),
             ]
         )
-        n_kinds, largest = len(FaultKind), max(map(len, (*spec.hypotheses, *spec.reserve)), default=1)
+        n_kinds = len(FaultKind)
         return np.dtype(
             [
                 *((name, _INT) for name in ("hypothesis", "lane", "group", "present", "n_kinds")),
@@ -87,7 +87,7 @@ class Core:
                 ("n_suspects", _INT),
                 ("probability", _REAL),
                 ("shares", _REAL, (n_kinds,)),
-                ("suspects", suspect, (largest,)),
+                ("suspects", suspect, (_largest(spec),)),
             ]
         )
 
@@ -107,6 +107,21 @@ class Core:
         )
 
     @cached_property
+    def advice(self) -> np.dtype[Any]:
+        """Layout of `Advice` in `advice.h`."""
+        spec = self.spec
+        check = np.dtype(
+            [
+                *((name, _INT) for name in ("kind", "target", "n_groups")),
+                ("group", _INT, (MOST_RIVALS,)),
+                *((name, _REAL) for name in ("gain", "cost", "value", "within")),
+            ]
+        )
+        looks = min(MOST_RIVALS * _largest(spec), len(spec.parts))
+        most = looks + len(spec.inputs) + len(spec.checked(CheckKind.SIGNAL))
+        return np.dtype([*((name, _INT) for name in ("n_checks", "n_rivals")), ("checks", check, (most,))])
+
+    @cached_property
     def fields(self) -> Mapping[str, Field]:
         """The numbers of a state by name, such as `clock.index`."""
         name = ctypes.c_char_p()
@@ -122,8 +137,7 @@ class Core:
     @cached_property
     def sizes(self) -> Mapping[str, int]:
         """Bytes of a state, of the memory of a call, of a saved state, and of what calls give, by name."""
-        names = ("state", "work", "saved", "report", "diagnosis", "candidate")
-        return {name: int(getattr(self.library, f"fb_{name}_size")()) for name in names}
+        return {name: int(getattr(self.library, f"fb_{name}_size")()) for name in _SIZES}
 
     @cached_property
     def work(self) -> Memory:
@@ -188,6 +202,11 @@ class Core:
         return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
 
 
+def _largest(spec: EngineSpec) -> int:
+    """Give the size of the largest set of suspects."""
+    return max(map(len, (*spec.hypotheses, *spec.reserve)), default=1)
+
+
 def at(array: NDArray[Any]) -> int:
     """Give the address of the first number of an array (n,) or (m, n); the array must live until the call is over."""
     return array.ctypes.data
@@ -200,14 +219,17 @@ def memory(size: int) -> Memory:
     return whole[first : first + size]
 
 
+_SIZES = ("state", "work", "saved", "report", "diagnosis", "candidate", "advice")
 _POINTER, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
-    **{f"fb_{name}_size": (_LONG, ()) for name in ("state", "work", "saved", "report", "diagnosis", "candidate")},
+    **{f"fb_{name}_size": (_LONG, ()) for name in _SIZES},
     "fb_init": (None, (_POINTER, _DOUBLE, _LONG)),
     "fb_resume": (None, (_POINTER,)),
     "fb_block": (_LONG, (_POINTER, _POINTER, _LONG, *[_POINTER] * 6)),
     "fb_step": (_LONG, (_POINTER,) * 5),
     "fb_diagnosis": (None, (_POINTER, _POINTER, _POINTER)),
+    "fb_advice": (None, (_POINTER,) * 4),
+    "fb_sure": (_LONG, (_POINTER, _POINTER, _DOUBLE)),
     "fb_accept": (_LONG, (_POINTER, _POINTER, _LONG, _POINTER)),
     "fb_reject": (_LONG, (_POINTER, _POINTER, _LONG, _POINTER)),
     "fb_save": (None, (_POINTER, _POINTER)),
@@ -240,7 +262,7 @@ def load_core(path: Path, spec: EngineSpec, compiler: str) -> Core:
     except (OSError, AttributeError) as problem:
         raise GenerationError(f"{path}: the compiled core cannot be loaded ({problem}); remove it") from problem
     core = Core(library=library, spec=spec, compiler=compiler)
-    for name, layout in (("report", core.report), ("diagnosis", core.diagnosis), ("candidate", core.candidate)):
-        if core.sizes[name] != layout.itemsize:
+    for name in ("report", "diagnosis", "candidate", "advice"):
+        if core.sizes[name] != getattr(core, name).itemsize:
             raise GenerationError(f"{path}: the compiled core is of another model or version; remove it")
     return core

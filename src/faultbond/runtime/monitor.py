@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.core_settings import core_settings
-from faultbond.contract.findings import Candidate, Detection, Diagnosis
+from faultbond.contract.findings import Advice, Candidate, Detection, Diagnosis
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, n_grown
 from faultbond.contract.samples import Report, Reports, Sample, Samples
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import FaultbondError, RecordingError
-from faultbond.runtime.candidates import candidate_of, diagnosis_of
+from faultbond.runtime.candidates import advice_of, candidate_of, diagnosis_of
 from faultbond.runtime.core import Core, at, memory
 from faultbond.runtime.names import hypothesis_names
 
@@ -53,6 +53,7 @@ class Monitor:
         self._work = memory(core.sizes["work"])
         self._found = np.zeros(1, core.diagnosis)
         self._candidate = np.zeros(1, core.candidate)
+        self._advice = np.zeros(1, core.advice)
         self._row = np.zeros(2 + len(self.spec.inputs) + len(self.spec.outputs))
         self._report = np.zeros(1, core.report)
         addresses = (at(part) for part in (self._state, self._work, self._row, self._report, self._found))
@@ -110,6 +111,21 @@ class Monitor:
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
         return self.conclude() if self.number("clock.alarm") >= 0 else None
+
+    def advise(self) -> tuple[Advice, ...]:
+        """Give what to check next after the diagnosis that was given last, the best for its cost first."""
+        self.core.library.fb_advice(at(self._state), at(self._work), at(self._found), at(self._advice))
+        return advice_of(self.spec, self._advice[0], self._found[0])
+
+    def sure(self, level: float) -> int | None:
+        """Tell the rule of the diagnosis that was due, and give the hypothesis that it accepts now; None: none yet.
+
+        Parameters
+        ----------
+        level : probability of a candidate from which it is sure
+        """
+        hypothesis = int(self.core.library.fb_sure(at(self._state), at(self._found), level))
+        return hypothesis if hypothesis >= 0 else None
 
     def accept(self, hypothesis: int) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood.

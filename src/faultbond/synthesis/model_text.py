@@ -16,6 +16,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.synthesis.emit import statements
 from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
+from faultbond.types import CheckKind
 
 _HASH = "/* the hash of this text: a saved state is of one model */"
 # What a compiler is given: the model, then the core, which finds its own files.
@@ -50,7 +51,7 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
         *_reading_tables(spec, reading_entries),
         *plan_tables(spec),
         "#ifdef FB_HOLDS_FILTERS",
-        *(_function(item, outputs) for item, outputs in _functions(model, rates, readings, linear=linear)),
+        *(_function(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
         "#endif",
         "#endif",
     ]
@@ -170,8 +171,14 @@ def _with_sparse_slope(name: str, function: ca.Function) -> tuple[ca.Function, l
     return sparse, [(rows[k], columns[k]) for k in order]
 
 
+def _named(name: str, function: ca.Function) -> ca.Function:
+    """Give a function under another name."""
+    arguments = [ca.SX.sym(f"a{k}", *function.size_in(k)) for k in range(function.n_in())]
+    return ca.Function(name, arguments, function.call(arguments), {"cse": True})
+
+
 def _functions(
-    model: StepModel, rates: ca.Function, readings: ca.Function, *, linear: bool
+    spec: EngineSpec, model: StepModel, rates: ca.Function, readings: ca.Function, *, linear: bool
 ) -> Iterable[tuple[ca.Function, dict[str, str]]]:
     if model.z.numel():
         arguments = [ca.SX.sym(f"a{k}", *model.newton_step.size_in(k)) for k in range(3)]
@@ -181,6 +188,8 @@ def _functions(
         yield ca.Function("model_misfit", arguments, outputs[1:], {"cse": True}), {"misfit": "lanes"}
     yield rates, {"value": "lanes", "slopes": "double" if linear else "lanes"}
     yield readings, {"value": "lanes", "slopes": "lanes"}
+    if spec.checked(CheckKind.SIGNAL):
+        yield _named("model_signals", model.by_hand), {"value": "lanes"}
 
 
 def _function(function: ca.Function, outputs: dict[str, str]) -> str:

@@ -8,13 +8,13 @@ from textwrap import fill
 
 import numpy as np
 
-from faultbond.contract.findings import MAX_CANDIDATES
+from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS, SURE
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
 from faultbond.contract.slots import NOISES, plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.synthesis.emit import literal
-from faultbond.types import FaultKind
+from faultbond.types import CheckKind, FaultKind
 
 _WIDTH = 118  # columns of a line of C
 
@@ -25,6 +25,9 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
     return {
         **{f"KIND_{kind.name}": k for k, kind in enumerate(FaultKind)},
         "N_KINDS": len(FaultKind),
+        **{f"CHECK_{kind.name}": k for k, kind in enumerate(CheckKind)},
+        "N_PARTS": len(spec.parts),
+        "N_SIGNALS": len(spec.checked(CheckKind.SIGNAL)),
         "N_SETS": len(spec.hypotheses),
         "N_INSTRUMENTS": len(spec.instruments),
         "N_RESERVE": len(spec.reserve),
@@ -54,6 +57,8 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "HISTORY_SAMPLES": settings.history_samples,
         "MOST_NOISES": len(NOISES),
         "MAX_CANDIDATES": MAX_CANDIDATES,
+        "MOST_RIVALS": MOST_RIVALS,
+        "SURE": literal(SURE),
     }
 
 
@@ -63,6 +68,7 @@ def plan_tables(spec: EngineSpec) -> Iterable[str]:
     yield from _hypothesis_tables(spec)
     yield from _lane_tables(spec)
     yield from _slot_tables(spec)
+    yield from _check_tables(spec)
 
 
 def _plant_tables(spec: EngineSpec) -> Iterable[str]:
@@ -124,6 +130,24 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
         yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
     for name in ("size", "size_sd", "rate_sd", "span", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
+
+
+def _check_tables(spec: EngineSpec) -> Iterable[str]:
+    """Parts by number; of what can be checked the cost, and the place among all names, which orders what is alike."""
+    looks, moves, signals = (spec.checked(kind) for kind in (CheckKind.COMPONENT, CheckKind.INPUT, CheckKind.SIGNAL))
+    inputs = [item.name for item in spec.inputs]
+    order = {name: k for k, name in enumerate(sorted({*spec.parts, *inputs, *signals}))}
+    yield integers("PARAMETER_PART", (spec.parts.index(item.component) for item in spec.parameters))
+    yield integers("INPUT_PART", map(spec.parts.index, inputs))
+    yield integers("OUTPUT_PART", (spec.parts.index(item.name) for item in spec.outputs))
+    for kind, names, checks in (("PART", spec.parts, looks), ("INPUT", inputs, moves), ("SIGNAL", signals, signals)):
+        yield numbers(f"{kind}_COST", (checks[name].cost if name in checks else 1.0 for name in names))
+        yield integers(f"{kind}_ORDER", (order[name] for name in names))
+    stated = [moves[name].move if name in moves else None for name in inputs]
+    yield numbers("INPUT_MOVE", (np.nan if move is None else move for move in stated))
+    yield integers("INPUT_PERCENT", (item.percent for item in spec.inputs))
+    yield integers("INPUT_HAS_ZERO", (not item.unit_offset for item in spec.inputs))
+    yield numbers("SIGNAL_NOISE", (item.noise for item in signals.values()))
 
 
 def ragged_table(

@@ -56,6 +56,8 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     *((f"normal.{name}", (NAN, -1.0)) for name in ("noise", "wander")),
     *((f"alarm.{name}", (NAN, INF)) for name in ("time", "change_time")),
     ("alarm.crossed", (-1, 2)),
+    ("sure.hypothesis", (-2, 2**40)),
+    *((f"sure.{name}", (-2, 2**53)) for name in ("since", "clear_since")),
 ]
 EXTREMES = {  # numbers that a run may have
     "clock.index": 2**52,
@@ -249,7 +251,7 @@ def test_samples_at_the_edge_of_order_are_taken() -> None:
 def test_the_time_of_a_kept_sample_is_a_number() -> None:
     """Onsets are told by the times of samples that are kept, so these are finite; their filter may have run away."""
     spec, saved = cell().spec, course().saved[150]
-    first, width = place_of("alarm.crossed").stop, spec.n_sample + spec.n_numbers + 2
+    first, width = place_of("sure.clear_since").stop, spec.n_sample + spec.n_numbers + 2
     for row in (0, 41, spec.thresholds.history_samples + 1):
         for number, expected in ((width - 2, DAMAGED), (width - 1, 0), (width - 3, 0), (0, 0)):
             other = saved.copy()

@@ -7,7 +7,8 @@ from faultbond.cli import main
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.constraint_network import ConstraintNetwork, build_network
 from faultbond.equations.plant import Plant, build_plant
-from faultbond.errors import StructureError
+from faultbond.errors import ModelError, StructureError
+from faultbond.io.examples import example
 from faultbond.model.expression import Binary, Name
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import parse_model
@@ -70,6 +71,21 @@ def test_a_law_is_the_difference_of_its_sides() -> None:
     assert found.constraints[2].residual == parse_difference("q1", "K1*sqrt(h1)")
     assert found.constraints[0].residual == parse_model(TANKS).component("outlet").laws[0].right
     assert [item.line for item in found.constraints] == [6, 7, 8, 9]
+
+
+def test_what_is_measured_by_hand_is_known() -> None:
+    """A check may read what the model knows; an integral that neither a sensor nor a law reads is none of it."""
+    text = (example("dc_motor") / "model.yaml").read_text(encoding="utf-8")
+    check = "checks: {turned: {reads: shaft.q, unit: rad, noise: 0.1 rad}}\n"
+    with pytest.raises(
+        ModelError, match=r":\d+: check turned reads shaft.q, of which nothing is known.*Let a sensor read"
+    ):
+        network(text + check)
+    known = network(
+        text + check.replace("shaft.q", "shaft.f").replace("unit: rad, noise: 0.1 rad", "unit: rad/s, noise: 1")
+    )
+    assert known.by_hand == (Name("shaft.f"),)
+    assert known.states == network(text).states
 
 
 def parse_difference(left: str, right: str) -> Binary:

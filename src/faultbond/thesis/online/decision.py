@@ -14,7 +14,7 @@ from faultbond.errors import FaultbondError
 from faultbond.runtime.names import hypothesis_names
 from faultbond.thesis.online.plan import ClassicPlan
 from faultbond.thesis.online.ranking import rank
-from faultbond.thesis.online.state import ClassicState, begin_anew
+from faultbond.thesis.online.state import ClassicState, begin_anew, with_nothing_sure
 
 
 def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis: int) -> tuple[ClassicState, Candidate]:
@@ -30,7 +30,7 @@ def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
     for index, suspect in zip(spec.hypotheses[hypothesis], candidate.suspects, strict=True):
         healthy[index] = suspect.estimate
     accepted = replace(
-        after_pause(replace(state, alarm=-1)),
+        with_nothing_sure(after_pause(replace(state, alarm=-1))),
         healthy=healthy,
         misfits=0.0 * state.misfits,
         misfit_counts=0.0 * state.misfits,
@@ -48,7 +48,7 @@ def reject(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
     """
     candidate = _candidate(spec, plan, state, hypothesis)
     rejected = _without(spec, state.rejected, hypothesis, np.ones(len(state.rejected), dtype=bool))
-    return replace(state, rejected=rejected), candidate
+    return replace(with_nothing_sure(state), rejected=rejected), candidate
 
 
 def after_pause(state: ClassicState) -> ClassicState:

@@ -12,7 +12,7 @@ from faultbond.thesis.online.plan import ClassicPlan
 
 ALLOWED = {
     **dict.fromkeys(("index", "absent"), COUNT),
-    **dict.fromkeys(("running", "alarm"), COUNT_OR_NONE),
+    **dict.fromkeys(("running", "alarm", "sure", "sure_since", "clear_since"), COUNT_OR_NONE),
     **dict.fromkeys(("present", "rejected"), FLAG),
     **dict.fromkeys(("peak", "counts", "misfit_counts"), POSITIVE),
     "since_step": Allowed(least=0.0, infinite=True),
@@ -22,7 +22,7 @@ ALLOWED = {
     ),
     **dict.fromkeys(("expected", "sums", "index_before", "factors", "covariance", "misfits"), ANYTHING),
 }
-_WHOLE = ("index", "running", "alarm", "absent")
+_WHOLE = ("index", "running", "alarm", "absent", "sure", "sure_since", "clear_since")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +33,9 @@ class ClassicState:
     running: int  # samples since monitoring began, T of the thesis; -1: not yet
     alarm: int  # sample of the alarm; -1: none
     absent: int  # samples since any output was there
+    sure: int  # hypothesis that the rule has in mind, which accepts without a person; -1: none
+    sure_since: int  # sample since which it has been sure,
+    clear_since: int  # and since which its kind has been, too; -1: it is not
     time: float  # of the newest sample, s
     at: float  # of the sample that was last worked on, which the prefilter delays, s
     trust: float  # P_A
@@ -86,6 +89,11 @@ def begin_anew(state: ClassicState) -> ClassicState:
     )
 
 
+def with_nothing_sure(state: ClassicState) -> ClassicState:
+    """Give the state in which the rule has nothing in mind, as after each decision."""
+    return replace(state, sure=-1, sure_since=-1, clear_since=-1)
+
+
 def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
     """Give the state before the first sample, at time `t0` (s)."""
     n_u, n_y, n_x, lanes = len(spec.inputs), len(spec.outputs), len(plan.states), plan.n_lanes
@@ -95,6 +103,9 @@ def init(spec: EngineSpec, plan: ClassicPlan, t0: float = 0.0) -> ClassicState:
         running=-1,
         alarm=-1,
         absent=0,
+        sure=-1,
+        sure_since=-1,
+        clear_since=-1,
         time=t0,
         at=t0,
         trust=1.0,

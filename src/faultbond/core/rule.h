@@ -1,0 +1,43 @@
+/* The rule that accepts a diagnosis without a person: the same candidate has been sure for long enough.
+
+   Sure is a candidate whose set and kind of fault are, together. Where the kind stays open, as between a bias and a drift
+   that hardly moves, waiting longer does not help, and the next fault would be laid to the first; so a candidate whose set
+   alone has been sure for much longer is accepted too, with its likeliest kind. */
+#ifndef FB_RULE_H
+#define FB_RULE_H
+
+#include "diagnosis.h"
+
+#define SURE_SAMPLES 200 /* for which a candidate has been the sure one before it is accepted, */
+#define LONG_SAMPLES 600 /* and a set, before it is although its kind is not sure */
+
+/* Nothing is sure, as before the first diagnosis and after each decision. */
+static void forget_sure(Sure *sure) { sure->hypothesis = sure->since = sure->clear_since = -1; }
+
+/* Whether the best candidate is likely enough, alone in its group, and explains the data; `whole`: with its kind. */
+static int is_sure(const Diagnosis *found, double level, int whole)
+{
+    const Candidate *best = &found->candidates[0];
+    int64_t alike = 0;
+    for (int64_t k = 0; k < found->n_candidates; k++) alike += found->candidates[k].group;
+    const double share = whole && best->n_kinds > 0 ? best->shares[0] : 1.0;
+    return alike == 1 && best->probability * share >= level && !found->is_unexplained;
+}
+
+/* Take the diagnosis of a sample; `level`: probability from which a candidate is sure. Gives the hypothesis that is to be
+   accepted now; -1: none yet. */
+static int64_t take_diagnosis(Sure *sure, const Diagnosis *found, int64_t sample, double level)
+{
+    const Sure before = *sure;
+    forget_sure(sure);
+    if (!is_sure(found, level, 0)) return -1;
+    const int64_t best = found->candidates[0].hypothesis;
+    const int same = best == before.hypothesis, clear = is_sure(found, level, 1);
+    sure->hypothesis = best;
+    sure->since = same ? before.since : sample;
+    if (clear) sure->clear_since = same && before.clear_since >= 0 ? before.clear_since : sample;
+    const int ripe = (clear && sample - sure->clear_since >= SURE_SAMPLES) || sample - sure->since >= LONG_SAMPLES;
+    return ripe ? best : -1;
+}
+
+#endif
