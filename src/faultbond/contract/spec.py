@@ -334,6 +334,9 @@ class EngineSpec:
         return int(self.sample_fields["nis"].stop)
 
 
+SPEC_CLASSES = (EngineSpec, StateSpec, SlowErrorSpec, ParameterSpec, InputSpec, OutputSpec, CheckSpec, Thresholds)
+
+
 class Engine(Protocol):
     """Runs lanes over samples. Pure: the arguments are not changed."""
 

@@ -21,7 +21,8 @@
 #define WORTH 0.1         /* bits that a check has to tell; a move, more than waiting would */
 #define LEAST_COST 1e-9
 #define N_MOVE_PARTS 3
-static const double MOVE_PARTS[N_MOVE_PARTS] = {0.2, 0.4, 0.6}; /* of an input, in its largest value or 100 percent, where none is stated */
+/* Moves of an input, in its largest value or 100 percent, where none is stated. */
+static const double MOVE_PARTS[N_MOVE_PARTS] = {0.2, 0.4, 0.6};
 
 #define MOST_LOOKS (MOST_RIVALS * LARGEST_SET < N_PARTS ? MOST_RIVALS * LARGEST_SET : N_PARTS)
 #define MOST_CHECKS (MOST_LOOKS + N_INPUTS + N_SIGNALS)
@@ -269,8 +270,8 @@ static int values_of(const Inputs *inputs, int k, double *values)
     }
     const double least = isnan(stated) ? MOVE_PARTS[0] * full : stated;
     for (int move = 0; move < (isnan(stated) ? 2 * N_MOVE_PARTS : 2); move++) {
-        const double size = isnan(stated) ? MOVE_PARTS[move / 2] * full : stated, wanted = move % 2 ? now - size : now + size;
-        const double value = smaller(larger(wanted, low), high);
+        const double size = isnan(stated) ? MOVE_PARTS[move / 2] * full : stated;
+        const double value = bounded(move % 2 ? now - size : now + size, low, high);
         int is_new = fabs(value - now) > 0.5 * least && least > 0.0;
         for (int other = 0; other < n; other++) is_new &= values[other] != value;
         if (is_new) values[n++] = value;

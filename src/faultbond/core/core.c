@@ -12,7 +12,8 @@
                      all other kinds of fault
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
-    10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as bytes
+    10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
+                     bytes
 
    watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
    stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
@@ -163,33 +164,13 @@ void fb_go_on(void *state, const double *lane)
 void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                       void *memory)
 {
-    Filter_plain *FB_RESTRICT work = &((Work *)memory)->filters.plain;
-    work->step.dt = NAN;
-    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
-        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
-        for (int64_t t = 0; t < n_samples; t++) {
-            filter_step_plain(work->lane, samples + t * N_SAMPLE, work->innovations, work);
-            double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
-            for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);
-        }
-        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
-    }
+    filter_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.plain);
 }
 
 void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                      void *memory)
 {
-    Filter_wide *FB_RESTRICT work = &((Work *)memory)->filters.wide;
-    work->step.dt = NAN;
-    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
-        for (int64_t i = 0; i < WIDE_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
-        for (int64_t t = 0; t < n_samples; t++) {
-            filter_step_wide(work->lane, samples + t * N_SAMPLE, work->innovations, work);
-            double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
-            for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);
-        }
-        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
-    }
+    filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.wide);
 }
 
 #ifdef __cplusplus

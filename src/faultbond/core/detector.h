@@ -10,7 +10,6 @@
 
 #include "wild.h"
 
-#define SQRT2 1.4142135623730951
 #define NIS_TRUST 1000    /* samples for which the declared noise counts, */
 #define NIS_MEMORY 10000  /* and over which squares are a mean */
 #define NIS_LEAST 0.25
@@ -26,7 +25,7 @@ static inline double positive(double sum) { return sum > 0.0 ? sum : 0.0; }
    was after some samples. */
 static double scatter_gain(double apart)
 {
-    const double size = fmin(fabs(apart), SQRT2 * CUSUM_CLIP);
+    const double size = fmin(fabs(apart), FB_SQRT2 * CUSUM_CLIP);
     return 0.25 * (1.0 - 1.0 / (SCATTER_RATIO * SCATTER_RATIO)) * size * size - log(SCATTER_RATIO);
 }
 

@@ -31,17 +31,6 @@ typedef struct {
     double variance, both, rate_variance;
 } Drift;
 
-/* Number k of a lane of steps, and of one with a slot. */
-static inline double of_step(const Bank *bank, int64_t lane, int64_t k)
-{
-    return bank->steps[lane / FB_LANES][k][lane % FB_LANES];
-}
-
-static inline double of_slot(const Bank *bank, int64_t lane, int64_t k)
-{
-    return bank->slots[lane / FB_LANES][k][lane % FB_LANES];
-}
-
 static inline double root_of(double variance) { return sqrt(0.0 > variance ? 0.0 : variance); }
 
 /* Probability that the limit has been passed after some seconds. A straight line v + r t with v, r normal has passed

@@ -29,6 +29,10 @@ typedef struct {
 FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
 
+/* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
+FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
+                                double *innovations, Filter *FB_RESTRICT work);
+
 #if N_SIGNALS > 0
 /* What lanes expect of the signals that a person can measure by hand, [N_SIGNALS], SI, under these inputs. */
 FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT u, lanes *FB_RESTRICT values);
@@ -304,6 +308,21 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRIC
     shifted(lane, shift, guess);
     if (again) update_again(lane, sample, says_much, guess, p_first, work);
     memcpy(lane, guess, sizeof guess);
+}
+
+FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
+                                double *innovations, Filter *FB_RESTRICT work)
+{
+    work->step.dt = NAN;
+    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
+        for (int64_t i = 0; i < N_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
+        for (int64_t t = 0; t < n_samples; t++) {
+            filter_step(work->lane, samples + t * N_SAMPLE, work->innovations, work);
+            double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
+            for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);
+        }
+        for (int64_t i = 0; i < N_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
+    }
 }
 
 #if N_SIGNALS > 0

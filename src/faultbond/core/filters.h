@@ -46,6 +46,7 @@
 #define innovate OF_KIND(innovate)
 #define update_again OF_KIND(update_again)
 #define filter_step OF_KIND(filter_step)
+#define filter_lanes OF_KIND(filter_lanes)
 #define expect_signals OF_KIND(expect_signals)
 
 #define FB_KIND _plain
@@ -91,6 +92,7 @@
 #undef innovate
 #undef update_again
 #undef filter_step
+#undef filter_lanes
 #undef expect_signals
 
 #endif

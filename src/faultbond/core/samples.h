@@ -35,6 +35,7 @@ typedef struct {
 /* The larger, and the smaller, of two numbers; what is no number stays none. */
 static inline double larger(double a, double b) { return a >= b || isnan(a) ? a : b; }
 static inline double smaller(double a, double b) { return a <= b || isnan(a) ? a : b; }
+static inline double bounded(double a, double least, double most) { return a < least ? least : a > most ? most : a; }
 
 /* A run goes on after a time of unknown length. */
 static void resume(Clock *clock) { clock->silent = GAP_UNKNOWN; }

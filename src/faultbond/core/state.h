@@ -129,9 +129,19 @@ typedef struct {
     Sure sure;
 } State;
 
-/* Number k of a lane of steps, and of one with a slot. */
-static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k) { return &bank->steps[lane / FB_LANES][k][lane % FB_LANES]; }
-static inline double *number_of_slot(Bank *bank, int64_t lane, int64_t k) { return &bank->slots[lane / FB_LANES][k][lane % FB_LANES]; }
+/* Number k of a lane of steps, and of one with a slot: where it stands, and what it is. */
+static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k)
+{
+    return &bank->steps[lane / FB_LANES][k][lane % FB_LANES];
+}
+
+static inline double *number_of_slot(Bank *bank, int64_t lane, int64_t k)
+{
+    return &bank->slots[lane / FB_LANES][k][lane % FB_LANES];
+}
+
+static inline double of_step(const Bank *bank, int64_t lane, int64_t k) { return *number_of_step((Bank *)bank, lane, k); }
+static inline double of_slot(const Bank *bank, int64_t lane, int64_t k) { return *number_of_slot((Bank *)bank, lane, k); }
 
 /* The row of a sample that is kept. */
 static inline Row *row_of(Past *past, int64_t number) { return &past->rows[number % DEPTH]; }

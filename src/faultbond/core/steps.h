@@ -50,11 +50,6 @@ typedef struct {
 /* Place of a covariance in a plain lane, in either order. */
 static inline int64_t plain_place(int64_t i, int64_t j) { return i <= j ? PLAIN_PLACE(i, j) : PLAIN_PLACE(j, i); }
 
-static inline double bounded(double value, double least, double most)
-{
-    return value < least ? least : value > most ? most : value;
-}
-
 /* Let number i of a lane be what it is and `factor` times number k: its row and column of the covariance. */
 static void add_to_row(double *lane, int64_t i, int64_t k, double factor)
 {

@@ -260,7 +260,7 @@ static double within(const Sensors *sensors, int j, double widths, double y)
 {
     const double low = sensors->shown[0][j], high = sensors->shown[1][j];
     const double beyond = widths * larger(high - low, LEAST_WIDTH * OUTPUT_NOISE[j]);
-    return low <= high ? smaller(larger(y, low - beyond), high + beyond) : y;
+    return low <= high ? bounded(y, low - beyond, high + beyond) : y;
 }
 
 /* Take wild readings out of a packed sample, by the innovations [2 * N_OUTPUTS] of the healthy filter, and learn what the
@@ -284,9 +284,9 @@ static int64_t judge(const Clock *clock, Sensors *sensors, const double *innovat
             *used = *y = 0.0;
             continue;
         }
-        const double bounded = within(sensors, j, CUT_FAR, *y);
-        if (bounded == *y) show(sensors, j, *y);
-        *y = bounded;
+        const double cut = within(sensors, j, CUT_FAR, *y);
+        if (cut == *y) show(sensors, j, *y);
+        *y = cut;
     }
     return found;
 }

@@ -15,16 +15,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from faultbond.contract.spec import (
-    CheckSpec,
-    EngineSpec,
-    InputSpec,
-    OutputSpec,
-    ParameterSpec,
-    SlowErrorSpec,
-    StateSpec,
-    Thresholds,
-)
+from faultbond.contract.spec import SPEC_CLASSES, EngineSpec
 from faultbond.io.cache import PREPARED, Library, read_kept, write_kept
 from faultbond.io.recording import Column, Columns
 from faultbond.io.typed import TypeLimits, typed
@@ -33,8 +24,7 @@ from faultbond.model.graph import TimeColumn, Unit
 FORMAT = 1
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = (".py", ".h", ".c", ".in")
-_PARTS = (EngineSpec, StateSpec, SlowErrorSpec, ParameterSpec, InputSpec, OutputSpec, CheckSpec, Thresholds)
-_NUMBERS = TypeLimits(not_finite=frozenset({*_PARTS, Column, Columns, TimeColumn, Unit}))
+_NUMBERS = TypeLimits(not_finite=frozenset({*SPEC_CLASSES, Column, Columns, TimeColumn, Unit}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
