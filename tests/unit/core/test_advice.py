@@ -72,6 +72,11 @@ int64_t t_part(State *state, Rivals *rivals, const double *apart, int64_t *n, in
 int64_t t_room(State *state) { return (void)state, (int64_t)sizeof(Rivals); }
 """
 AHEAD_CALL = """
+int64_t t_pack(State *state, const int64_t *t, const double *held, double *packed)
+{
+    pack_ahead(&state->inputs, held, *t, packed);
+    return 0;
+}
 int64_t t_ahead(State *state, Work *work, Diagnosis *found, double *first)
 {
     int64_t group[MOST_RIVALS];
@@ -216,6 +221,7 @@ def tools() -> Bare:
     [
         ("P0", (20.0, 30.0), 30.0, [50.0, 10.0, 70.0, 0.0, 90.0]),
         ("V0", (2.0, 10.0), 10.0, [8.0, 6.0, 4.0]),  # never beyond 10, never turned round
+        ("V0", (2.0, 10.0), 5.0, [7.0, 3.0, 9.0, 1.0, 10.0, 0.0]),  # zero counts as a place where it has been
         ("V1", (-10.0, 10.0), 4.0, [6.0, 2.0, 8.0, 0.0, 10.0, -2.0]),
         ("V1", (np.inf, -np.inf), 4.0, []),  # where it has been nobody knows
         ("T0", (280.0, 300.0), 290.0, [294.0, 286.0, 298.0, 282.0, 300.0, 280.0]),
@@ -325,6 +331,19 @@ def test_an_accepted_drift_goes_on() -> None:
         state.call("t_ahead", work, found, first)
         moved.append(first[state.spec.parameter_slice])
     assert moved[1] - moved[0] == pytest.approx(1e-4 * AHEAD * (state.spec.sample_time or 0.0))
+
+
+def test_what_settles_after_a_move_is_not_counted() -> None:
+    """A sensor that feels the moved input at once is blanked for as long as that settles; nothing is measured."""
+    state, now = bare(AHEAD_CALL), np.array([2.0, 0.3])
+    place, state["inputs.held"], packed = state.spec.sample_fields, now, np.full(state.spec.n_sample, nan)
+    blank = state.spec.thresholds.blank_factor
+    for held, t, scale in (([4.0, 0.3], 5, blank), ([4.0, 0.3], 6, 1.0), ([2.0, 0.2], 0, 1.0)):
+        state.call("t_pack", np.array([t]), np.array(held), packed)
+        assert packed[place["scale"]].tolist() == [scale, 1.0]
+        assert packed[place["u"]].tolist() == held
+        assert packed[place["u_before"]].tolist() == (held if t else now.tolist())
+        assert not packed[place["use"]].any()
 
 
 def test_what_is_expected_by_hand() -> None:
