@@ -49,16 +49,16 @@ class BankWatcher:
         """Take samples in order, one at least, up to one at which something is found; tells of those it took."""
         reports = self._monitor.take(samples)
         found = reports.diagnosis
-        return reports if found is None else replace(reports, diagnosis=self._advised(found))
+        return reports if found is None else replace(reports, diagnosis=self._advised(self._monitor, found))
 
     def finish(self) -> Diagnosis | None:
         """Give the last diagnosis, if a fault was detected."""
-        found = self._monitor.finish()
-        return None if found is None else self._advised(found)
+        ended = self._monitor.copy()  # the run may go on, as if it had not been asked
+        return None if ended.number("clock.alarm") < 0 else self._advised(ended, ended.conclude())
 
-    def _advised(self, diagnosis: Diagnosis) -> Diagnosis:
+    def _advised(self, monitor: Monitor, diagnosis: Diagnosis) -> Diagnosis:
         """Add what to do next."""
-        return replace(diagnosis, advice=self._monitor.advise())
+        return replace(diagnosis, advice=monitor.advise())
 
     def sure(self, level: float) -> int | None:
         """Tell the rule of the diagnosis that was due, and give the hypothesis that it accepts now; None: none yet."""

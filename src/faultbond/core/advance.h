@@ -35,27 +35,31 @@ static void drift_on(const Normal *normal, double dt, lanes *lane, int n_joint)
     }
 }
 
-/* Take one sample into a block of plain lanes. innovations: measured less expected reading of each sensor, then their
+/* Take one sample into a group of plain lanes. innovations: measured less expected reading of each sensor, then their
    variances; NULL: not asked for. */
-static void advance_plain(double (*block)[FB_LANES], const double *sample, const Normal *normal,
-                          double (*innovations)[FB_LANES], Filter_plain *work)
+static void advance_plain(double (*group)[GROUP], const double *sample, const Normal *normal,
+                          double (*innovations)[GROUP], Filter_plain *work)
 {
-    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = load(block[i]);
-    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
-    filter_step_plain(work->lane, sample, work->innovations, work);
-    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) store(block[i], work->lane[i]);
-    for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i], work->innovations[i]);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = load(group[i] + part);
+        if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
+        filter_step_plain(work->lane, sample, work->innovations, work);
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) store(group[i] + part, work->lane[i]);
+        for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i] + part, work->innovations[i]);
+    }
 }
 
 /* The same of wide lanes. */
-static void advance_wide(double (*block)[FB_LANES], const double *sample, const Normal *normal,
-                         double (*innovations)[FB_LANES], Filter_wide *work)
+static void advance_wide(double (*group)[GROUP], const double *sample, const Normal *normal,
+                         double (*innovations)[GROUP], Filter_wide *work)
 {
-    for (int64_t i = 0; i < WIDE_NUMBERS; i++) work->lane[i] = load(block[i]);
-    if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, WIDE_JOINT);
-    filter_step_wide(work->lane, sample, work->innovations, work);
-    for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], work->lane[i]);
-    for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i], work->innovations[i]);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) work->lane[i] = load(group[i] + part);
+        if (drifts(normal)) drift_on(normal, sample[SAMPLE_DT], work->lane, WIDE_JOINT);
+        filter_step_wide(work->lane, sample, work->innovations, work);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(group[i] + part, work->lane[i]);
+        for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) store(innovations[i] + part, work->innovations[i]);
+    }
 }
 
 /* Take one sample into one plain lane; innovations: [2 * N_OUTPUTS], as above. */

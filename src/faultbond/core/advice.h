@@ -50,7 +50,7 @@ typedef struct {
     double probability[MOST_RIVALS];
     PlainBlock plain[BLOCKS(MOST_RIVALS)];
     WideBlock wide[BLOCKS(MOST_RIVALS)];
-    double told[2][BLOCKS(MOST_RIVALS)][2 * N_OUTPUTS][FB_LANES]; /* innovations of plain and of wide lanes */
+    double told[2][BLOCKS(MOST_RIVALS)][2 * N_OUTPUTS][GROUP]; /* innovations of plain and of wide lanes */
     double signal[FB_ROOM(N_SIGNALS)][MOST_RIVALS];               /* what each expects to be measured by hand, SI */
     double squares[MOST_RIVALS][MOST_RIVALS]; /* of the differences of two, in sd of the noise, */
     double along[MOST_RIVALS][MOST_RIVALS];   /* and of these with the sd of what was predicted */
@@ -81,18 +81,18 @@ static void find_rivals(const Diagnosis *found, Rivals *rivals)
 static void take_lanes(const Bank *bank, const Diagnosis *found, Rivals *rivals)
 {
     for (int64_t r = 0; r < rivals->n; r++) {
-        const int64_t lane = found->candidates[r].lane, block = rivals->at[r] / FB_LANES, l = rivals->at[r] % FB_LANES;
+        const int64_t lane = found->candidates[r].lane, block = rivals->at[r] / GROUP, l = rivals->at[r] % GROUP;
         for (int64_t k = 0; k < PLAIN_NUMBERS && !rivals->is_wide[r]; k++)
             rivals->plain[block][k][l] = of_step(bank, lane, k);
         for (int64_t k = 0; k < WIDE_NUMBERS && rivals->is_wide[r]; k++)
             rivals->wide[block][k][l] = of_slot(bank, lane - N_STEPS, k);
     }
-    for (int64_t at = rivals->n_plain; at % FB_LANES; at++)
+    for (int64_t at = rivals->n_plain; at % GROUP; at++)
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
-            rivals->plain[at / FB_LANES][k][at % FB_LANES] = rivals->plain[at / FB_LANES][k][0];
-    for (int64_t at = rivals->n_wide; at % FB_LANES; at++)
+            rivals->plain[at / GROUP][k][at % GROUP] = rivals->plain[at / GROUP][k][0];
+    for (int64_t at = rivals->n_wide; at % GROUP; at++)
         for (int64_t k = 0; k < WIDE_NUMBERS; k++)
-            rivals->wide[at / FB_LANES][k][at % FB_LANES] = rivals->wide[at / FB_LANES][k][0];
+            rivals->wide[at / GROUP][k][at % GROUP] = rivals->wide[at / GROUP][k][0];
 }
 
 /* A sample without measurements while inputs are held, number `t` from now; what settles first is not counted. */
@@ -117,12 +117,12 @@ static void pack_ahead(const Inputs *inputs, const double *held, int64_t t, doub
 /* Take one packed sample into the lanes of all rivals. */
 static void advance_rivals(const Normal *normal, Rivals *rivals, Filters *filters)
 {
-    for (int64_t first = 0; first < rivals->n_plain; first += FB_LANES) {
-        const int64_t block = first / FB_LANES;
+    for (int64_t first = 0; first < rivals->n_plain; first += GROUP) {
+        const int64_t block = first / GROUP;
         advance_plain(rivals->plain[block], rivals->sample, normal, rivals->told[0][block], &filters->plain);
     }
-    for (int64_t first = 0; first < rivals->n_wide; first += FB_LANES) {
-        const int64_t block = first / FB_LANES;
+    for (int64_t first = 0; first < rivals->n_wide; first += GROUP) {
+        const int64_t block = first / GROUP;
         advance_wide(rivals->wide[block], rivals->sample, normal, rivals->told[1][block], &filters->wide);
     }
 }
@@ -130,7 +130,7 @@ static void advance_rivals(const Normal *normal, Rivals *rivals, Filters *filter
 /* Number k of what the filter of a rival told of the last sample. */
 static double told_by(const Rivals *rivals, int64_t r, int64_t k)
 {
-    return rivals->told[rivals->is_wide[r]][rivals->at[r] / FB_LANES][k][rivals->at[r] % FB_LANES];
+    return rivals->told[rivals->is_wide[r]][rivals->at[r] / GROUP][k][rivals->at[r] % GROUP];
 }
 
 /* Add how far two rivals are apart at the last sample. A prediction's own uncertainty is what its variance is beyond the
@@ -310,17 +310,17 @@ static void expect_by_hand(const State *state, Rivals *rivals, Filters *filters)
     lanes values[N_SIGNALS];
     double by_lane[FB_LANES];
     for (int64_t r = 0; r < rivals->n; r++) {
-        const int64_t block = rivals->at[r] / FB_LANES;
+        const int64_t block = rivals->at[r] / GROUP, l = rivals->at[r] % GROUP, part = l - l % FB_LANES;
         if (rivals->is_wide[r]) {
-            for (int64_t i = 0; i < WIDE_NUMBERS; i++) filters->wide.lane[i] = load(rivals->wide[block][i]);
+            for (int64_t i = 0; i < WIDE_NUMBERS; i++) filters->wide.lane[i] = load(rivals->wide[block][i] + part);
             expect_signals_wide(filters->wide.lane, state->inputs.held, values);
         } else {
-            for (int64_t i = 0; i < PLAIN_NUMBERS; i++) filters->plain.lane[i] = load(rivals->plain[block][i]);
+            for (int64_t i = 0; i < PLAIN_NUMBERS; i++) filters->plain.lane[i] = load(rivals->plain[block][i] + part);
             expect_signals_plain(filters->plain.lane, state->inputs.held, values);
         }
         for (int k = 0; k < N_SIGNALS; k++) {
             store(by_lane, values[k]);
-            rivals->signal[k][r] = by_lane[rivals->at[r] % FB_LANES];
+            rivals->signal[k][r] = by_lane[l - part];
         }
     }
 }

@@ -1,78 +1,81 @@
-/* The bank: lanes for every hypothesis, begun at the alarm, and how well each explains what came since. Steps of parameters
-   run in plain lanes (steps.h, growing.h), all other kinds of fault in lanes with a slot (slots.h). */
+/* The bank: lanes for every hypothesis, begun at the alarm (work.h), and how well each explains what came since. Steps of
+   parameters run in plain lanes (steps.h, growing.h), all other kinds of fault in lanes with a slot (slots.h). */
 #ifndef FB_BANK_H
 #define FB_BANK_H
 
-#include "detector.h"
-#include "growing.h"
-#include "slots.h"
+#include "rest.h"
 
-/* Samples after the alarm at which the bank begins again from what it has found. */
-#define FIRST_RENEWAL 30
-#define SECOND_RENEWAL 100
-#define LAST_RENEWAL 200
-
-typedef struct {
-    StepMemory steps;
-    SlotMemory slots;
-    double innovations[2 * N_OUTPUTS][FB_ROOM(N_LANES)];
-    double peak[FB_ROOM(N_INPUTS)]; /* largest size of each input so far, SI */
-} BankMemory;
-
-/* Give a bank of zeros, in which no set of the reserve has lanes. */
-static void clear_bank(Bank *bank)
+/* Give a bank of zeros, in which no set of the reserve has lanes, and on which nobody works. */
+static void clear_bank(State *state)
 {
-    memset(bank, 0, sizeof *bank);
-    for (int k = 0; k < FB_ROOM(N_GROWN); k++) bank->grown[k] = -1;
+    memset(&state->bank, 0, sizeof state->bank);
+    for (int k = 0; k < FB_ROOM(N_GROWN); k++) state->bank.grown[k] = -1;
+    clear_job(&state->job);
 }
 
-static int is_renewal(int64_t since)
+/* Whether all lanes have begun since the alarm. */
+static inline int is_ready(const Job *job) { return job->settled >= 0; }
+
+/* Let all lanes begin: each has then seen all samples of the trail, the last of which is that of the alarm. `change`: place in
+   it of the onset that the detector estimates. */
+static void begin_bank(State *state, const Trail *trail, int64_t change)
 {
-    return since == FIRST_RENEWAL || since == SECOND_RENEWAL || since == LAST_RENEWAL;
+    clear_bank(state);
+    begin_all(state, trail, change);
 }
 
-static void find_peaks(const Inputs *inputs, double *peak)
+/* Whether the bank is to begin again from what it has found. */
+static int is_renewal(const State *state)
 {
-    for (int k = 0; k < N_INPUTS; k++) peak[k] = peak_of(inputs, k);
+    const Job *job = &state->job;
+    const int64_t since = state->clock.index - state->clock.alarm;
+    return is_ready(job) && job->kind == IDLE && job->ended < state->clock.index && job->renewals < N_RENEWALS &&
+           since >= next_renewal(job);
 }
 
-/* Begin all lanes: they have seen all samples of the trail, the last of which is that of the alarm. `change`: place in it of
-   the onset that the detector estimates. */
-static void begin_bank(State *state, const Trail *trail, int64_t change, BankMemory *memory, Filters *filters)
+/* Of the lanes that begin at the alarm, how many have: those of steps, then those with a slot. */
+static int64_t steps_begun(const Job *job)
 {
-    Bank *bank = &state->bank;
-    clear_bank(bank);
-    find_peaks(&state->inputs, memory->peak);
-    begin_all_steps(bank, trail, change, &state->normal, &memory->steps, &filters->plain);
-    find_onsets(trail, change, &memory->steps.onsets);
-    begin_slots(bank, trail, &memory->steps.onsets, memory->peak, &state->normal, &filters->wide, &memory->slots);
-    begin_misfit(bank, state->clock.index);
+    const int64_t done = job->group * GROUP;
+    if (job->kind != BEGINNING || job->stage > SETS) return N_PLANNED;
+    return job->stage == SINGLES ? done : job->n_singles + done;
 }
 
-/* Take one more packed sample into all lanes. */
+static int64_t slots_begun(const Job *job)
+{
+    const int64_t done = job->group * GROUP;
+    if (job->kind != BEGINNING || job->stage > PAIRS) return N_SLOT_LANES;
+    if (job->stage == PAIRS) return SWITCHED + 2 * done;
+    return job->stage == SLOTS ? done : 0;
+}
+
+/* Take one more packed sample into all lanes that have begun. */
 static void advance_bank(State *state, const double *packed, BankMemory *memory, Filters *filters)
 {
     Bank *bank = &state->bank;
-    advance_steps(bank, packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
-    advance_slots(bank, packed, &state->normal, memory->innovations[0] + N_STEPS, FB_ROOM(N_LANES), &filters->wide,
-                  &memory->slots);
-    add_misfit(bank, &state->inputs, packed, memory->innovations, state->clock.index);
+    int64_t resting = 0;
+    for (int64_t group = 0; group < BLOCKS(N_STEPS) + BLOCKS(SWITCHED); group++) resting += bank->rests[group];
+    const double before = resting ? leading_of_bank(bank) : 0.0;
+    advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
+    advance_slots(bank, slots_begun(&state->job), packed, &state->normal, memory->innovations[0] + N_STEPS,
+                  FB_ROOM(N_LANES), &filters->wide, &memory->slots);
+    if (resting) keep_distance(bank, leading_of_bank(bank) - before);
+    if (is_ready(&state->job)) add_misfit(bank, &state->inputs, packed, memory->innovations, state->clock.index);
 }
 
-/* Begin lanes again from what the bank has found, and those of the likeliest sets in reserve that are not rejected. After the
-   last renewal all filters of steps begin again. */
-static void renew_bank(State *state, const Trail *trail, int64_t since, BankMemory *memory, Filters *filters)
+/* Work on the bank for as long as a sample may take. */
+static void work_on(State *state, BankMemory *memory, Filters *filters)
 {
-    Bank *bank = &state->bank;
-    const Normal *normal = &state->normal;
-    find_peaks(&state->inputs, memory->peak);
-    if (since == LAST_RENEWAL) renew_all_steps(bank, trail, normal, &memory->steps, &filters->plain);
-    else renew_steps(bank, trail, normal, &memory->steps, &filters->plain);
-    if (N_RESERVE > 0) renew_reserve(bank, trail, normal, &memory->steps, &filters->plain);
-    renew_slots(bank, trail, memory->peak, normal, &filters->wide, &memory->slots);
-    for (int64_t lane = 0; lane < N_LANES; lane++)
-        if (lane < N_STEPS ? memory->steps.changed[lane] : memory->slots.changed[lane - N_STEPS])
-            begin_misfit_again(bank, lane, state->clock.index);
+    if (state->job.kind != IDLE) work_for(state, portion_of(state, &memory->slots), memory, filters);
+}
+
+/* Between samples, do at once what is left of beginning the lanes, as where no more samples come. */
+static void finish_bank(State *state, BankMemory *memory, Filters *filters)
+{
+    if (state->job.kind != BEGINNING) return;
+    state->clock.index--; /* to the last sample that is kept */
+    work_for(state, INT64_MAX, memory, filters);
+    state->clock.index++;
 }
 
 #endif

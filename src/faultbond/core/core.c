@@ -8,8 +8,8 @@
      4. advance.h    the healthy filter: filters.h (filter.h), which steps in time by integrate.h
      5. detector.h   sums of what it did not expect, and the alarm
      6. trail.h      the samples before the alarm, and the places where the fault may have begun
-     7. bank.h       a filter for every hypothesis from there: steps.h and growing.h for steps of parameters, slots.h for
-                     all other kinds of fault
+     7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
+                     for steps of parameters, slots.h for all other kinds of fault
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
@@ -39,6 +39,13 @@ int64_t fb_advice_size(void) { return (int64_t)sizeof(Advice); }
 
 void fb_init(void *state, double time, int64_t quiet) { begin_state((State *)state, time, quiet); }
 
+static void finish(void *state, void *work)
+{
+    Work *memory = (Work *)work;
+    prepare_filters(&memory->filters);
+    finish_bank((State *)state, &memory->bank, &memory->filters);
+}
+
 void fb_resume(void *state) { resume(&((State *)state)->clock); }
 
 int64_t fb_step(void *state, void *work, const double *sample, void *report, void *found)
@@ -65,8 +72,9 @@ int64_t fb_block(void *state, void *work, int64_t n, const double *times, const 
     return n;
 }
 
-void fb_diagnosis(const void *state, void *work, void *found)
+void fb_diagnosis(void *state, void *work, void *found)
 {
+    finish(state, work);
     conclude((const State *)state, (Diagnosis *)found, &((Work *)work)->ranking);
 }
 
@@ -86,12 +94,14 @@ int64_t fb_sure(void *state, const void *found, double level)
 int64_t fb_accept(void *state, void *work, int64_t hypothesis, void *candidate)
 {
     Work *memory = (Work *)work;
+    finish(state, work);
     return accept((State *)state, hypothesis, (Candidate *)candidate, &memory->found, &memory->ranking);
 }
 
 int64_t fb_reject(void *state, void *work, int64_t hypothesis, void *candidate)
 {
     Work *memory = (Work *)work;
+    finish(state, work);
     return reject((State *)state, hypothesis, (Candidate *)candidate, &memory->found, &memory->ranking);
 }
 
@@ -119,7 +129,7 @@ void fb_lane(const void *state, int64_t lane, double *numbers)
 
 void fb_row(const void *state, int64_t number, double *row)
 {
-    memcpy(row, &((const State *)state)->past.rows[number % DEPTH], sizeof(Row));
+    memcpy(row, &((const State *)state)->past.rows[number % N_ROWS], sizeof(Row));
 }
 
 int64_t fb_pack(void *state, double time, double step, const double *inputs, const double *readings, double *packed)

@@ -6,6 +6,7 @@
 #ifndef FB_DECIDE_H
 #define FB_DECIDE_H
 
+#include "rest.h"
 #include "rule.h"
 
 #define ACCEPTED_WANDER 0.5 /* of what an accepted drift moves in a sample, the parameter may move otherwise */
@@ -96,7 +97,7 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     state->clock.alarm = -1;
     state->clock.accepted = last;
     begin_sums(&state->sensors, (double)last);
-    clear_bank(&state->bank);
+    clear_bank(state);
     forget_sure(&state->sure);
     return 0;
 }
@@ -130,6 +131,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     if (is_last) return LAST_ONE;
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
         if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
+    wake(bank);
     forget_sure(&state->sure);
     return 0;
 }

@@ -13,11 +13,13 @@ typedef struct {
     double wide[WIDE_NUMBERS]; /* a lane that is accepted */
 } RankingMemory;
 
-/* Whether the bank began, or began again, just now: its sums tell nothing yet. */
-static int is_fresh(int64_t since)
+#define FRESH 30       /* samples for which sums that began anew tell nothing; twice as many where the lanes had just begun */
+
+/* Whether the bank began, or began again, just now. */
+static int is_fresh(const State *state)
 {
-    const int64_t begun = since >= LAST_RENEWAL ? LAST_RENEWAL : since >= SECOND_RENEWAL ? SECOND_RENEWAL : 0;
-    return since >= 0 && since - begun <= FIRST_RENEWAL + (begun == 0 ? FIRST_RENEWAL : 0);
+    const Job *job = &state->job;
+    return !is_ready(job) || state->clock.index - job->settled <= (job->renewals < 2 ? 2 * FRESH : FRESH);
 }
 
 /* Tell where the best lane does not fit, if the detector would raise an alarm on it. followed: a drift whose rate
@@ -39,11 +41,12 @@ static void find_unexplained(const State *state, int64_t lane, int followed, Dia
     found->is_unexplained = 1;
     found->signal = signal;
     found->unexplained_sd = sum / (double)(length > 1 ? length : 1) + CUSUM_DRIFT;
-    found->since = back > 0 ? state->past.rows[(state->clock.index - back) % DEPTH].time : state->clock.time;
+    found->since = back > 0 ? state->past.rows[(state->clock.index - back) % N_ROWS].time : state->clock.time;
     found->until = state->clock.time;
 }
 
-/* Give the diagnosis of now, after a detection; without candidates where nothing is a suspect. The lane that has to
+/* Give the diagnosis of now, after a detection; without candidates where nothing is a suspect, or not
+   all lanes have begun. The lane that has to
    explain the data is the best without drifts whose rate may change: these follow nearly anything, so their fit says
    little. */
 static void conclude(const State *state, Diagnosis *found, RankingMemory *memory)
@@ -53,15 +56,14 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->time = state->clock.time;
     found->signal = -1;
     found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
-    if (N_HYPOTHESES == 0) return;
+    if (N_HYPOTHESES == 0 || state->job.kind == BEGINNING) return;
     score_all(&state->bank, OUT_REJECTED | OUT_UNSTEADY, ranking);
     const int64_t steady = leading_hypothesis(ranking), lane = ranking->best[steady];
     const double score = ranking->score[steady];
     score_all(&state->bank, OUT_REJECTED, ranking);
     rank(state, ranking, found);
     find_unexplained(state, lane, ranking->score[leading_hypothesis(ranking)] - score > FOLLOWED, found);
-    const int64_t since = state->clock.index - state->clock.alarm;
-    const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(since);
+    const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }
 

@@ -38,8 +38,9 @@ int64_t fb_block(void *state, void *work, int64_t n, const double *times, const 
 /* Take one sample: its time, the step before it, inputs, readings. 1 where an alarm is raised or a diagnosis is due. */
 int64_t fb_step(void *state, void *work, const double *sample, void *report, void *found);
 
-/* Give the diagnosis of now, after an alarm. */
-void fb_diagnosis(const void *state, void *work, void *found);
+/* Give the diagnosis of now, after an alarm. Beginning all filters is spread over samples, until one brings the first diagnosis;
+   where that is not awaited, this call, or a decision, does the rest of it. */
+void fb_diagnosis(void *state, void *work, void *found);
 
 /* Give what to check next, an Advice, after the diagnosis that was `found` last. */
 void fb_advice(const void *state, void *work, const void *found, void *advice);

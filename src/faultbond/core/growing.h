@@ -12,6 +12,7 @@
 #ifndef FB_GROWING_H
 #define FB_GROWING_H
 
+#include "detector.h"
 #include "steps.h"
 
 #define NEUTRAL_SD 0.6         /* of the start at healthy values, in healthy factors */
@@ -134,12 +135,13 @@ static void find_values(Bank *bank, const int64_t *best, Choice *choice)
     }
 }
 
-/* Let two rows of lanes change places. */
-static void swap_rows(Bank *bank, int64_t one, int64_t two, uint8_t *changed)
+/* Let two rows of lanes change places, after sample `index`. */
+static void swap_rows(Bank *bank, int64_t one, int64_t two, int64_t index)
 {
     for (int64_t part = 0; part < PER_SET; part++) {
         const int64_t a = lane_of_row(one) + part, b = lane_of_row(two) + part;
-        changed[a] = changed[b] = 1;
+        begin_misfit_again(bank, a, index);
+        begin_misfit_again(bank, b, index);
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) {
             const double kept = *number_of_step(bank, a, k);
             *number_of_step(bank, a, k) = *number_of_step(bank, b, k);
@@ -149,7 +151,7 @@ static void swap_rows(Bank *bank, int64_t one, int64_t two, uint8_t *changed)
 }
 
 /* Bring the lanes that chosen sets have had to the rows that they have now. */
-static void order_rows(Bank *bank, const Choice *chosen, uint8_t *changed)
+static void order_rows(Bank *bank, const Choice *chosen, int64_t index)
 {
     int64_t stands[FB_ROOM(N_GROWN)]; /* where each row was before */
     for (int64_t row = 0; row < N_GROWN; row++) stands[row] = row;
@@ -158,21 +160,21 @@ static void order_rows(Bank *bank, const Choice *chosen, uint8_t *changed)
         if (chosen[row].row < 0) continue;
         while (stands[now] != chosen[row].row) now++;
         if (now == row) continue;
-        swap_rows(bank, row, now, changed);
+        swap_rows(bank, row, now, index);
         stands[now] = stands[row];
         stands[row] = chosen[row].row;
     }
 }
 
-/* The start of one of the lanes of a chosen set; `healthy`: lane of the healthy plant. */
-static void start_of_choice(const Choice *choice, int64_t part, const double *healthy, Start *start)
+/* The start of one of the lanes of a set of the reserve at these factors; `healthy`: lane of the healthy plant. */
+static void start_of_choice(int64_t set, const double *factors, int64_t part, const double *healthy, Start *start)
 {
-    const int64_t first = RESERVE_ROW[choice->set];
-    start->n = RESERVE_ROW[choice->set + 1] - first;
+    const int64_t first = RESERVE_ROW[set];
+    start->n = RESERVE_ROW[set + 1] - first;
     start->tied = 0;
     for (int64_t s = 0; s < start->n; s++) {
         const int index = RESERVE_MEMBER[first + s];
-        const double reference = healthy[AT_PARAMETERS + index], factor = choice->value[s];
+        const double reference = healthy[AT_PARAMETERS + index], factor = factors[s];
         const int additive = HEALTHY[index] == 0.0;
         start->parameter[s] = index;
         if (part == FROM_HEALTHY) {
@@ -192,44 +194,35 @@ static void start_of_choice(const Choice *choice, int64_t part, const double *he
     }
 }
 
-/* Begin the lanes of the chosen sets. One that has had lanes keeps those that are likelier. */
-static void grow(Bank *bank, const Choice *chosen, const Trail *trail, const Normal *normal, StepMemory *memory,
-                 Filter_plain *work)
+/* Choose the sets of the reserve that are tested from now on, after sample `index`: the factors at which they begin. Sets that
+   are tested already keep their lanes; those of new ones say nothing until they begin. */
+static void choose_reserve(Bank *bank, int64_t index, double (*factors)[FB_ROOM(LARGEST_SET)], int64_t *best)
 {
-    int64_t n = 0;
-    for (int jumping = 0; jumping < 2; jumping++) /* these begin twice */
-        for (int64_t k = 0; k < N_LATER; k++)
-            if ((k % PER_SET == WITH_JUMPS) == jumping) memory->wanted[n++] = k;
-    for (int64_t first = 0; first < n; first += FB_LANES) {
-        const int64_t *wanted = memory->wanted + first, count = n - first < FB_LANES ? n - first : FB_LANES;
-        for (int64_t l = 0; l < count; l++) {
-            const Choice *choice = &chosen[wanted[l] / PER_SET];
-            start_of_choice(choice, wanted[l] % PER_SET, healthy_at(trail, 0), &memory->starts[l]);
-        }
-        repeat_first(memory->starts, count);
-        begin_near(memory->starts, trail, &memory->onsets, normal, memory->near, memory, work);
-        for (int64_t l = 0; l < count; l++) {
-            const int64_t lane = N_PLANNED + wanted[l];
-            const double likelihood = memory->near[PLAIN_LIKELIHOOD][l];
-            if (chosen[wanted[l] / PER_SET].row < 0 || likelihood > likelihood_or_none(bank, lane))
-                replace_lane(bank, lane, memory->near, l, PLAIN_NUMBERS, memory->changed);
-        }
+    Choice chosen[FB_ROOM(N_GROWN)];
+    for (int64_t set = 0; set < N_SETS; set++) best[set] = likeliest_lane(bank, set);
+    choose_sets(bank, best, chosen);
+    for (int64_t row = 0; row < N_GROWN; row++) find_values(bank, best, &chosen[row]);
+    order_rows(bank, chosen, index);
+    for (int64_t row = 0; row < N_GROWN; row++) {
+        bank->grown[row] = chosen[row].set;
+        memcpy(factors[row], chosen[row].value, sizeof chosen[row].value);
+        for (int64_t part = 0; part < PER_SET && chosen[row].row < 0; part++)
+            *number_of_step(bank, lane_of_row(row) + part, PLAIN_LIKELIHOOD) = -INFINITY;
     }
 }
 
-/* Choose the sets of the reserve that are tested from now on, and begin their lanes; after `renew_steps` or
-   `renew_all_steps`, whose account of changed lanes it carries on. */
-static void renew_reserve(Bank *bank, const Trail *trail, const Normal *normal, StepMemory *memory, Filter_plain *work)
+/* Lanes of sets of the reserve in the order in which they begin: those whose stores jump, which begin twice, last. */
+static inline int64_t reserve_lane(int64_t k)
 {
-    Choice chosen[FB_ROOM(N_GROWN)];
-    find_onsets(trail, trail->alarm, &memory->onsets);
-    for (int64_t set = 0; set < N_SETS; set++) memory->best[set] = likeliest_lane(bank, set);
-    choose_sets(bank, memory->best, chosen);
-    for (int64_t row = 0; row < N_GROWN; row++) find_values(bank, memory->best, &chosen[row]);
-    order_rows(bank, chosen, memory->changed);
-    grow(bank, chosen, trail, normal, memory, work);
-    for (int64_t row = 0; row < N_GROWN; row++) bank->grown[row] = chosen[row].set;
-    conclude_renewal(bank, N_PLANNED, N_STEPS, memory->changed);
+    const int64_t calm = N_GROWN * (PER_SET - 1);
+    if (k >= calm) return lane_of_row(k - calm) + WITH_JUMPS;
+    return lane_of_row(k / (PER_SET - 1)) + (k % (PER_SET - 1) ? FROM_HEALTHY : AS_FOUND);
+}
+
+/* A lane in the place of the same lane of a set of the reserve, if it is likelier. */
+static int replace_grown(Bank *bank, int64_t lane, double (*group)[GROUP], int64_t l)
+{
+    return group[PLAIN_LIKELIHOOD][l] > likelihood_or_none(bank, lane) && replace_lane(bank, lane, group, l, PLAIN_NUMBERS);
 }
 
 #endif

@@ -93,7 +93,7 @@ static void pass_state(Tape *tape, State *state)
     static const Field finite = {"", 0, 0, -INFINITY, INFINITY, 0, 0, 0};
     for (int64_t k = 0; k < N_FIELDS; k++)
         pass_numbers(tape, &FIELDS[k], (uint8_t *)state + FIELDS[k].offset, FIELDS[k].count, 1);
-    for (int64_t k = 0; k < DEPTH; k++) {
+    for (int64_t k = 0; k < N_ROWS; k++) {
         Row *row = &state->past.rows[k];
         pass_numbers(tape, &anything, row->sample, N_SAMPLE, 1);
         pass_numbers(tape, &anything, row->lane, PLAIN_NUMBERS, 1);
@@ -101,9 +101,9 @@ static void pass_state(Tape *tape, State *state)
         pass_numbers(tape, &anything, &row->wildness, 1, 1);
     }
     for (int64_t lane = 0; lane < N_STEPS; lane++)
-        pass_numbers(tape, &anything, number_of_step(&state->bank, lane, 0), PLAIN_NUMBERS, FB_LANES);
+        pass_numbers(tape, &anything, number_of_step(&state->bank, lane, 0), PLAIN_NUMBERS, GROUP);
     for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
-        pass_numbers(tape, &anything, number_of_slot(&state->bank, lane, 0), WIDE_NUMBERS, FB_LANES);
+        pass_numbers(tape, &anything, number_of_slot(&state->bank, lane, 0), WIDE_NUMBERS, GROUP);
 }
 
 /* Bytes of a saved state. */

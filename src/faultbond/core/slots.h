@@ -5,12 +5,11 @@
    every lane of a pair becomes the mixture of both, as likely as the fault is to come or go.
    Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models).
 
-   Onsets and lanes know nothing of each other until they are mixed: one block of lanes at one onset, or one block of
-   pairs, is a piece of work by itself. */
+   When which lanes do stands in work.h. */
 #ifndef FB_SLOTS_H
 #define FB_SLOTS_H
 
-#include "trail.h"
+#include "onsets.h"
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
@@ -25,13 +24,6 @@ typedef struct {
     int64_t n_seen;
 } SlotStart;
 
-/* How the size of each lane of a block walks while its input settles: samples that it takes, in so many steps (0: it
-   does not walk), each of which adds a variance. */
-typedef struct {
-    int64_t samples[FB_LANES], steps[FB_LANES];
-    double variance[FB_LANES];
-} Walk;
-
 /* Lanes of one fault that are begun again as one: the likeliest, the least likely, and that whose start it has. */
 typedef struct {
     int64_t best, worst, spread;
@@ -39,15 +31,11 @@ typedef struct {
 
 /* Memory of these lanes, apart from the stack. */
 typedef struct {
-    WideBlock block, best;                           /* lanes from one onset, and those of the best onset so far */
-    lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS];   /* pairs side by side */
+    lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS]; /* pairs side by side */
     lanes apart[2][WIDE_JOINT], ready[2], found[2][2 * N_OUTPUTS];
-    Mixture mixture;
     SlotStart start;
-    Onsets onsets;
     Renewed renewed[FB_ROOM(N_BEGUN)];
-    double plain[PLAIN_NUMBERS], sample[N_SAMPLE], elapsed[DEPTH];
-    uint8_t changed[FB_ROOM(N_SLOT_LANES)]; /* 1: the last renewal began the lane again */
+    double plain[PLAIN_NUMBERS], sample[N_SAMPLE];
 } SlotMemory;
 
 /* Where number i of z stands in that of a wide lane. */
@@ -108,7 +96,7 @@ static inline int adds_to_reading(int64_t k)
 }
 
 /* The roles of lane k of the plan: on what its slot acts. */
-static void set_roles(int64_t k, double (*block)[FB_LANES], int l)
+static void set_roles(int64_t k, double (*block)[GROUP], int l)
 {
     for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
@@ -162,7 +150,7 @@ static void prepare_slots(const Trail *trail, const double *healthy, int64_t n_s
    of each input so far, SI. Sizes and rates are in the units that `SLOT_SIZE` has: parameters in what they are now,
    sensors in their noise, inputs in their peak. */
 static void begin_slot(int64_t k, const Trail *trail, const double *peak, const SlotStart *start,
-                       double (*block)[FB_LANES], int l)
+                       double (*block)[GROUP], int l)
 {
     const int parameter = SLOT_PARAMETER[k], input = SLOT_INPUT[k], output = SLOT_OUTPUT[k];
     const double *from = SLOT_OLD[k] ? start->old : start->wide;
@@ -190,25 +178,22 @@ static int settles_in_sight(int64_t k)
 }
 
 /* Let the bias of an input that settles come up within that time: until then its size walks at random from where it is,
-   with steps that together are as wide as the start of the lane says. Gives whether it does. */
-static int begin_walk(int64_t k, const Trail *trail, int64_t onset, double (*block)[FB_LANES], int l, Walk *walk)
+   with steps that together are as wide as the start of the lane says. */
+static void begin_walk(int64_t k, const Trail *trail, int64_t onset, double (*block)[GROUP], int l, Walk *walk)
 {
     const int size = WIDE_PLACE(AT_SLOT, AT_SLOT);
     int64_t n = 0;
-    walk->samples[l] = walk->steps[l] = 0;
-    walk->variance[l] = 0.0;
-    if (!settles_in_sight(k)) return 0;
+    if (!settles_in_sight(k)) return;
     double elapsed = 0.0;
     for (int64_t place = onset; place < trail->n; place++) {
         elapsed += sample_at(trail, place)[SAMPLE_DT];
         n += elapsed <= INPUT_SETTLING[SLOT_INPUT[k]];
     }
-    if (n == 0) return 0;
+    if (n == 0) return;
     walk->samples[l] = n;
     walk->steps[l] = n < WALK ? n : WALK;
     walk->variance[l] = block[size][l] / (double)walk->steps[l];
     block[size][l] = 0.0;
-    return 1;
 }
 
 /* Whether a step of a walk begins at sample t of it; where the steps cannot be of one length, the first are longer by
@@ -220,11 +205,12 @@ static int begins_step(int64_t samples, int64_t steps, int64_t t)
     return t < longer ? t % (length + 1) == 0 : (t - longer) % length == 0;
 }
 
-static void walk_on(const Walk *walk, int64_t t, lanes *lane)
+/* Let the sizes of lanes walk at sample t; `part`: the first of them in their group. */
+static void walk_on(const Walk *walk, int64_t t, int part, lanes *lane)
 {
     double more[FB_LANES];
     for (int l = 0; l < FB_LANES; l++)
-        more[l] = begins_step(walk->samples[l], walk->steps[l], t) ? walk->variance[l] : 0.0;
+        more[l] = begins_step(walk->samples[part + l], walk->steps[part + l], t) ? walk->variance[part + l] : 0.0;
     lane[WIDE_PLACE(AT_SLOT, AT_SLOT)] += load(more);
 }
 
@@ -235,24 +221,27 @@ static void step_wide(lanes *lane, const double *sample, const Normal *normal, F
     filter_step_wide(lane, sample, filter->innovations, filter);
 }
 
-/* Take all samples of the trail from a place on into a block of wide lanes; walk: NULL where no size does. */
-static void run_wide(double (*block)[FB_LANES], const Trail *trail, int64_t from, const Walk *walk,
-                     const Normal *normal, double *sample, Filter_wide *filter)
+/* Take samples of the trail, or after it, from one place up to another into a group of wide lanes. walk: of sizes, from
+   place `onset` on; NULL: none walks. */
+static void run_slots(double (*block)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t onset, const Walk *walk,
+                      const Normal *normal, double *sample, Filter_wide *filter)
 {
-    for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i]);
-    for (int64_t place = from; place < trail->n; place++) {
-        bank_sample(sample_at(trail, place), sample);
-        if (walk) walk_on(walk, place - from, filter->lane);
-        step_wide(filter->lane, sample, normal, filter);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + part);
+        for (int64_t place = from; place < end; place++) {
+            bank_sample(sample_at(trail, place), sample);
+            if (walk) walk_on(walk, place - onset, part, filter->lane);
+            step_wide(filter->lane, sample, normal, filter);
+        }
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i] + part, filter->lane[i]);
     }
-    for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], filter->lane[i]);
 }
 
 /* Let the lanes that fill up the last block repeat its first. */
 static void fill_up_slots(Bank *bank)
 {
-    const int64_t first = (BLOCKS(N_SLOT_LANES) - 1) * FB_LANES;
-    for (int64_t lane = N_SLOT_LANES; N_SLOT_LANES > 0 && lane < first + FB_LANES; lane++)
+    const int64_t first = (BLOCKS(N_SLOT_LANES) - 1) * GROUP;
+    for (int64_t lane = N_SLOT_LANES; N_SLOT_LANES > 0 && lane < first + GROUP; lane++)
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, lane, i) = *number_of_slot(bank, first, i);
 }
 
@@ -263,7 +252,7 @@ static void put_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, const
     for (int64_t l = 0; l < n; l++) to[l] = number_of_slot(bank, first + l * apart, 0);
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
         store(numbers, from[i]);
-        for (int64_t l = 0; l < n; l++) to[l][i * FB_LANES] = numbers[l];
+        for (int64_t l = 0; l < n; l++) to[l][i * GROUP] = numbers[l];
     }
 }
 
@@ -274,30 +263,34 @@ static void take_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, lane
     double numbers[FB_LANES];
     for (int64_t l = 0; l < FB_LANES; l++) from[l] = number_of_slot(bank, first + (l < n ? l * apart : 0), 0);
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
-        for (int64_t l = 0; l < FB_LANES; l++) numbers[l] = from[l][i * FB_LANES];
+        for (int64_t l = 0; l < FB_LANES; l++) numbers[l] = from[l][i * GROUP];
         to[i] = load(numbers);
     }
 }
 
-/* How many of n lanes from `first` on are in one block. */
+/* How many of n lanes from `first` on are computed at a time, and how many are in a group. */
 static inline int64_t in_block(int64_t first, int64_t n) { return n - first < FB_LANES ? n - first : FB_LANES; }
+static inline int64_t in_group(int64_t first, int64_t n) { return n - first < GROUP ? n - first : GROUP; }
 
-/* Begin one block of lanes that begin at an onset at onset number k, take all samples, and mix with the onsets before.
-   */
-static void begin_at_onset(int64_t number, int k, Bank *bank, const Trail *trail, const Onsets *onsets,
-                           const double *peak, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+/* Begin a group of lanes of the plan at an onset. Where they begin again, found holds their sizes and rates, as they are at the
+   end of the trail; NULL: they have found nothing. */
+static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail *trail, int64_t onset, const double *peak,
+                        double (*group)[GROUP], Walk *walk, SlotMemory *memory)
 {
-    const int64_t first = number * FB_LANES, n = in_block(first, SWITCHED), onset = onsets->place[k];
-    Walk walk;
-    int walks = 0;
+    double elapsed = 0.0; /* from before the onset */
+    for (int64_t place = onset; found && place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
     prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
-    for (int l = 0; l < FB_LANES; l++) {
-        const int64_t lane = first + (l < n ? l : 0);
-        begin_slot(lane, trail, peak, &memory->start, memory->block, l);
-        walks |= begin_walk(lane, trail, onset, memory->block, l, &walk);
+    for (int l = 0; l < GROUP; l++) {
+        begin_slot(lane[l], trail, peak, &memory->start, group, l);
+        walk->samples[l] = walk->steps[l] = 0;
+        walk->variance[l] = 0.0;
+        if (!found) {
+            begin_walk(lane[l], trail, onset, group, l, walk);
+        } else {
+            group[AT_SLOT][l] = found[l][0] - found[l][1] * elapsed;
+            group[AT_SLOT + 1][l] = found[l][1];
+        }
     }
-    run_wide(memory->block, trail, onset, walks ? &walk : NULL, normal, memory->sample, filter);
-    mix(k == 0, memory->block, WIDE_NUMBERS, onsets->width[k], bank->slots[number], &memory->mixture);
 }
 
 /* A mixture of weight w of one number and the rest of another; what has no weight may be anything. */
@@ -377,39 +370,41 @@ static void join_innovations(SlotMemory *memory)
     }
 }
 
-/* Begin one block of pairs, healthy at the oldest sample, and take all others. */
-static void begin_pairs(int64_t number, Bank *bank, const Trail *trail, const double *peak, const Normal *normal,
-                        Filter_wide *filter, SlotMemory *memory)
+/* Begin a group of pairs, healthy at the oldest sample; `there` and `gone` are their lanes, `first` the first pair. */
+static void begin_pairs(int64_t first, const Trail *trail, const double *peak, double (*there)[GROUP], double (*gone)[GROUP],
+                        SlotMemory *memory)
 {
-    const int64_t first = number * FB_LANES, n = in_block(first, N_PAIRS);
+    const int64_t n = in_group(first, N_PAIRS);
     prepare_slots(trail, healthy_at(trail, 0), 1, NULL, memory);
-    for (int half = 0; half < 2; half++) {
-        for (int l = 0; l < FB_LANES; l++) {
-            const int64_t pair = first + (l < n ? l : 0);
-            begin_slot(SWITCHED + 2 * pair + half, trail, peak, &memory->start, memory->block, l);
-        }
-        lanes *to = half ? memory->gone : memory->there;
-        for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i] = load(memory->block[i]);
+    for (int l = 0; l < GROUP; l++) {
+        const int64_t lane = SWITCHED + 2 * (first + (l < n ? l : 0));
+        begin_slot(lane, trail, peak, &memory->start, there, l);
+        begin_slot(lane + 1, trail, peak, &memory->start, gone, l);
+        there[WIDE_LIKELIHOOD][l] = LOWEST; /* healthy so far */
     }
-    memory->there[WIDE_LIKELIHOOD] = broadcast(LOWEST); /* healthy so far */
-    for (int64_t place = 1; place < trail->n; place++) step_pairs(sample_at(trail, place), normal, filter, memory);
-    put_slots(bank, SWITCHED + 2 * first, 2, n, memory->there);
-    put_slots(bank, SWITCHED + 2 * first + 1, 2, n, memory->gone);
 }
 
-/* Begin all lanes with a slot, having seen all samples of the trail, the last of which is that of the alarm. peak:
-   [N_INPUTS], the largest size of each input so far, SI. */
-static void begin_slots(Bank *bank, const Trail *trail, const Onsets *onsets, const double *peak, const Normal *normal,
-                        Filter_wide *filter, SlotMemory *memory)
+/* Take samples of the trail, or after it, from one place up to another into a group of pairs. */
+static void run_pairs(double (*there)[GROUP], double (*gone)[GROUP], const Trail *trail, int64_t from, int64_t end,
+                      const Normal *normal, Filter_wide *filter, SlotMemory *memory)
 {
-    for (int64_t number = 0; number < BLOCKS(SWITCHED); number++) {
-        for (int k = 0; k < onsets->n; k++)
-            begin_at_onset(number, k, bank, trail, onsets, peak, normal, filter, memory);
-        conclude_mixture(&memory->mixture, WIDE_NUMBERS, bank->slots[number]);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            memory->there[i] = load(there[i] + part);
+            memory->gone[i] = load(gone[i] + part);
+        }
+        for (int64_t place = from; place < end; place++) step_pairs(sample_at(trail, place), normal, filter, memory);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            store(there[i] + part, memory->there[i]);
+            store(gone[i] + part, memory->gone[i]);
+        }
     }
-    for (int64_t number = 0; number < BLOCKS(N_PAIRS); number++) /* last: blocks of the others may reach into them */
-        begin_pairs(number, bank, trail, peak, normal, filter, memory);
-    fill_up_slots(bank);
+}
+
+/* Give a lane with a slot the numbers of lane l of a group. */
+static void put_slot(Bank *bank, int64_t lane, double (*group)[GROUP], int64_t l)
+{
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, lane, i) = group[i][l];
 }
 
 /* Write innovations of lanes, those of lane l to the place of lane first + l * apart. */
@@ -423,22 +418,24 @@ static void put_innovations(const lanes *found, int64_t first, int64_t apart, in
     }
 }
 
-/* Take one more packed sample into all lanes with a slot. innovations: [2 * N_OUTPUTS][stride], measured less expected
-   readings, then their variances, of the lanes in order; those of a pair have the innovations of their mixture. */
-static void advance_slots(Bank *bank, const double *packed, const Normal *normal, double *innovations, int64_t stride,
-                          Filter_wide *filter, SlotMemory *memory)
+/* Take one more packed sample into the lanes with a slot, of which the first n_begun have begun. innovations:
+   [2 * N_OUTPUTS][stride], measured less expected readings, then their variances, of the lanes in order; those of a pair
+   have the innovations of their mixture. */
+static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, const Normal *normal, double *innovations,
+                          int64_t stride, Filter_wide *filter, SlotMemory *memory)
 {
     bank_sample(packed, memory->sample);
-    for (int64_t first = 0; first < SWITCHED; first += FB_LANES) {
-        double (*block)[FB_LANES] = bank->slots[first / FB_LANES];
+    for (int64_t first = 0; first < SWITCHED && first < n_begun; first += FB_LANES) {
         const int64_t n = in_block(first, SWITCHED);
-        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i]);
+        double (*block)[GROUP] = bank->slots[first / GROUP];
+        if (bank->rests[BLOCKS(N_STEPS) + first / GROUP]) continue;
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + first % GROUP);
         step_wide(filter->lane, memory->sample, normal, filter);
         put_innovations(filter->innovations, first, 1, n, innovations, stride);
         if (n < FB_LANES) put_slots(bank, first, 1, n, filter->lane);
-        else for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i], filter->lane[i]);
+        else for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i] + first % GROUP, filter->lane[i]);
     }
-    for (int64_t pair = 0; pair < N_PAIRS; pair += FB_LANES) {
+    for (int64_t pair = 0; pair < N_PAIRS && SWITCHED + 2 * pair < n_begun; pair += FB_LANES) {
         const int64_t n = in_block(pair, N_PAIRS), first = SWITCHED + 2 * pair;
         take_slots(bank, first, 2, n, memory->there);
         take_slots(bank, first + 1, 2, n, memory->gone);
@@ -486,50 +483,13 @@ static int64_t find_renewed(Bank *bank, Renewed *renewed)
     return n;
 }
 
-/* Begin n faults again at onset number k, with the size and rate that the best of their lanes has found, take all
-   samples, and mix with the onsets before. */
-static void begin_again(const Renewed *renewed, int64_t n, int k, Bank *bank, const Trail *trail, const double *peak,
-                        const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+/* A lane in the place of the least likely one of its fault, if it is likelier. Only where it begins, and so where it
+   linearises, is what was found; the spread is that of one of the starts. Gives the lane that was changed; -1: none. */
+static int64_t replace_worst_slot(Bank *bank, const Renewed *renewed, double (*group)[GROUP], int64_t l)
 {
-    const int64_t onset = memory->onsets.place[k];
-    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
-    for (int l = 0; l < FB_LANES; l++) {
-        const Renewed *group = &renewed[l < n ? l : 0];
-        const double rate = *number_of_slot(bank, group->best, AT_SLOT + 1);
-        begin_slot(group->spread, trail, peak, &memory->start, memory->block, l);
-        memory->block[AT_SLOT][l] = *number_of_slot(bank, group->best, AT_SLOT) - rate * memory->elapsed[onset];
-        memory->block[AT_SLOT + 1][l] = rate;
-    }
-    run_wide(memory->block, trail, onset, NULL, normal, memory->sample, filter);
-    mix(k == 0, memory->block, WIDE_NUMBERS, memory->onsets.width[k], memory->best, &memory->mixture);
-}
-
-/* Begin one lane of each drift of a parameter and bias of an input again, from what the best of them has found.
-
-   Only where it begins, and so where it linearises, is what was found; the spread is that of one of its starts. It
-   takes the place of the least likely of these lanes, if it is likelier. */
-static void renew_slots(Bank *bank, const Trail *trail, const double *peak, const Normal *normal, Filter_wide *filter,
-                        SlotMemory *memory)
-{
-    const int64_t n_renewed = find_renewed(bank, memory->renewed);
-    memset(memory->changed, 0, sizeof memory->changed);
-    find_onsets(trail, trail->alarm, &memory->onsets);
-    double elapsed = 0.0; /* from before each sample to now */
-    for (int64_t place = trail->n - 1; place >= 0; place--)
-        memory->elapsed[place] = elapsed += sample_at(trail, place)[SAMPLE_DT];
-    for (int64_t first = 0; first < n_renewed; first += FB_LANES) {
-        const Renewed *renewed = memory->renewed + first;
-        const int64_t n = in_block(first, n_renewed);
-        for (int k = 0; k < memory->onsets.n; k++)
-            begin_again(renewed, n, k, bank, trail, peak, normal, filter, memory);
-        conclude_mixture(&memory->mixture, WIDE_NUMBERS, memory->best);
-        for (int64_t l = 0; l < n; l++) {
-            if (!(memory->best[WIDE_LIKELIHOOD][l] > likelihood_of_slot(bank, renewed[l].worst))) continue;
-            memory->changed[renewed[l].worst] = 1;
-            for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, renewed[l].worst, i) = memory->best[i][l];
-        }
-    }
-    fill_up_slots(bank);
+    if (!(group[WIDE_LIKELIHOOD][l] > likelihood_of_slot(bank, renewed->worst))) return -1;
+    put_slot(bank, renewed->worst, group, l);
+    return renewed->worst;
 }
 
 #endif

@@ -1,5 +1,5 @@
 /* All that is remembered from sample to sample: numbers only, all of eight bytes, no pointer, no hole. So a state can be
-   copied, kept and sent. `State` has seven parts, what was found last, and what is sure. */
+   copied, kept and sent. `State` has eight parts, what was found last, and what is sure. */
 #ifndef FB_STATE_H
 #define FB_STATE_H
 
@@ -8,14 +8,19 @@
 #define LAGS 4            /* innovations with which each new one is compared */
 #define SNAPSHOTS 12      /* healthy lanes that are kept for long, */
 #define SNAPSHOT_EVERY 300 /* one after so many samples */
-#define DEPTH (HISTORY_SAMPLES + 2) /* samples that are kept */
+#define DEPTH (HISTORY_SAMPLES + 2) /* samples of a trail */
+#define SPREAD 128                  /* samples over which work on the bank may be spread, */
+#define N_ROWS (DEPTH + SPREAD)     /* and with them those that are kept */
+#define GROUP 8                     /* lanes that begin and are kept side by side: a multiple of FB_LANES */
+#define MOST_ONSETS 128             /* that a group of lanes may try */
+#define FOUND (LARGEST_SET > 2 ? LARGEST_SET : 2)
 
 #define N_LATER (PER_SET * N_GROWN)           /* lanes for sets taken from the reserve */
 #define N_STEPS (N_PLANNED + N_LATER)         /* plain lanes of the bank: steps of parameters, */
 #define N_LANES (N_STEPS + N_SLOT_LANES)      /* then wide ones: all other kinds of fault */
 #define N_BEGUN (N_SETS + N_INSTRUMENTS)      /* hypotheses that are tested from the alarm on, */
 #define N_HYPOTHESES (N_BEGUN + N_RESERVE)    /* then those in reserve */
-#define BLOCKS(n) (((n) + FB_LANES - 1) / FB_LANES)
+#define BLOCKS(n) (((n) + GROUP - 1) / GROUP)
 
 /* Where the run stands, in samples; -1: not yet. */
 typedef struct {
@@ -74,14 +79,14 @@ typedef struct {
     double sample[N_SAMPLE], lane[PLAIN_NUMBERS], time, wildness;
 } Row;
 
-/* The last samples; that of number k is rows[k % DEPTH]. What no run has reached yet is zero. */
+/* The last samples; that of number k is rows[k % N_ROWS]. What no run has reached yet is zero. */
 typedef struct {
-    Row rows[DEPTH];
+    Row rows[N_ROWS];
 } Past;
 
-/* FB_LANES lanes side by side: number k of lane l is [k][l]. */
-typedef double PlainBlock[PLAIN_NUMBERS][FB_LANES];
-typedef double WideBlock[WIDE_NUMBERS][FB_LANES];
+/* GROUP lanes side by side: number k of lane l is [k][l]. */
+typedef double PlainBlock[PLAIN_NUMBERS][GROUP];
+typedef double WideBlock[WIDE_NUMBERS][GROUP];
 
 /* All lanes: of steps (N_PLANNED, then PER_SET of each set that is taken from the reserve), then those with a slot. Lanes
    that fill up the last block repeat its first. */
@@ -91,9 +96,61 @@ typedef struct {
     double sums[2][N_OUTPUTS][FB_ROOM(N_LANES)];  /* of the innovations of each lane, */
     double since[2][N_OUTPUTS][FB_ROOM(N_LANES)]; /* and the sample after which each began */
     double healthy[PLAIN_NUMBERS];                /* the healthy lane before the fault, where there is a reserve */
+    int64_t rests[FB_ROOM(BLOCKS(N_STEPS) + BLOCKS(SWITCHED))]; /* 1: groups of steps, then with a slot, that do not go on */
+    int64_t onset[FB_ROOM(N_LANES)];              /* sample at which each began */
     int64_t grown[FB_ROOM(N_GROWN)];              /* which sets of the reserve have lanes; -1: not yet */
     int64_t rejected[FB_ROOM(N_HYPOTHESES)];      /* 1 where a person has ruled it out */
 } Bank;
+
+/* Onsets that a group of lanes may try, oldest first, and what those say that were tried. */
+typedef struct {
+    int64_t n;
+    int64_t place[MOST_ONSETS];      /* in the trail */
+    int64_t standing[MOST_ONSETS];   /* SPARE, WANTED, REQUIRED or TRIED */
+    double said[MOST_ONSETS][GROUP]; /* log-likelihood of each lane, */
+    double most[GROUP];              /* and that of its best onset; -inf: none yet */
+    int64_t best[GROUP];             /* which that is */
+    double least;                    /* lanes whose best onset is less likely do not count */
+    int64_t fixed;                   /* 1: only those are tried that surely are */
+} Search;
+
+/* How the size of each lane of a group walks while its input settles: samples that it takes, in so many steps (0: it
+   does not walk), each of which adds a variance. */
+typedef struct {
+    int64_t samples[GROUP], steps[GROUP];
+    double variance[GROUP];
+} Walk;
+
+/* Work on the bank, which may be spread over samples: lanes begin at the alarm, and begin again later. See work.h. */
+typedef struct {
+    int64_t kind;        /* IDLE, BEGINNING, RENEWING or RENEWING_ALL */
+    int64_t renewals;    /* times that the bank has begun again since the alarm, or does so now */
+    int64_t ended;       /* sample at which work ended last; -1: it never did since the alarm */
+    int64_t settled;     /* the same of work after which the lanes are judged anew */
+    int64_t oldest, end; /* samples between which the trail lies from which lanes begin */
+    int64_t old;         /* the lane of long ago, one of the snapshots; -1: none is kept */
+    int64_t change;      /* place of the estimated onset */
+    double peak[FB_ROOM(N_INPUTS)]; /* largest size of each input up to `end`, SI */
+    int64_t spent;       /* what the work has cost so far, in samples of a group of plain lanes */
+    int64_t stage, group, pass; /* which group it is at */
+    int64_t onset;       /* that which its lanes now begin at, of those in the search; -1: none */
+    int64_t next;        /* sample that they take next */
+    int64_t n_wanted, n_singles;           /* lanes of the plan that begin; steps of one parameter stand first */
+    int64_t wanted[FB_ROOM(N_STEPS)];
+    int64_t stands_for[FB_ROOM(N_PLANNED)]; /* lane whose new beginning is that of each; NOT_AGAIN: none */
+    double factors[FB_ROOM(N_GROWN)][FB_ROOM(LARGEST_SET)]; /* at which sets of the reserve begin */
+    double most;               /* log-likelihood of the likeliest lane that was begun */
+    double heard[MOST_ONSETS]; /* log-likelihood of the likeliest single parameter at each onset; LOWEST: not tried */
+    int64_t lane[GROUP];       /* the lanes of the group, */
+    int64_t begins[GROUP];     /* samples of their best onsets so far, */
+    int64_t began[GROUP];      /* and of those before they began from closer, */
+    double found[GROUP][FOUND]; /* and what they have found, where they begin again */
+    Walk walk;
+    Search search;
+    WideBlock run, best;       /* lanes that begin at an onset, and those of the best onset so far */
+    PlainBlock before;         /* those that began from farther away, */
+    double before_most[GROUP]; /* and the log-likelihood of their best onset */
+} Job;
 
 /* What was accepted as the new normal. A sensor reads `gain` times the truth plus `offset`, with `noise` times the variance
    declared (inf: it is no longer used); `input_offset` is added to an input, and parameters move on at `rates` (factors
@@ -124,6 +181,7 @@ typedef struct {
     Healthy healthy;
     Past past;
     Bank bank;
+    Job job;
     Normal normal;
     Alarm alarm;
     Sure sure;
@@ -132,18 +190,18 @@ typedef struct {
 /* Number k of a lane of steps, and of one with a slot: where it stands, and what it is. */
 static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k)
 {
-    return &bank->steps[lane / FB_LANES][k][lane % FB_LANES];
+    return &bank->steps[lane / GROUP][k][lane % GROUP];
 }
 
 static inline double *number_of_slot(Bank *bank, int64_t lane, int64_t k)
 {
-    return &bank->slots[lane / FB_LANES][k][lane % FB_LANES];
+    return &bank->slots[lane / GROUP][k][lane % GROUP];
 }
 
 static inline double of_step(const Bank *bank, int64_t lane, int64_t k) { return *number_of_step((Bank *)bank, lane, k); }
 static inline double of_slot(const Bank *bank, int64_t lane, int64_t k) { return *number_of_slot((Bank *)bank, lane, k); }
 
 /* The row of a sample that is kept. */
-static inline Row *row_of(Past *past, int64_t number) { return &past->rows[number % DEPTH]; }
+static inline Row *row_of(Past *past, int64_t number) { return &past->rows[number % N_ROWS]; }
 
 #endif

@@ -5,20 +5,19 @@
    by their inverse, so each suspect starts from several sizes. A store whose own parameter changes may keep its content
    (charge, volume, momentum) or its effort or flow (a level, a speed); both happen and both are tried.
 
-   The unit of work is a block of FB_LANES starts at one onset, `begin_onset`. */
+   Lanes begin in groups, each at several onsets (onsets.h); when which does stands in work.h. */
 #ifndef FB_STEPS_H
 #define FB_STEPS_H
 
-#include "trail.h"
+#include "onsets.h"
 
-#define KEPT_NATS 15.0    /* by which an onset may be less likely than the best and still is tried for larger sets */
 #define ASTRAY 10.0       /* nats by which a lane that begins from closer may be less likely, as chance has it */
 #define IN_REACH 20.0     /* nats by which a filter, or a hypothesis, may lag behind the best and still come to lead */
 #define SAME 0.3          /* standard deviations by which two filters that found the same may differ, */
 #define TINY 1e-12        /* and rounding */
 #define FOUND_SPREAD 0.35 /* sd of a start that was found, in starts; */
 #define LEAST_CHANGE 0.05 /* the most it is allowed is at least this, in healthy factors */
-#define NOT_AGAIN (-1)          /* of a lane that does not begin again */
+#define NOT_AGAIN (-1)    /* of a lane that does not begin again */
 #define NEAR (-2)         /* of one that does; from where is not known yet */
 
 /* Where a lane begins. */
@@ -33,18 +32,12 @@ typedef struct {
 
 /* Memory of a call. */
 typedef struct {
-    PlainBlock early, late, near, again;
-    Mixture mixture;
-    Onsets onsets;
-    double said[DEPTH]; /* likelihood of the likeliest lane that was begun at each onset */
-    Start starts[FB_LANES], closer[FB_LANES];
+    PlainBlock early;
+    Start starts[GROUP];
     double healthy[PLAIN_NUMBERS], later[PLAIN_NUMBERS], lane[PLAIN_NUMBERS], sample[N_SAMPLE];
-    double innovations[2 * N_OUTPUTS][FB_LANES];
-    int64_t best[FB_ROOM(N_SETS)];          /* likeliest lane of each hypothesis */
-    int64_t wanted[FB_ROOM(N_STEPS)];       /* lanes to be begun again, those without a jump first */
-    int64_t stands_for[FB_ROOM(N_PLANNED)]; /* lane whose new beginning is that of each; NOT_AGAIN: none */
-    int64_t known[FB_ROOM(N_PLANNED)];      /* lanes of a hypothesis that found different things, the likeliest first */
-    uint8_t changed[FB_ROOM(N_STEPS)];      /* 1: the last renewal gave the lane other numbers, or it is lost */
+    double innovations[2 * N_OUTPUTS][GROUP];
+    int64_t best[FB_ROOM(N_SETS)];     /* likeliest lane of each hypothesis */
+    int64_t known[FB_ROOM(N_PLANNED)]; /* lanes of a hypothesis that found different things, the likeliest first */
 } StepMemory;
 
 /* Place of a covariance in a plain lane, in either order. */
@@ -111,9 +104,9 @@ static void suspect_lane(const Start *start, const double *healthy, double *lane
 }
 
 /* The lanes of a block of starts. */
-static void suspect_lanes(const Start *starts, const double *healthy, double (*block)[FB_LANES], double *lane)
+static void suspect_lanes(const Start *starts, const double *healthy, double (*block)[GROUP], double *lane)
 {
-    for (int64_t l = 0; l < FB_LANES; l++) {
+    for (int64_t l = 0; l < GROUP; l++) {
         suspect_lane(&starts[l], healthy, lane);
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) block[k][l] = lane[k];
     }
@@ -123,16 +116,17 @@ static void suspect_lanes(const Start *starts, const double *healthy, double (*b
 
    The fault came at some moment since the sample before, so the states lie between those of a fault from that sample on
    (`early`) and of one that comes only now (`late`). */
-static void begin_lanes(const Start *starts, const Normal *normal, StepMemory *memory, Filter_plain *work)
+static void begin_lanes(const Start *starts, const Normal *normal, double (*late)[GROUP], StepMemory *memory,
+                        Filter_plain *work)
 {
-    double (*early)[FB_LANES] = memory->early, (*late)[FB_LANES] = memory->late;
+    double (*early)[GROUP] = memory->early;
     for (int64_t j = 0; j < N_OUTPUTS; j++) memory->sample[SAMPLE_USE + j] = 0.0;
     suspect_lanes(starts, memory->healthy, early, memory->lane);
     advance_plain(early, memory->sample, normal, NULL, work);
     memcpy(memory->later, memory->healthy, sizeof memory->later);
     advance_one(memory->later, memory->sample, normal, NULL, work);
     suspect_lanes(starts, memory->later, late, memory->lane);
-    for (int64_t l = 0; l < FB_LANES; l++) {
+    for (int64_t l = 0; l < GROUP; l++) {
         double half[FB_ROOM(N_STATES)];
         for (int64_t i = 0; i < N_STATES; i++) {
             half[i] = 0.5 * (early[i][l] - late[i][l]);
@@ -144,54 +138,38 @@ static void begin_lanes(const Start *starts, const Normal *normal, StepMemory *m
     }
 }
 
-/* Take a block of lanes, which stand at the sample of the onset already, over the samples from there up to now. */
-static void run_lanes(double (*block)[FB_LANES], const Trail *trail, int64_t onset, const Normal *normal,
-                      double *sample, Filter_plain *work)
+/* Begin a group of starts at an onset: it stands at that sample, and has not taken it. */
+static void begin_steps(const Start *starts, const Trail *trail, int64_t onset, const Normal *normal,
+                        double (*group)[GROUP], StepMemory *memory, Filter_plain *work)
 {
-    const int moving = drifts(normal);
-    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) work->lane[k] = load(block[k]);
-    for (int64_t place = onset; place < trail->n; place++) {
-        bank_sample(sample_at(trail, place), sample);
-        if (place == onset) { /* no time passes before it */
-            sample[SAMPLE_DT] = 0.0;
-            for (int64_t k = 0; k < N_SLOW; k++) sample[SAMPLE_KICK + k] = 0.0;
-            for (int64_t i = 0; i < N_STATES; i++) sample[SAMPLE_GAP + i] = 0.0;
-        }
-        if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
-        filter_step_plain(work->lane, sample, work->innovations, work);
-    }
-    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) store(block[k], work->lane[k]);
-}
-
-/* Begin a block of starts at onset number k, and add what they are by now to the best of the onsets before it. */
-static void begin_onset(const Start *starts, const Trail *trail, const Onsets *onsets, int k, const Normal *normal,
-                        double (*best)[FB_LANES], Mixture *mixture, StepMemory *memory, Filter_plain *work)
-{
-    const int64_t onset = onsets->place[k];
     memcpy(memory->healthy, before_onset(trail, onset), sizeof memory->healthy);
     const double likelihood = memory->healthy[PLAIN_LIKELIHOOD];
     forget_slow_errors(memory->healthy);
     bank_sample(sample_at(trail, onset), memory->sample);
-    begin_lanes(starts, normal, memory, work);
-    for (int64_t l = 0; l < FB_LANES; l++) memory->late[PLAIN_LIKELIHOOD][l] = likelihood;
-    run_lanes(memory->late, trail, onset, normal, memory->sample, work);
-    mix(k == 0, memory->late, PLAIN_NUMBERS, onsets->width[k], best, mixture);
+    begin_lanes(starts, normal, group, memory, work);
+    for (int64_t l = 0; l < GROUP; l++) group[PLAIN_LIKELIHOOD][l] = likelihood;
 }
 
-/* Hear what a block of lanes that was begun at onset number k says for it; those that follow lane `count` say nothing. */
-static void hear(int k, int64_t count, StepMemory *memory)
+/* Take samples of the trail, or after it, from one place up to another into a group of lanes; `onset`: the place at which
+   these stand already. */
+static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t onset,
+                      const Normal *normal, double *sample, Filter_plain *work)
 {
-    for (int64_t l = 0; l < count && l < FB_LANES; l++)
-        memory->said[k] = fmax(memory->said[k], finite_or_lowest(memory->late[PLAIN_LIKELIHOOD][l]));
-}
-
-/* Begin FB_LANES starts at all onsets: `block` gets the lanes, which have seen all samples of the trail. */
-static void begin_steps(const Start *starts, const Trail *trail, const Onsets *onsets, const Normal *normal,
-                        double (*block)[FB_LANES], StepMemory *memory, Filter_plain *work)
-{
-    for (int k = 0; k < onsets->n; k++)
-        begin_onset(starts, trail, onsets, k, normal, block, &memory->mixture, memory, work);
-    conclude_mixture(&memory->mixture, PLAIN_NUMBERS, block);
+    const int moving = drifts(normal);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) work->lane[k] = load(group[k] + part);
+        for (int64_t place = from; place < end; place++) {
+            bank_sample(sample_at(trail, place), sample);
+            if (place == onset) { /* no time passes before it */
+                sample[SAMPLE_DT] = 0.0;
+                for (int64_t k = 0; k < N_SLOW; k++) sample[SAMPLE_KICK + k] = 0.0;
+                for (int64_t i = 0; i < N_STATES; i++) sample[SAMPLE_GAP + i] = 0.0;
+            }
+            if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
+            filter_step_plain(work->lane, sample, work->innovations, work);
+        }
+        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) store(group[k] + part, work->lane[k]);
+    }
 }
 
 /* The start of a lane of the plan. */
@@ -209,34 +187,25 @@ static void planned_start(int64_t lane, Start *start)
     for (int64_t e = LANE_JUMP_ROW[lane]; e < LANE_JUMP_ROW[lane + 1]; e++) start->jumps[LANE_JUMP_STATE[e]] = 1;
 }
 
-/* Let the first n starts be followed by repetitions of the first. */
-static void repeat_first(Start *starts, int64_t n)
+/* What a lane of a group has found of the suspects of a start. */
+static void note_found(const Start *start, double (*group)[GROUP], int64_t l, double *found)
 {
-    for (int64_t l = n; l < FB_LANES; l++) starts[l] = starts[0];
+    for (int64_t s = 0; s < start->n; s++) found[s] = group[AT_PARAMETERS + start->parameter[s]][l];
 }
 
-/* The starts of a block of the plan. */
-static void planned_starts(int64_t block, Start *starts)
-{
-    int64_t n = 0;
-    for (int64_t lane = block * FB_LANES; lane < N_PLANNED && n < FB_LANES; lane++)
-        planned_start(lane, &starts[n++]);
-    repeat_first(starts, n);
-}
-
-/* Let a start that was run be at the estimates of its lane, of a block; `healthy`: the lane of the healthy plant, to
-   which starts are relative. */
-static void move_to_found(Start *start, double (*block)[FB_LANES], int64_t l, const double *healthy)
+/* Let a start that was run be at what its lane has found; `healthy`: the lane of the healthy plant, to which starts are
+   relative. */
+static void move_to_found(Start *start, const double *found, const double *healthy)
 {
     for (int64_t s = 0; s < start->n; s++) {
         const int index = start->parameter[s], k = AT_PARAMETERS + index;
         const double most = CHANGE[index] > LEAST_CHANGE ? CHANGE[index] : LEAST_CHANGE;
         double least = 0.0;
         if (HEALTHY[index] == 0.0) {
-            start->value[s] = block[k][l] - healthy[k];
+            start->value[s] = found[s] - healthy[k];
             least = ACCURACY[index] < most ? ACCURACY[index] : most;
         } else {
-            start->value[s] = block[k][l] / (healthy[k] == 0.0 ? 1.0 : healthy[k]);
+            start->value[s] = found[s] / (healthy[k] == 0.0 ? 1.0 : healthy[k]);
         }
         start->sd[s] = bounded(FOUND_SPREAD * fabs(start->value[s]), least, most);
     }
@@ -250,110 +219,36 @@ static int any_jump(const Start *start)
     return 0;
 }
 
-/* Begin starts that were found, as `begin_steps` does.
-
-   A jump that is tied to its factor says much and is linearised: where a store jumps, the lane begins a second time,
-   from what it then knows, and stays so unless that led astray. */
-static void begin_near(const Start *starts, const Trail *trail, const Onsets *onsets, const Normal *normal,
-                       double (*block)[FB_LANES], StepMemory *memory, Filter_plain *work)
-{
-    int64_t n = 0, from[FB_LANES];
-    begin_steps(starts, trail, onsets, normal, block, memory, work);
-    for (int64_t l = 0; l < FB_LANES; l++) {
-        if (!any_jump(&starts[l])) continue;
-        memory->closer[n] = starts[l];
-        move_to_found(&memory->closer[n], block, l, healthy_at(trail, 0));
-        from[n++] = l;
-    }
-    if (n == 0) return;
-    repeat_first(memory->closer, n);
-    begin_steps(memory->closer, trail, onsets, normal, memory->again, memory, work);
-    for (int64_t l = 0; l < n; l++) {
-        const double again = finite_or_lowest(memory->again[PLAIN_LIKELIHOOD][l]);
-        if (!(again > finite_or_lowest(block[PLAIN_LIKELIHOOD][from[l]]) - ASTRAY)) continue;
-        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) block[k][from[l]] = memory->again[k][l];
-    }
-}
-
 /* Lanes that fill up the last block of steps repeat its first. */
 static void fill_last_block(Bank *bank)
 {
-    for (int64_t lane = N_STEPS; lane % FB_LANES != 0; lane++)
+    for (int64_t lane = N_STEPS; lane % GROUP != 0; lane++)
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
-            *number_of_step(bank, lane, k) = *number_of_step(bank, lane - lane % FB_LANES, k);
+            *number_of_step(bank, lane, k) = *number_of_step(bank, lane - lane % GROUP, k);
 }
 
-/* Leave out the onsets at which no step of a single parameter explains the samples nearly as well as at the best. */
-static void keep_likely(Onsets *onsets, const double *said)
+/* Whether any lane of a block has begun: one of the plan, of which so many have, or one of a set that was taken from the
+   reserve. */
+static int has_begun(const Bank *bank, int64_t block, int64_t n_begun)
 {
-    double most = LOWEST;
-    int n = 0;
-    for (int k = 0; k < onsets->n; k++) most = fmax(most, said[k]);
-    for (int k = 0; k < onsets->n; k++) {
-        if (said[k] < most - KEPT_NATS) continue;
-        onsets->place[n] = onsets->place[k];
-        onsets->width[n++] = onsets->width[k];
-    }
-    onsets->n = n;
-}
-
-/* Begin a block of the plan that holds lanes of single parameters, and hear at which onsets these explain the samples. */
-static void begin_singles(Bank *bank, int64_t b, const Trail *trail, const Normal *normal, StepMemory *memory,
-                          Filter_plain *work)
-{
-    planned_starts(b, memory->starts);
-    for (int k = 0; k < memory->onsets.n; k++) {
-        begin_onset(memory->starts, trail, &memory->onsets, k, normal, bank->steps[b], &memory->mixture, memory, work);
-        hear(k, N_SINGLE_LANES - b * FB_LANES, memory);
-    }
-    conclude_mixture(&memory->mixture, PLAIN_NUMBERS, bank->steps[b]);
-}
-
-/* Begin the lanes of all hypotheses of the plan; `change`: place in the trail of the onset that the detector estimates.
-   Sets of several parameters, which are most, are tried only at the onsets that one of them by itself makes likely.
-   Lanes of sets in reserve are zero, and of no weight until the sets are chosen. */
-static void begin_all_steps(Bank *bank, const Trail *trail, int64_t change, const Normal *normal, StepMemory *memory,
-                            Filter_plain *work)
-{
-    const int64_t n_singles = BLOCKS(N_SINGLE_LANES), mixed = N_SINGLE_LANES % FB_LANES;
-    find_onsets(trail, change, &memory->onsets);
-    for (int k = 0; k < memory->onsets.n; k++) memory->said[k] = LOWEST;
-    for (int64_t b = 0; b < n_singles; b++) begin_singles(bank, b, trail, normal, memory, work);
-    if (n_singles > 0) keep_likely(&memory->onsets, memory->said);
-    for (int64_t b = n_singles - (mixed > 0); b < BLOCKS(N_PLANNED); b++) {
-        planned_starts(b, memory->starts);
-        begin_steps(memory->starts, trail, &memory->onsets, normal, memory->near, memory, work);
-        for (int64_t l = b < n_singles ? mixed : 0; l < FB_LANES; l++) /* after singles, the others of their block */
-            for (int64_t k = 0; k < PLAIN_NUMBERS; k++) bank->steps[b][k][l] = memory->near[k][l];
-    }
-    for (int64_t lane = N_PLANNED; lane < N_STEPS; lane++)
-        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) *number_of_step(bank, lane, k) = 0.0;
-    fill_last_block(bank);
-    for (int64_t k = 0; N_RESERVE > 0 && k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
-    for (int64_t k = 0; k < N_GROWN; k++) bank->grown[k] = -1;
-}
-
-/* Whether any lane of a block has begun: it is of the plan, or of a set that was taken from the reserve. */
-static int has_begun(const Bank *bank, int64_t block)
-{
-    if (block * FB_LANES < N_PLANNED) return 1;
-    for (int64_t lane = block * FB_LANES; lane < N_STEPS && lane < (block + 1) * FB_LANES; lane++)
-        if (bank->grown[(lane - N_PLANNED) / PER_SET] >= 0) return 1;
+    if (block * GROUP < n_begun) return 1;
+    for (int64_t lane = block * GROUP; lane < N_STEPS && lane < (block + 1) * GROUP; lane++)
+        if (lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] >= 0) return 1;
     return 0;
 }
 
-/* Take one more packed sample into all lanes of steps. innovations: of each lane measured less expected readings, then
-   their variances; 0 and 1 of lanes that have not begun. */
-static void advance_steps(Bank *bank, const double *packed, const Normal *normal,
+/* Take one more packed sample into the lanes of steps, of the plan into those of which the first n_begun have begun.
+   innovations: of each lane measured less expected readings, then their variances; 0 and 1 of those that have not, or rest. */
+static void advance_steps(Bank *bank, int64_t n_begun, const double *packed, const Normal *normal,
                           double (*innovations)[FB_ROOM(N_LANES)], StepMemory *memory, Filter_plain *work)
 {
     bank_sample(packed, memory->sample);
     for (int64_t b = 0; b < BLOCKS(N_STEPS); b++) {
-        const int begun = has_begun(bank, b);
+        const int begun = has_begun(bank, b, n_begun) && !bank->rests[b];
         if (begun) advance_plain(bank->steps[b], memory->sample, normal, memory->innovations, work);
-        for (int64_t lane = b * FB_LANES; lane < N_STEPS && lane < (b + 1) * FB_LANES; lane++)
+        for (int64_t lane = b * GROUP; lane < N_STEPS && lane < (b + 1) * GROUP; lane++)
             for (int64_t k = 0; k < 2 * N_OUTPUTS; k++)
-                innovations[k][lane] = begun ? memory->innovations[k][lane % FB_LANES] : (k < N_OUTPUTS ? 0.0 : 1.0);
+                innovations[k][lane] = begun ? memory->innovations[k][lane % GROUP] : (k < N_OUTPUTS ? 0.0 : 1.0);
     }
 }
 
@@ -380,66 +275,19 @@ static int64_t least_likely_lane(Bank *bank, int64_t set)
     return worst;
 }
 
-/* Give a lane of the bank its first `count` numbers anew, those of lane l of a block. */
-static void replace_lane(Bank *bank, int64_t lane, double (*block)[FB_LANES], int64_t l, int64_t count,
-                         uint8_t *changed)
+/* Give a lane of the bank the first `count` numbers of lane l of a group; gives whether that changes it. */
+static int replace_lane(Bank *bank, int64_t lane, double (*group)[GROUP], int64_t l, int64_t count)
 {
+    int changed = 0;
     for (int64_t k = 0; k < count; k++) {
         double *number = number_of_step(bank, lane, k);
-        if (*number != block[k][l]) changed[lane] = 1;
-        *number = block[k][l];
+        changed |= *number != group[k][l];
+        *number = group[k][l];
     }
-}
-
-/* After a renewal of lanes from `first` up to `end`: one that is no number counts as changed. */
-static void conclude_renewal(Bank *bank, int64_t first, int64_t end, uint8_t *changed)
-{
-    for (int64_t lane = first; lane < end; lane++)
-        for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
-            if (isnan(*number_of_step(bank, lane, k))) changed[lane] = 1;
-    fill_last_block(bank);
-}
-
-/* Run up to FB_LANES lanes of the plan again at the onsets, from what they have found, into `near`; gives how many. */
-static int64_t begin_found(Bank *bank, const int64_t *chosen, int64_t n, const Trail *trail, const Normal *normal,
-                           StepMemory *memory, Filter_plain *work)
-{
-    const int64_t count = n < FB_LANES ? n : FB_LANES;
-    for (int64_t l = 0; l < count; l++) {
-        planned_start(chosen[l], &memory->starts[l]);
-        move_to_found(&memory->starts[l], bank->steps[chosen[l] / FB_LANES], chosen[l] % FB_LANES,
-                      healthy_at(trail, 0));
-    }
-    repeat_first(memory->starts, count);
-    begin_near(memory->starts, trail, &memory->onsets, normal, memory->near, memory, work);
-    return count;
+    return changed;
 }
 
 static inline int lane_jumps(int64_t lane) { return LANE_JUMP_ROW[lane + 1] > LANE_JUMP_ROW[lane]; }
-
-/* Begin one filter per hypothesis again at the onset, from what the best of its filters has found by now.
-
-   A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
-   nearby, say more. It takes the place of the least likely filter of its hypothesis, if it is likelier. */
-static void renew_steps(Bank *bank, const Trail *trail, const Normal *normal, StepMemory *memory, Filter_plain *work)
-{
-    int64_t n = 0;
-    find_onsets(trail, trail->alarm, &memory->onsets);
-    memset(memory->changed, 0, sizeof memory->changed);
-    for (int64_t set = 0; set < N_SETS; set++) memory->best[set] = likeliest_lane(bank, set);
-    for (int jumping = 0; jumping < 2; jumping++)
-        for (int64_t set = 0; set < N_SETS; set++)
-            if (lane_jumps(memory->best[set]) == jumping) memory->wanted[n++] = memory->best[set];
-    for (int64_t first = 0; first < n; first += FB_LANES) {
-        const int64_t count = begin_found(bank, memory->wanted + first, n - first, trail, normal, memory, work);
-        for (int64_t l = 0; l < count; l++) {
-            const int64_t worst = least_likely_lane(bank, LANE_HYPOTHESIS[memory->wanted[first + l]]);
-            if (finite_or_lowest(memory->near[PLAIN_LIKELIHOOD][l]) > likelihood_of(bank, worst))
-                replace_lane(bank, worst, memory->near, l, PLAIN_NUMBERS, memory->changed);
-        }
-    }
-    conclude_renewal(bank, 0, N_PLANNED, memory->changed);
-}
 
 /* Whether a lane begins with the same jumps as another of its hypothesis, and has found the same. */
 static int is_alike(Bank *bank, int64_t lane, int64_t other)
@@ -457,11 +305,11 @@ static int is_alike(Bank *bank, int64_t lane, int64_t other)
 }
 
 /* Which lanes of a set begin again: those within `reach` of its likeliest. Of lanes alike the likeliest stands for
-   all. */
-static void find_alike(Bank *bank, int64_t set, double reach, StepMemory *memory)
+   all; known: memory for those that stand for others. */
+static void find_alike(Bank *bank, int64_t set, double reach, int64_t *stands_for, int64_t *known)
 {
-    int64_t *stands_for = memory->stands_for, n_known = 0;
-    const double least = likelihood_of(bank, memory->best[set]) - reach;
+    int64_t n_known = 0;
+    const double least = likelihood_of(bank, likeliest_lane(bank, set)) - reach;
     for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++)
         stands_for[lane] = likelihood_of(bank, lane) >= least ? NEAR : NOT_AGAIN;
     for (;;) {
@@ -469,57 +317,61 @@ static void find_alike(Bank *bank, int64_t set, double reach, StepMemory *memory
         for (int64_t k = FIRST_LANE[set]; k < FIRST_LANE[set + 1]; k++)
             if (stands_for[k] == NEAR && (lane < 0 || likelihood_of(bank, k) > likelihood_of(bank, lane))) lane = k;
         if (lane < 0) return;
-        while (same < n_known && !is_alike(bank, lane, memory->known[same])) same++;
-        if (same == n_known) memory->known[n_known++] = lane;
-        stands_for[lane] = memory->known[same];
+        while (same < n_known && !is_alike(bank, lane, known[same])) same++;
+        if (same == n_known) known[n_known++] = lane;
+        stands_for[lane] = known[same];
     }
 }
 
-/* Which lanes begin again, and for whom; gives how many. */
-static int64_t find_wanted(Bank *bank, StepMemory *memory)
+/* Let the best filter of each hypothesis begin again, for itself alone.
+
+   A filter that began far from the truth has linearised there, and may be stuck; the same samples, taken again from
+   nearby, say more. */
+static void want_best(Bank *bank, int64_t *stands_for)
 {
-    int64_t n = 0;
-    double most = LOWEST;
+    for (int64_t lane = 0; lane < N_PLANNED; lane++) stands_for[lane] = NOT_AGAIN;
     for (int64_t set = 0; set < N_SETS; set++) {
-        memory->best[set] = likeliest_lane(bank, set);
-        if (likelihood_of(bank, memory->best[set]) > most) most = likelihood_of(bank, memory->best[set]);
+        const int64_t best = likeliest_lane(bank, set);
+        stands_for[best] = best;
     }
-    for (int64_t set = 0; set < N_SETS; set++)
-        find_alike(bank, set, likelihood_of(bank, memory->best[set]) > most - IN_REACH ? IN_REACH : 0.0, memory);
-    for (int jumping = 0; jumping < 2; jumping++)
-        for (int64_t lane = 0; lane < N_PLANNED; lane++)
-            if (memory->stands_for[lane] == lane && lane_jumps(lane) == jumping) memory->wanted[n++] = lane;
-    return n;
 }
 
-/* Begin every filter that may come to lead again at the onset, from what it has found itself.
+/* Let every filter begin again that may come to lead.
 
    These are the best of each hypothesis and, of hypotheses within reach of the best, all within reach of its best. What
    a filter has once linearised far from the truth stays in its covariance. It then follows the data too well, and over
-   thousands of samples its likelihood passes that of filters which began nearer. It is kept as it was where the new
-   beginning led astray. All others go on from the best of their hypothesis, as little likely as they were. */
-static void renew_all_steps(Bank *bank, const Trail *trail, const Normal *normal, StepMemory *memory,
-                            Filter_plain *work)
+   thousands of samples its likelihood passes that of filters which began nearer. */
+static void want_leading(Bank *bank, int64_t *stands_for, int64_t *known)
 {
-    find_onsets(trail, trail->alarm, &memory->onsets);
-    memset(memory->changed, 0, sizeof memory->changed);
-    const int64_t n = find_wanted(bank, memory);
-    for (int64_t first = 0; first < n; first += FB_LANES) {
-        const int64_t count = begin_found(bank, memory->wanted + first, n - first, trail, normal, memory, work);
-        for (int64_t l = 0; l < count; l++) {
-            const int64_t chosen = memory->wanted[first + l], set = LANE_HYPOTHESIS[chosen];
-            const double again = finite_or_lowest(memory->near[PLAIN_LIKELIHOOD][l]);
-            for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++)
-                if (memory->stands_for[lane] == chosen && again > likelihood_of(bank, lane) - ASTRAY)
-                    replace_lane(bank, lane, memory->near, l, PLAIN_NUMBERS, memory->changed);
-        }
+    double most = LOWEST;
+    for (int64_t set = 0; set < N_SETS; set++) most = fmax(most, likelihood_of(bank, likeliest_lane(bank, set)));
+    for (int64_t set = 0; set < N_SETS; set++) {
+        const double best = likelihood_of(bank, likeliest_lane(bank, set));
+        find_alike(bank, set, best > most - IN_REACH ? IN_REACH : 0.0, stands_for, known);
     }
-    for (int64_t lane = 0; lane < N_PLANNED; lane++) {
-        const int64_t best = memory->best[LANE_HYPOTHESIS[lane]];
-        if (memory->stands_for[lane] == NOT_AGAIN)
-            replace_lane(bank, lane, bank->steps[best / FB_LANES], best % FB_LANES, PLAIN_LIKELIHOOD, memory->changed);
+}
+
+/* List the lanes that begin again, those of single parameters first, of each kind those without a jump first, which begin
+   once; gives how many are of single parameters, and in n how many in all. */
+static int64_t list_wanted(const int64_t *stands_for, int64_t *wanted, int64_t *n)
+{
+    int64_t n_singles = 0;
+    *n = 0;
+    for (int larger = 0; larger < 2; larger++) {
+        for (int jumping = 0; jumping < 2; jumping++)
+            for (int64_t lane = larger ? N_SINGLE_LANES : 0; lane < (larger ? N_PLANNED : N_SINGLE_LANES); lane++)
+                if (stands_for[lane] == lane && lane_jumps(lane) == jumping) wanted[(*n)++] = lane;
+        if (!larger) n_singles = *n;
     }
-    conclude_renewal(bank, 0, N_PLANNED, memory->changed);
+    return n_singles;
+}
+
+/* A lane in the place of the least likely one of its hypothesis, if it is likelier. Gives the lane that was changed; -1: none. */
+static int64_t replace_worst(Bank *bank, int64_t set, double (*group)[GROUP], int64_t l)
+{
+    const int64_t worst = least_likely_lane(bank, set);
+    if (!(finite_or_lowest(group[PLAIN_LIKELIHOOD][l]) > likelihood_of(bank, worst))) return -1;
+    return replace_lane(bank, worst, group, l, PLAIN_NUMBERS) ? worst : -1;
 }
 
 #endif

@@ -78,7 +78,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     begin_shown(&state->sensors);
     begin_sums(&state->sensors, 0.0);
     begin_travel(&state->healthy);
-    clear_bank(&state->bank);
+    clear_bank(state);
     forget_sure(&state->sure);
 }
 
@@ -127,7 +127,9 @@ static void keep(State *state, const double *packed, const double *lane, double 
     else memset(row->lane, 0, sizeof row->lane);
     row->time = state->clock.time;
     row->wildness = wildness;
-    if (state->clock.alarm >= 0) advance_bank(state, packed, &work->bank, &work->filters);
+    if (state->clock.alarm < 0) return;
+    advance_bank(state, packed, &work->bank, &work->filters);
+    work_on(state, &work->bank, &work->filters);
 }
 
 /* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
@@ -204,7 +206,7 @@ static int is_gathered(const State *state, int64_t count, int again)
     for (int j = 0; j < N_OUTPUTS && unknown; j++) {
         int read = 0;
         for (int64_t k = 0; k < count && !read; k++)
-            read = state->past.rows[(state->clock.index - k) % DEPTH].sample[SAMPLE_USE + j] > 0.0;
+            read = state->past.rows[(state->clock.index - k) % N_ROWS].sample[SAMPLE_USE + j] > 0.0;
         silent |= !read;
     }
     return count >= START_SAMPLES && !(unknown && count < START_PATIENCE && silent);
@@ -219,7 +221,7 @@ static int64_t worth_starting_from(const State *state, int64_t count)
         if (!isnan(START_SD[i])) return count;
     for (int j = 0; j < N_OUTPUTS; j++)
         for (int64_t k = 0; k < count; k++)
-            if (state->past.rows[(state->clock.index - k) % DEPTH].sample[SAMPLE_USE + j] > 0.0) {
+            if (state->past.rows[(state->clock.index - k) % N_ROWS].sample[SAMPLE_USE + j] > 0.0) {
                 if (count - 1 - k < skipped) skipped = count - 1 - k;
                 break;
             }
@@ -267,6 +269,15 @@ static void gather(State *state, Report *report, Work *work)
     report->wild = wild;
 }
 
+/* Whether it is time for a diagnosis: every so many samples after an alarm, once the bank has begun, and as soon as it has. */
+static int is_due(const State *state)
+{
+    const Clock *clock = &state->clock;
+    const Job *job = &state->job;
+    if (clock->alarm < 0 || !is_ready(job)) return 0;
+    return (clock->index - clock->alarm) % DIAGNOSIS_EVERY == 0 || (job->renewals == 0 && job->settled == clock->index);
+}
+
 /* Update the sums, raise the alarm, renew the bank. */
 static void judge_sample(State *state, const double *innovations, Report *report, Diagnosis *found, Work *work)
 {
@@ -277,22 +288,24 @@ static void judge_sample(State *state, const double *innovations, Report *report
     if (warm) accumulate(clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
     remember(state, work->lane);
     report_filter(state, diagnosing ? DIAGNOSING : warm ? WATCHING : WARMING, packed, innovations, report);
-    const int64_t since = clock->index - clock->alarm;
-    if (diagnosing && is_renewal(since) && clock->alarm > clock->begun) { /* of a filter that was lost, no lanes are kept */
+    if (diagnosing && is_renewal(state) && clock->alarm > clock->begun) { /* of a filter that was lost, no lanes are kept */
         trail_of(state, &trail);
-        renew_bank(state, &trail, since, &work->bank, &work->filters);
+        begin_again(state, &trail, &work->bank);
+        work_on(state, &work->bank, &work->filters);
     } else if (!diagnosing && warm && !clock->quiet) {
         const int64_t change = detect(state);
         if (change >= 0) {
             clock->alarm = clock->index;
             clock->detections++;
             trail_of(state, &trail);
-            begin_bank(state, &trail, change - trail.oldest, &work->bank, &work->filters);
+            begin_bank(state, &trail, change - trail.oldest);
+            work_on(state, &work->bank, &work->filters);
             report->status = DIAGNOSING;
             report->detected = 1;
         }
     }
-    report->due = clock->alarm >= 0 && (clock->index - clock->alarm) % DIAGNOSIS_EVERY == 0;
+    report->due = is_due(state);
+    if (report->due && state->job.kind == IDLE && state->job.renewals == N_RENEWALS) put_to_rest(&state->bank);
     if (report->due) conclude(state, found, &work->ranking);
 }
 

@@ -54,10 +54,10 @@ SETTINGS = {  # value and meaning of the numbers of the method beside its thresh
     ),
     "first_renewal": (
         _CORE["FIRST_RENEWAL"],
-        "samples from the alarm to the first new beginning of each hypothesis from what it has found",
+        "samples from the alarm to the first new beginning of each hypothesis from what it has found, at the least",
     ),
-    "last_renewal": (_CORE["LAST_RENEWAL"], "samples from the alarm to the last such beginning"),
-    "onset_dense": (_CORE["DENSE"], "samples before the alarm of which each is tried as onset"),
+    "last_renewal": (_CORE["LAST_RENEWAL"], "samples from the alarm to the last such beginning, at the least"),
+    "onset_dense": (_CORE["DENSE"], "samples before the alarm of which each may be tried as onset"),
     "onset_ratio": (_CORE["RATIO"], "ratio of the distances from the alarm of neighbouring onsets further back"),
     "onset_many": (_CORE["MANY"], "numbers in the covariances of all filters from which on fewer onsets are tried"),
     "wild": (_CORE["WILD"], "standard deviations of an innovation beyond which its sample is tried as onset, too"),

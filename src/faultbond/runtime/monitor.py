@@ -104,13 +104,16 @@ class Monitor:
         self.core.library.fb_resume(at(self._state))
 
     def conclude(self) -> Diagnosis:
-        """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect."""
+        """Give the diagnosis of now, after a detection; without candidates where nothing is a suspect.
+
+        Beginning all filters is spread over the samples after an alarm; where it is not done yet, it is done now.
+        """
         self.core.library.fb_diagnosis(at(self._state), at(self._work), at(self._found))
         return diagnosis_of(self.spec, self._found[0])
 
     def finish(self) -> Diagnosis | None:
-        """Give the last diagnosis, if a fault was detected."""
-        return self.conclude() if self.number("clock.alarm") >= 0 else None
+        """Give the last diagnosis, if a fault was detected; what is remembered stays as it is."""
+        return self.copy().conclude() if self.number("clock.alarm") >= 0 else None
 
     def advise(self) -> tuple[Advice, ...]:
         """Give what to check next after the diagnosis that was given last, the best for its cost first."""

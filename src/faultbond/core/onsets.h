@@ -1,0 +1,212 @@
+/* Where a fault may have begun: which onsets a group of lanes tries, and how these become one lane.
+
+   The onset is not known, so every lane is begun at several places before the alarm, from the healthy filter as it stood
+   there; up to its onset a lane's likelihood is that of the healthy plant, after it its own. All onsets have thus seen the
+   same samples, and the likelihood of a lane is the mean over its onsets (a change-point mixture); from the alarm on, the
+   best onset of each lane goes on. The likelihood is smooth in the onset but for a peak, so few onsets are tried first,
+   and others only where it moves. Reasons and figures: docs/decisions/006-onset-mixture.md. */
+#ifndef FB_ONSETS_H
+#define FB_ONSETS_H
+
+#include "trail.h"
+
+#define DENSE 40         /* samples before the alarm of which each may be tried as onset; */
+#define RATIO 1.05       /* ratio of their distances further back */
+#define MANY 200000      /* numbers in the covariances of all lanes from which on fewer are: */
+#define MANY_DENSE 8
+#define MANY_RATIO 1.25
+#define LARGE_BANK 1000000 /* beyond so many only those near the estimated onset are */
+#define COARSE 4         /* of so many onsets one is tried first */
+#define MATTERS 8.0      /* nats by which an onset may be less likely than the best and still matters */
+#define SMOOTH 3.0       /* nats by which the likelihood may move between two onsets that are tried */
+
+#define PASSED 3         /* onsets in a row that do not matter, before which none is sought any more */
+
+enum { SPARE, WANTED, REQUIRED, TRIED }; /* onsets of a search: those between, the first, what is tried in any case */
+
+/* Let a place be one that may be tried, or (`standing`) first is or surely is, if it is one. */
+static void mark(uint8_t *marks, const Trail *trail, int64_t place, int standing)
+{
+    if (place >= 1 && place < trail->n && marks[place] < 1 + standing) marks[place] = (uint8_t)(1 + standing);
+}
+
+/* Mark the onsets of a bank of usual size: dense before the alarm, sparse far from it. */
+static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
+{
+    const int64_t dense = is_many ? MANY_DENSE : DENSE;
+    const double ratio = is_many ? MANY_RATIO : RATIO;
+    int64_t count = 0, last = 0;
+    mark(marks, trail, trail->alarm, WANTED);
+    for (int64_t back = 1; back < trail->alarm; back = back < dense ? back + 1 : (int64_t)nearbyint((double)back * ratio)) {
+        mark(marks, trail, trail->alarm - back, ++count % COARSE == 0 ? WANTED : SPARE);
+        last = back;
+    }
+    mark(marks, trail, trail->alarm - last, WANTED);
+    for (int64_t ahead = last = 1; trail->alarm + ahead < trail->n; ahead *= 2)
+        mark(marks, trail, trail->alarm + (last = ahead), SPARE);
+    mark(marks, trail, trail->alarm + last, WANTED);
+}
+
+/* Begin a search; `change`: place of the onset that the detector estimates. That is tried, and where the innovations
+   became wild: what happens within a few samples, as a jump does whose trace the plant soon loses, only fits a lane that
+   begins there. A bank with many lanes would take too long to begin at all places; it tries fewer, and one with very many
+   only some about `change`. */
+static void begin_search(const Trail *trail, int64_t change, Search *search)
+{
+    const int64_t size = (int64_t)N_PLANNED * TRIANGLE(PLAIN_JOINT);
+    uint8_t marks[DEPTH] = {0};
+    mark(marks, trail, change, REQUIRED);
+    for (int k = 0; k < trail->n_bursts; k++)
+        for (int64_t late = 0; late < 2; late++) mark(marks, trail, trail->bursts[k] - late, REQUIRED);
+    if (size > LARGE_BANK) {
+        for (int64_t back = 1; back <= 32; back *= 2) {
+            mark(marks, trail, change - back, WANTED);
+            mark(marks, trail, change + back, WANTED);
+        }
+    } else {
+        mark_usual(marks, trail, size > MANY);
+    }
+    search->n = 0;
+    for (int64_t place = 1; place < trail->n && search->n < MOST_ONSETS; place++) {
+        if (!marks[place]) continue;
+        search->place[search->n] = place;
+        search->standing[search->n++] = marks[place] - 1;
+    }
+    if (search->n == 0) {
+        search->place[search->n] = trail->n - 1;
+        search->standing[search->n++] = WANTED;
+    }
+    for (int l = 0; l < GROUP; l++) search->most[l] = -INFINITY;
+    search->fixed = 0;
+}
+
+/* The onset of a search that is nearest to a place. */
+static int64_t nearest_onset(const Search *search, int64_t place)
+{
+    int64_t after = 0;
+    while (after + 1 < search->n && search->place[after] < place) after++;
+    return after > 0 && place - search->place[after - 1] < search->place[after] - place ? after - 1 : after;
+}
+
+/* Let a search begin near the places that were best before, of each lane, and not elsewhere; what lies between them is tried
+   here and there. */
+static void begin_near(const int64_t *places, Search *search)
+{
+    int64_t last = -1;
+    for (int64_t k = 0; k < search->n; k++) search->standing[k] = SPARE;
+    for (int l = 0; l < GROUP; l++) search->standing[nearest_onset(search, places[l])] = REQUIRED;
+    for (int64_t k = 0; k < search->n; k++) {
+        if (search->standing[k] != REQUIRED) continue;
+        if (last >= 0 && k - last > 2 * COARSE) search->standing[(last + k) / 2] = REQUIRED;
+        last = k;
+    }
+}
+
+/* Whether an onset that was tried matters for a lane. */
+static int matters(const Search *search, int64_t k)
+{
+    for (int l = 0; l < GROUP; l++)
+        if (search->most[l] >= search->least && search->said[k][l] >= search->most[l] - MATTERS) return 1;
+    return 0;
+}
+
+/* Whether the likelihood of a lane for which one of two onsets matters moves from one of them to the other. */
+static int moves(const Search *search, int64_t one, int64_t two)
+{
+    for (int l = 0; l < GROUP; l++) {
+        const double a = search->said[one][l], b = search->said[two][l];
+        if (search->most[l] < search->least) continue;
+        if (fmax(a, b) >= search->most[l] - MATTERS && fabs(a - b) > SMOOTH) return 1;
+    }
+    return 0;
+}
+
+/* The onset after k that was tried, or before it; -1: none. */
+static int64_t tried_after(const Search *search, int64_t k)
+{
+    for (k++; k < search->n; k++)
+        if (search->standing[k] == TRIED) return k;
+    return -1;
+}
+
+static int64_t tried_before(const Search *search, int64_t k)
+{
+    for (k--; k >= 0; k--)
+        if (search->standing[k] == TRIED) return k;
+    return -1;
+}
+
+/* The next of the first ones, from the last back: the likelihood rises up to the true onset and falls before it, so far enough
+   before that none needs to be tried. -1: none is left. */
+static int64_t next_wanted(const Search *search)
+{
+    int passed = 0;
+    for (int64_t k = search->n - 1; k >= 0; k--) {
+        if (search->standing[k] == WANTED) return passed < PASSED ? k : -1;
+        if (search->standing[k] == TRIED) passed = matters(search, k) ? 0 : passed + 1;
+    }
+    return -1;
+}
+
+/* The onset that is tried next, -1 if those that were suffice: one farther out where an end still matters, twice as
+   far each time, or one between two
+   where a likelihood moves. */
+static int64_t next_onset(const Search *search)
+{
+    for (int64_t k = 0; k < search->n; k++)
+        if (search->standing[k] == REQUIRED) return k;
+    const int64_t wanted = next_wanted(search), first = tried_after(search, -1), last = tried_before(search, search->n);
+    if (wanted >= 0) return wanted;
+    if (search->fixed) return -1;
+    if (first > 0 && matters(search, first)) {
+        const int64_t step = 2 * (tried_after(search, first) - first), next = first - (step > COARSE ? step : COARSE);
+        return next > 0 ? next : 0;
+    }
+    if (last + 1 < search->n && matters(search, last)) {
+        const int64_t step = 2 * (last - tried_before(search, last)), next = last + (step > COARSE ? step : COARSE);
+        return next < search->n ? next : search->n - 1;
+    }
+    for (int64_t k = first, after; (after = tried_after(search, k)) >= 0; k = after)
+        if (after - k > 1 && moves(search, k, after)) return (k + after) / 2;
+    return -1;
+}
+
+/* Add a group of lanes that began at onset k to the best of the onsets before; likelihoods stand in the last row. */
+static void mix(Search *search, int64_t k, double (*group)[GROUP], int64_t n_numbers, double (*best)[GROUP])
+{
+    search->standing[k] = TRIED;
+    for (int l = 0; l < GROUP; l++) {
+        const double likelihood = finite_or_lowest(group[n_numbers - 1][l]);
+        search->said[k][l] = likelihood;
+        if (!(likelihood > search->most[l])) continue;
+        search->most[l] = likelihood;
+        search->best[l] = k;
+        for (int64_t i = 0; i < n_numbers; i++) best[i][l] = group[i][l];
+    }
+}
+
+/* Log of the sum of exp at n - 1 places between two, n apart, where the exponent is a and b and straight between. */
+static double sum_between(double a, double b, double n)
+{
+    const double least = a < b ? a : b, step = fabs(b - a) / n;
+    if (n < 2.0) return -INFINITY;
+    if (step < 1e-6) return 0.5 * (a + b) + log(n - 1.0);
+    return least + (n - 1.0) * step + log(expm1(-(n - 1.0) * step) / expm1(-step));
+}
+
+/* Give the best onset of each lane the mean likelihood over all samples of the trail. */
+static void conclude_mixture(const Search *search, int64_t n_numbers, double (*best)[GROUP])
+{
+    for (int l = 0; l < GROUP; l++) {
+        int64_t k = tried_after(search, -1), after;
+        double total = search->said[k][l];
+        for (; (after = tried_after(search, k)) >= 0; k = after) {
+            const double n = (double)(search->place[after] - search->place[k]);
+            total = log_add(total, sum_between(search->said[k][l], search->said[after][l], n));
+            total = log_add(total, search->said[after][l]);
+        }
+        best[n_numbers - 1][l] = total - log((double)HISTORY_SAMPLES);
+    }
+}
+
+#endif

@@ -1,0 +1,526 @@
+/* Work on the bank that takes longer than a sample may: beginning all lanes at the alarm, and beginning lanes again from what
+   they have found. It is done in portions, one at each sample, so that none takes much longer than the others.
+
+   Lanes begin in groups. A group takes this way: OPENING it says which lanes it has and which onsets they may try; at each
+   onset they begin, and take all samples of the trail, which ends where the work began (NEAR_ONSETS; again from CLOSER, where
+   stores jump); the best of their onsets then go on up to now (CATCHING_UP), and take their place in the bank. Groups of
+   single parameters come first: sets of several parameters are tried only at the onsets that some single one makes likely.
+   Nothing here depends on how large the portions are, but when it ends. */
+#ifndef FB_WORK_H
+#define FB_WORK_H
+
+#include "growing.h"
+#include "slots.h"
+
+/* Samples after the alarm at which the bank begins again from what it has found, at the earliest. */
+#define FIRST_RENEWAL 30
+#define SECOND_RENEWAL 100
+#define LAST_RENEWAL 200
+#define N_RENEWALS 3
+
+#define BANK_STEPS 7.0 /* of the whole bank in one portion, or in a second, whichever is more */
+#define WIDE_COST ((int64_t)WIDE_NUMBERS / PLAIN_NUMBERS + 1) /* of a sample of lanes with a slot, in that of plain ones */
+#define KEPT_NATS 10.0 /* by which an onset may be less likely than the best for single parameters, and is tried for sets */
+#define AWAITED 96     /* samples in which all lanes are to begin */
+#define ENOUGH 10      /* of so many parts of the work one tells what the others will cost */
+#define BEFORE 60      /* samples before all onsets so far with which a trail begins from which lanes begin again */
+#define HOPELESS 40.0  /* nats by which a lane may be less likely than the best, and its onset is still sought */
+#define TO_BEGIN 8     /* of beginning a group at an onset, in that of a sample */
+
+enum { IDLE, BEGINNING, RENEWING, RENEWING_ALL };             /* kinds of work, */
+enum { SINGLES, SETS, RESERVES, SLOTS, PAIRS, N_STAGES };     /* which lanes it is at, */
+enum { OPENING, NEAR_ONSETS, CLOSER, CATCHING_UP };           /* and what is done with a group of them */
+
+typedef struct {
+    StepMemory steps;
+    SlotMemory slots;
+    double innovations[2 * N_OUTPUTS][FB_ROOM(N_LANES)];
+} BankMemory;
+
+/* Sample after the alarm from which on the bank begins again next. */
+static int64_t next_renewal(const Job *job)
+{
+    return job->renewals == 0 ? FIRST_RENEWAL : job->renewals == 1 ? SECOND_RENEWAL : LAST_RENEWAL;
+}
+
+/* Lanes, or pairs, that begin in a stage. */
+static int64_t lanes_of_stage(Bank *bank, const Job *job, int64_t stage, SlotMemory *memory)
+{
+    const int begins = job->kind == BEGINNING;
+    if (stage == SINGLES) return job->n_singles;
+    if (stage == SETS) return job->n_wanted - job->n_singles;
+    if (stage == RESERVES) return begins ? 0 : N_LATER;
+    if (stage == SLOTS) return begins ? SWITCHED : find_renewed(bank, memory->renewed);
+    return begins ? N_PAIRS : 0;
+}
+
+/* Lane number k of the stage, of steps or with a slot, which the group begins; `renewed`: where slots begin again. */
+static int64_t lane_of_stage(const Job *job, int64_t k, const Renewed *renewed)
+{
+    if (job->stage == RESERVES) return reserve_lane(k);
+    if (job->stage == SLOTS) return job->kind == BEGINNING ? k : renewed[k].spread;
+    return job->wanted[job->stage == SETS ? job->n_singles + k : k];
+}
+
+/* Begin work on the bank; `change`: place in the trail of the onset to try for sure. */
+static void begin_job(State *state, int64_t kind, const Trail *trail, int64_t change)
+{
+    Job *job = &state->job;
+    job->kind = kind;
+    job->oldest = trail->oldest;
+    job->end = trail->oldest + trail->n - 1;
+    job->old = trail->old ? (trail->old - state->healthy.snapshots[0]) / PLAIN_NUMBERS : -1;
+    job->change = change;
+    for (int k = 0; k < N_INPUTS; k++) job->peak[k] = peak_of(&state->inputs, k);
+    job->spent = job->stage = job->group = 0;
+    job->pass = OPENING;
+    job->onset = -1;
+    job->most = LOWEST;
+    for (int k = 0; k < MOST_ONSETS; k++) job->heard[k] = LOWEST;
+}
+
+/* Forget all work, as where there is no alarm. */
+static void clear_job(Job *job)
+{
+    memset(job, 0, sizeof *job);
+    job->ended = job->settled = job->onset = job->old = -1;
+}
+
+/* Let all lanes of the plan begin. */
+static void begin_all(State *state, const Trail *trail, int64_t change)
+{
+    Job *job = &state->job;
+    Bank *bank = &state->bank;
+    clear_job(job);
+    begin_job(state, BEGINNING, trail, change);
+    job->n_singles = N_SINGLE_LANES;
+    job->n_wanted = N_PLANNED;
+    for (int64_t lane = 0; lane < N_PLANNED; lane++) job->wanted[lane] = lane;
+    for (int64_t k = 0; N_RESERVE > 0 && k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
+}
+
+/* Leave out what lies long before the onsets of all lanes: the work then may take as much longer. */
+static void shorten(const Bank *bank, Trail *trail)
+{
+    int64_t first = trail->oldest + trail->alarm;
+    for (int64_t lane = 0; lane < N_STEPS + SWITCHED; lane++)
+        if ((lane < N_PLANNED || lane >= N_STEPS) && bank->onset[lane] < first) first = bank->onset[lane];
+    const int64_t cut = first - BEFORE - trail->oldest;
+    if (cut <= 0) return;
+    trail->oldest += cut;
+    trail->n -= cut;
+    trail->alarm -= cut;
+}
+
+/* Let lanes begin again from what they have found, and those of the likeliest sets in reserve that are not rejected; at the
+   last time all that may come to lead. */
+static void begin_again(State *state, Trail *trail, BankMemory *memory)
+{
+    Job *job = &state->job;
+    shorten(&state->bank, trail);
+    job->renewals++;
+    begin_job(state, job->renewals == N_RENEWALS ? RENEWING_ALL : RENEWING, trail, trail->alarm);
+    if (job->kind == RENEWING_ALL) want_leading(&state->bank, job->stands_for, memory->steps.known);
+    else want_best(&state->bank, job->stands_for);
+    job->n_singles = list_wanted(job->stands_for, job->wanted, &job->n_wanted);
+}
+
+/* The trail from which lanes begin. */
+static void trail_of_job(const State *state, Trail *trail)
+{
+    const Job *job = &state->job;
+    trail->past = &state->past;
+    trail->oldest = job->oldest;
+    trail->n = job->end - job->oldest + 1;
+    trail->alarm = state->clock.alarm - job->oldest;
+    trail->old = job->old >= 0 ? state->healthy.snapshots[job->old] : NULL;
+    find_bursts(trail);
+}
+
+/* Hear what single parameters say for the onsets that they tried. */
+static void hear(Job *job)
+{
+    for (int64_t k = 0; k < job->search.n; k++)
+        for (int l = 0; l < GROUP && job->search.standing[k] == TRIED; l++)
+            job->heard[k] = fmax(job->heard[k], job->search.said[k][l]);
+}
+
+/* Let only those onsets be tried at which a single parameter explains the samples nearly as well as at the best; where that moves
+   little, not each of them. Where single parameters say little, sets count as saying nothing. */
+static void keep_likely(Job *job)
+{
+    double most = LOWEST;
+    int64_t first = -1, last = -1, kept = -1;
+    Search *search = &job->search;
+    for (int64_t k = 0; k < search->n; k++) most = fmax(most, job->heard[k]);
+    if (!(most > LOWEST)) return;
+    for (int64_t k = 0; k < search->n; k++) {
+        search->standing[k] = job->heard[k] > LOWEST ? TRIED : SPARE;
+        for (int l = 0; l < GROUP; l++) search->said[k][l] = LOWEST;
+        if (job->heard[k] < most - KEPT_NATS) continue;
+        search->standing[k] = SPARE;
+        if (first < 0 || job->heard[k] == most || fabs(job->heard[k] - job->heard[kept]) > SMOOTH) {
+            search->standing[k] = REQUIRED;
+            kept = k;
+        }
+        if (first < 0) first = k;
+        last = k;
+    }
+    search->standing[last] = REQUIRED;
+    search->fixed = 1;
+}
+
+/* Let a group try onsets: lanes that begin again near those that were best. */
+static void open_search(Job *job, const Trail *trail)
+{
+    int64_t places[GROUP];
+    begin_search(trail, job->change, &job->search);
+    job->search.least = job->most - HOPELESS;
+    for (int l = 0; l < GROUP; l++) places[l] = job->begins[l] - job->oldest;
+    if (job->pass == CLOSER || (job->kind != BEGINNING && job->stage != RESERVES)) begin_near(places, &job->search);
+    else if (job->stage == SETS || job->stage == RESERVES) keep_likely(job);
+    if (job->pass == CLOSER) job->search.fixed = 1;
+    job->onset = -1;
+}
+
+/* The start of lane l of the group, one of steps, where it begins first. */
+static void planned_or_chosen(const State *state, const Trail *trail, int64_t l, Start *start)
+{
+    const Job *job = &state->job;
+    const int64_t lane = job->lane[l], row = (lane - N_PLANNED) / PER_SET;
+    if (lane < N_PLANNED) planned_start(lane, start);
+    else start_of_choice(state->bank.grown[row], job->factors[row], (lane - N_PLANNED) % PER_SET, healthy_at(trail, 0), start);
+}
+
+/* The starts of the group. Of those that begin from closer, others repeat the first whose stores jump. */
+static void starts_of_group(const State *state, const Trail *trail, Start *starts)
+{
+    const Job *job = &state->job;
+    int64_t first = -1;
+    for (int64_t l = 0; l < GROUP; l++) {
+        planned_or_chosen(state, trail, l, &starts[l]);
+        if (job->pass == CLOSER && any_jump(&starts[l]) && first < 0) first = l;
+    }
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t of = job->pass == CLOSER && !any_jump(&starts[l]) ? first : l;
+        if (of != l) planned_or_chosen(state, trail, of, &starts[l]);
+        if (job->pass == CLOSER || (job->kind != BEGINNING && job->stage != RESERVES))
+            move_to_found(&starts[l], job->found[of], healthy_at(trail, 0));
+    }
+}
+
+/* Note what lanes of steps have found, from which they begin again. */
+static void note_steps(State *state, const Trail *trail, StepMemory *memory)
+{
+    Job *job = &state->job;
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t lane = job->lane[l];
+        planned_or_chosen(state, trail, l, &memory->starts[l]);
+        note_found(&memory->starts[l], state->bank.steps[lane / GROUP], lane % GROUP, job->found[l]);
+        job->begins[l] = state->bank.onset[lane];
+    }
+}
+
+/* Note size and rate that the best lanes of some faults have found, as they were at the end of the trail. */
+static void note_slots(State *state, const Renewed *renewed, int64_t n)
+{
+    Job *job = &state->job;
+    double elapsed = 0.0; /* since then */
+    for (int64_t number = job->end + 1; number <= state->clock.index; number++)
+        elapsed += row_of(&state->past, number)->sample[SAMPLE_DT];
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t best = renewed[l < n ? l : 0].best;
+        job->begins[l] = state->bank.onset[N_STEPS + best];
+        job->found[l][1] = *number_of_slot(&state->bank, best, AT_SLOT + 1);
+        job->found[l][0] = *number_of_slot(&state->bank, best, AT_SLOT) - job->found[l][1] * elapsed;
+    }
+}
+
+/* Say which lanes the group has, and let them try onsets. */
+static void open_group(State *state, const Trail *trail, BankMemory *memory)
+{
+    Job *job = &state->job;
+    Bank *bank = &state->bank;
+    const Renewed *renewed = memory->slots.renewed;
+    const int64_t first = job->group * GROUP, n = lanes_of_stage(bank, job, job->stage, &memory->slots);
+    job->pass = NEAR_ONSETS;
+    if (job->stage == PAIRS) {
+        begin_pairs(first, trail, job->peak, job->run, job->best, &memory->slots);
+        job->pass = CATCHING_UP;
+        job->next = job->oldest + 1;
+        return;
+    }
+    if (job->stage == RESERVES && first == 0) choose_reserve(bank, state->clock.index, job->factors, memory->steps.best);
+    for (int64_t l = 0; l < GROUP; l++)
+        job->lane[l] = lane_of_stage(job, first + l < n ? first + l : first, renewed);
+    if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, renewed + first, n - first);
+    else if (job->kind != BEGINNING) note_steps(state, trail, &memory->steps);
+    open_search(job, trail);
+}
+
+/* Begin the group at an onset. */
+static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory *memory, Filters *filters)
+{
+    Job *job = &state->job;
+    const int64_t place = job->search.place[k];
+    if (job->stage == SLOTS) {
+        begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
+                    &memory->slots);
+    } else {
+        starts_of_group(state, trail, memory->steps.starts);
+        begin_steps(memory->steps.starts, trail, place, &state->normal, job->run, &memory->steps, &filters->plain);
+    }
+    job->onset = k;
+    job->next = job->oldest + place;
+}
+
+static inline int64_t numbers_of_group(const Job *job) { return job->stage == SLOTS ? WIDE_NUMBERS : PLAIN_NUMBERS; }
+
+/* Whether lanes of the group are to begin a second time, from what they then know: a jump that is tied to its factor says much
+   and is linearised. */
+static int begins_closer(const State *state, const Trail *trail, StepMemory *memory)
+{
+    const Job *job = &state->job;
+    int jumping = 0;
+    if (job->kind == BEGINNING || job->stage == SLOTS || job->pass == CLOSER) return 0;
+    for (int64_t l = 0; l < GROUP; l++) {
+        planned_or_chosen(state, trail, l, &memory->starts[l]);
+        jumping |= any_jump(&memory->starts[l]);
+    }
+    return jumping;
+}
+
+/* Of lanes that began from closer, take back those which that led astray. */
+static void take_back(State *state, const Trail *trail, StepMemory *memory)
+{
+    Job *job = &state->job;
+    for (int64_t l = 0; l < GROUP; l++) {
+        planned_or_chosen(state, trail, l, &memory->starts[l]);
+        const double spread = job->before[PLAIN_LIKELIHOOD][l] - job->before_most[l]; /* of the onset: the same from closer */
+        const double again = finite_or_lowest(job->search.most[l] + spread);
+        job->best[PLAIN_LIKELIHOOD][l] = again;
+        if (any_jump(&memory->starts[l]) && again > finite_or_lowest(job->before[PLAIN_LIKELIHOOD][l]) - ASTRAY) continue;
+        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) job->best[k][l] = job->before[k][l];
+        job->begins[l] = job->began[l];
+    }
+}
+
+/* All onsets of the group were tried: it begins from closer, or goes on with the best of them. */
+static void close_search(State *state, const Trail *trail, BankMemory *memory)
+{
+    Job *job = &state->job;
+    conclude_mixture(&job->search, numbers_of_group(job), job->best);
+    memcpy(job->began, job->begins, sizeof job->began);
+    for (int l = 0; l < GROUP; l++) job->begins[l] = job->oldest + job->search.place[job->search.best[l]];
+    for (int l = 0; l < GROUP; l++) job->most = fmax(job->most, job->search.most[l]);
+    if (job->stage == SINGLES && job->pass == NEAR_ONSETS) hear(job);
+    if (begins_closer(state, trail, &memory->steps)) {
+        memcpy(job->before, job->best, sizeof job->before);
+        memcpy(job->before_most, job->search.most, sizeof job->before_most);
+        for (int64_t l = 0; l < GROUP; l++) note_found(&memory->steps.starts[l], job->before, l, job->found[l]);
+        job->pass = CLOSER;
+        open_search(job, trail);
+        return;
+    }
+    if (job->pass == CLOSER) take_back(state, trail, &memory->steps);
+    memcpy(job->run, job->best, sizeof job->run);
+    job->pass = CATCHING_UP;
+    job->next = job->end + 1;
+}
+
+/* Lane l of the group has taken the place of a lane of the bank, which is judged anew from now on. */
+static void note_change(State *state, int64_t lane, int64_t l)
+{
+    state->bank.onset[lane] = state->job.begins[l];
+    begin_misfit_again(&state->bank, lane, state->clock.index);
+}
+
+/* Put lane l of the group into the bank, where lanes begin at the alarm. */
+static void put_first(State *state, int64_t l)
+{
+    Bank *bank = &state->bank;
+    Job *job = &state->job;
+    const int64_t lane = job->lane[l], pair = SWITCHED + 2 * (job->group * GROUP + l);
+    if (job->stage == PAIRS) {
+        put_slot(bank, pair, job->run, l);
+        put_slot(bank, pair + 1, job->best, l);
+    } else if (job->stage == SLOTS) {
+        put_slot(bank, lane, job->run, l);
+        bank->onset[N_STEPS + lane] = job->begins[l];
+    } else {
+        replace_lane(bank, lane, job->run, l, PLAIN_NUMBERS);
+        bank->onset[lane] = job->begins[l];
+    }
+}
+
+/* The same of lanes of steps that begin again. A lane that may come to lead stands for all that have found the same, and they
+   stay as they were where the new beginning led astray. */
+static void put_leading(State *state, int64_t l)
+{
+    Bank *bank = &state->bank;
+    Job *job = &state->job;
+    const int64_t lane = job->lane[l], set = LANE_HYPOTHESIS[lane];
+    const double again = finite_or_lowest(job->run[PLAIN_LIKELIHOOD][l]);
+    for (int64_t k = FIRST_LANE[set]; k < FIRST_LANE[set + 1]; k++)
+        if (job->stands_for[k] == lane && again > likelihood_of(bank, k) - ASTRAY &&
+            replace_lane(bank, k, job->run, l, PLAIN_NUMBERS))
+            note_change(state, k, l);
+}
+
+static void put_again(State *state, int64_t l, const Renewed *renewed)
+{
+    Bank *bank = &state->bank;
+    Job *job = &state->job;
+    int64_t changed = -1;
+    if (job->stage == RESERVES) changed = replace_grown(bank, job->lane[l], job->run, l) ? job->lane[l] : -1;
+    else if (job->stage == SLOTS) changed = replace_worst_slot(bank, &renewed[l], job->run, l);
+    else if (job->kind == RENEWING) changed = replace_worst(bank, LANE_HYPOTHESIS[job->lane[l]], job->run, l);
+    else put_leading(state, l);
+    if (changed >= 0) note_change(state, (job->stage == SLOTS ? N_STEPS : 0) + changed, l);
+}
+
+/* Put the group, which is at the sample of now, into the bank. */
+static void put_group(State *state, SlotMemory *memory)
+{
+    Job *job = &state->job;
+    Bank *bank = &state->bank;
+    const int64_t first = job->group * GROUP, n = lanes_of_stage(bank, job, job->stage, memory);
+    for (int64_t l = 0; l < in_group(first, n); l++) {
+        if (job->kind == BEGINNING) put_first(state, l);
+        else put_again(state, l, memory->renewed + first);
+    }
+    fill_last_block(bank);
+    fill_up_slots(bank);
+}
+
+/* After all that may come to lead have begun again, the others go on from the best of their hypothesis, as little likely as they
+   were. */
+static void follow_best(State *state)
+{
+    Bank *bank = &state->bank;
+    for (int64_t lane = 0; lane < N_PLANNED; lane++) {
+        if (state->job.stands_for[lane] != NOT_AGAIN) continue;
+        const int64_t best = likeliest_lane(bank, LANE_HYPOTHESIS[lane]);
+        bank->onset[lane] = bank->onset[best];
+        if (replace_lane(bank, lane, bank->steps[best / GROUP], best % GROUP, PLAIN_LIKELIHOOD))
+            begin_misfit_again(bank, lane, state->clock.index);
+    }
+    fill_last_block(bank);
+}
+
+/* The work is done. */
+static void end_job(State *state)
+{
+    Job *job = &state->job;
+    if (job->kind == RENEWING_ALL) follow_best(state);
+    if (job->kind == BEGINNING) begin_misfit(&state->bank, state->clock.index);
+    job->ended = state->clock.index;
+    if (job->renewals != 1) job->settled = job->ended;
+    job->kind = IDLE;
+}
+
+/* Move on to the next group there is, or end. */
+static void next_group(State *state, SlotMemory *memory)
+{
+    Job *job = &state->job;
+    while (job->stage < N_STAGES && job->group >= BLOCKS(lanes_of_stage(&state->bank, job, job->stage, memory))) {
+        job->stage++;
+        job->group = 0;
+    }
+    if (job->stage == N_STAGES) end_job(state);
+}
+
+/* What a sample costs that the group takes. */
+static inline int64_t cost_of_group(const Job *job)
+{
+    return job->stage == PAIRS ? 2 * WIDE_COST : job->stage == SLOTS ? WIDE_COST : 1;
+}
+
+/* Let the lanes that run take samples, of a cost of up to `most`; gives what they took. */
+static int64_t run_group(State *state, const Trail *trail, int64_t most, BankMemory *memory, Filters *filters)
+{
+    Job *job = &state->job;
+    const int64_t cost = cost_of_group(job);
+    const int64_t last = job->pass == CATCHING_UP ? state->clock.index : job->end, left = last + 1 - job->next;
+    const int64_t n = left <= most / cost ? left : most / cost + 1, from = job->next - job->oldest;
+    const int64_t onset = job->pass == CATCHING_UP ? 0 : job->search.place[job->onset];
+    if (job->stage == PAIRS)
+        run_pairs(job->run, job->best, trail, from, from + n, &state->normal, &filters->wide, &memory->slots);
+    else if (job->stage == SLOTS)
+        run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk, &state->normal,
+                  memory->slots.sample, &filters->wide);
+    else
+        run_steps(job->run, trail, from, from + n, onset, &state->normal, memory->steps.sample, &filters->plain);
+    job->next += n;
+    return n * cost;
+}
+
+/* Do the next piece of work, of a cost of up to `most`; gives what it took. */
+static int64_t work_a_little(State *state, const Trail *trail, int64_t most, BankMemory *memory, Filters *filters)
+{
+    Job *job = &state->job;
+    if (job->pass == OPENING) {
+        next_group(state, &memory->slots);
+        if (job->kind != IDLE) open_group(state, trail, memory);
+        return 1;
+    }
+    if (job->pass != CATCHING_UP && job->onset < 0) {
+        const int64_t k = next_onset(&job->search);
+        if (k < 0) close_search(state, trail, memory);
+        else begin_onset(state, trail, k, memory, filters);
+        return k < 0 ? 1 : TO_BEGIN * cost_of_group(job);
+    }
+    const int64_t n = run_group(state, trail, most, memory, filters);
+    if (job->pass == CATCHING_UP && job->next > state->clock.index) {
+        put_group(state, &memory->slots);
+        job->group++;
+        job->pass = OPENING;
+    } else if (job->pass != CATCHING_UP && job->next > job->end) {
+        mix(&job->search, job->onset, job->run, numbers_of_group(job), job->best);
+        job->onset = -1;
+    }
+    return n;
+}
+
+/* What a group is likely to cost, in that of one that is told where to look. */
+static inline int64_t share_of(const Job *job, int64_t stage)
+{
+    if (stage == SLOTS) return (job->kind == BEGINNING ? 4 : 1) * WIDE_COST;
+    return job->kind == BEGINNING && stage != SETS ? 4 : 1;
+}
+
+/* What the work may cost now, in samples of a group of plain lanes, so that no step takes long, and the work ends in time: the
+   first diagnosis waits for it, and samples that it needs are not kept for ever. */
+static int64_t portion_of(State *state, SlotMemory *memory)
+{
+    const Job *job = &state->job;
+    const double groups = (double)(BLOCKS(N_STEPS) + WIDE_COST * (BLOCKS(SWITCHED) + 2 * BLOCKS(N_PAIRS)));
+    const double usual = BANK_STEPS * groups * (SAMPLE_TIME > 1.0 ? SAMPLE_TIME : 1.0);
+    const int64_t last = job->kind == BEGINNING ? job->end + AWAITED : job->oldest + N_ROWS - 1; /* it may end at */
+    const int64_t left = last - state->clock.index;
+    int64_t all = 0, done = job->group * share_of(job, job->stage);
+    if (left <= 0 || !(usual < 1e15)) return INT64_MAX;
+    for (int64_t stage = 0; stage < N_STAGES; stage++) {
+        const int64_t share = share_of(job, stage) * BLOCKS(lanes_of_stage(&state->bank, job, stage, memory));
+        all += share;
+        if (stage < job->stage) done += share;
+    }
+    const double needed = ENOUGH * done >= all ? (double)job->spent / (double)done * (double)(all - done) / (double)left : 0.0;
+    return (int64_t)(needed > usual && needed < 1e15 ? needed : usual) + 1;
+}
+
+/* Work on the bank for a portion of this cost. */
+static void work_for(State *state, int64_t portion, BankMemory *memory, Filters *filters)
+{
+    Job *job = &state->job;
+    Trail trail;
+    if (job->kind == IDLE) return;
+    trail_of_job(state, &trail);
+    while (job->kind != IDLE && portion > 0) {
+        const int64_t n = work_a_little(state, &trail, portion, memory, filters);
+        job->spent += n;
+        portion -= n;
+    }
+}
+
+#endif
