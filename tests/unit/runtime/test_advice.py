@@ -17,7 +17,7 @@ from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.probe import build_probe
 from faultbond.types import CheckKind
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, plant, recorded, run, samples_of, spec_of
 
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
@@ -133,7 +133,7 @@ def test_where_an_input_may_be_moved(
     unit: str, offset: float, seen: tuple[float, float], now: float, move: float | None, expected: list[float]
 ) -> None:
     """Within where it has been and zero, but for degC; of a stated move as far as stated; percentages from 0 to 100."""
-    spec = plant("dc_motor")[1]
+    spec = spec_of("dc_motor")
     spec = replace(spec, inputs=(replace(spec.inputs[0], unit=unit, unit_offset=offset),))
     inputs = _Inputs(*(np.array([value]) for value in (now, *seen)))
     check = None if move is None else CheckSpec(name="V", kind=CheckKind.INPUT, cost=1.0, noise=0.0, move=move)

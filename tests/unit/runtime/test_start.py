@@ -16,7 +16,7 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, graph_of, plant, recorded, run, samples_of, spec_of
 from plants import TWO_STORES
 
 START_SAMPLES = int(core_settings()["START_SAMPLES"])
@@ -54,7 +54,7 @@ def started(name: str, start: dict[str, float], seed: int) -> tuple[Core, FloatA
 @cache
 def restated(name: str, *states: tuple[tuple[str, Any], ...]) -> Core:
     """The core of a plant with other fields of what is known of the start of its first states."""
-    graph, spec, _ = plant(name)
+    graph, spec = graph_of(name), spec_of(name)
     known = [replace(state, **dict(fields)) for state, fields in zip(spec.states, states, strict=False)]
     return build_core(build_plant(graph), replace(spec, states=(*known, *spec.states[len(known) :])))
 
