@@ -44,7 +44,7 @@ from faultbond.runtime.core import Core
 from faultbond.simulate import Fault
 from faultbond.types import Method
 from lanes import slot_lanes, suspect_lanes
-from made import plant, recorded
+from made import graph_of, plant, recorded, spec_of
 
 MOTOR = ("dc_motor_current", 250, Fault(parameter="K", factor=0.6, start=2.4))
 TANK = ("tank", 260, Fault(parameter="K1", factor=3.0, start=230.0))
@@ -82,7 +82,7 @@ def built_once() -> Iterator[None]:
 
 def watcher(method: Method, run: Run, saved: Any = None) -> Watcher:
     """Give a method at work on a plant."""
-    return build_method(plant(run[0])[0], method, saved)
+    return build_method(graph_of(run[0]), method, saved)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +224,7 @@ def test_order_of_the_columns_does_not_matter_to_a_method(method: Method, run: R
 
     Sensors are taken one after the other, so where laws are not linear the last digits depend on the order.
     """
-    graph, expected = plant(run[0])[0], whole(method, run)
+    graph, expected = graph_of(run[0]), whole(method, run)
     turned = replace(graph, inputs=graph.inputs[::-1], sensors=graph.sensors[::-1])
     one, two = watcher(method, run, expected.saved[-1]), build_method(turned, method)
     reports = [said(two, replace(item, u=item.u[::-1].copy(), y=item.y[::-1].copy())) for item in recorded(*run)]
@@ -266,7 +266,7 @@ ENGINES = [(name, slot) for name in sorted(kind.__name__ for kind in engine_clas
 
 def stand(name: str, slot: bool) -> tuple[EngineSpec, Engine, FloatArray, FloatArray]:
     """Give specification, engine, lanes and 40 samples."""
-    _, spec, _ = plant(MOTOR[0])
+    spec = spec_of(MOTOR[0])
     samples, place, n_x = np.zeros((40, spec.n_sample)), spec.sample_fields, len(spec.states)
     for k, item in enumerate(recorded(*MOTOR)[:40]):
         samples[k, place["dt"]], samples[k, place["u"]], samples[k, place["y"]] = item.dt, item.u, item.y
@@ -401,7 +401,7 @@ SOURCES: list[Source] = [csv_file, semicolon_file, parquet_file, named_pipe, sta
 @cache
 def columns() -> Columns:
     """Give the columns of the model."""
-    return columns_of(plant("rc")[0])
+    return columns_of(graph_of("rc"))
 
 
 def rows(source: Source, folder: Path, header: Sequence[str] = HEADER, table: Any = TABLE) -> list[Row]:

@@ -11,7 +11,7 @@ from faultbond.simulate import Fault
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 
-GCC = ("gcc", "-x", "c", "-std=gnu99", "-O1", "-g", "-march=native")
+GCC = ("gcc", "-x", "c", "-std=gnu99", "-Og", "-march=native")  # with -O1 and -g sanitizers take thrice as long
 FAULTS = {
     "tank": Fault(parameter="K1", factor=3.0, start=230.0),
     "reserve": Fault(parameter="K", factor=0.6, start=4.0),
@@ -54,8 +54,8 @@ def test_what_is_reported_of_wild_samples_is_a_number_or_none(folder: Path) -> N
     """
     name = "tank"
     executable, recording = program(name, folder, (*GCC, "-O2")), driver(name, folder)[1]
-    *counts, alarms = map(int, ran(executable, "wild", recording, 20_000, 1).split())
-    assert sum(counts) == 20_000
+    *counts, alarms = map(int, ran(executable, "wild", recording, 8_000, 1).split())
+    assert sum(counts) == 8_000
     assert counts[3] > 1000  # watching
     assert alarms > 1
 

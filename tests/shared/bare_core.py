@@ -38,7 +38,7 @@ slow_error: {first.f: 1 % over 20 s}
 """
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 PARTLY = ("-Wno-unused-function", "-Wno-unused-const-variable", "-Wno-psabi")  # a test takes a part of all
-FLAGS = ("-O1", "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
+FLAGS = ("-Og", "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
 IN_C, IN_CPP = ("-x", "c", "-std=c99"), ("-x", "c++", "-std=c++17")
 
 

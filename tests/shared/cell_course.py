@@ -15,9 +15,9 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core, load_core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
-from faultbond.synthesis.compile import compile_library, required_compiler
+from faultbond.synthesis.compile import compile_core, required_compiler
 from faultbond.synthesis.engine import build_model
-from faultbond.synthesis.model_text import core_text
+from faultbond.synthesis.model_text import model_text
 from faultbond.synthesis.specify import build_spec
 
 REJECTED, ACCEPTED, ROWS = 120, 200, 320  # samples before which a candidate is rejected, and one accepted; and all
@@ -30,7 +30,7 @@ def cell(lanes: int = 8) -> Core:
     graph, compiler = parse_model(CELL), required_compiler()
     spec, wide = build_spec(build_model(graph)), build_step_model(build_plant(graph), all_inputs=True)
     flags = (EXACT, f"-DFB_LANES={lanes}")
-    with loadable([compile_library(core_text(spec, wide), (*compiler, *flags))]) as (path,):
+    with loadable([compile_core(model_text(spec, wide), (*compiler, *flags))]) as (path,):
         return load_core(path, spec, "test")
 
 

@@ -18,6 +18,7 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.model_text import core_text
 from faultbond.synthesis.specify import build_spec
+from plants import LAMP
 
 TESTS = Path(__file__).parents[1]
 EXAMPLES = TESTS.parent / "examples"
@@ -25,22 +26,6 @@ CORE = TESTS.parent / "src" / "faultbond" / "core"
 DRIVE = TESTS / "fuzz" / "drive.c"
 SANITIZERS = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
 
-LOOP = """\
-name: lamp
-sample_time: 0.1 s
-max_faults: 1
-constants: {Vt: 0.1 V}
-inputs: {V: {unit: V, noise: 1 mV}}
-components:
-  source: {type: Se, law: e = V}
-  series: {type: R, parameters: {R1: 10 ohm}}
-  cell: {type: C, parameters: {C1: 0.1 F}}
-  wire: {type: R, parameters: {R2: 5 ohm}}
-  lamp: {type: R, parameters: {Is: 1e-6 A}, law: "f = Is*(exp(e/Vt) - 1)"}
-junctions: {first: 1, node: 0, branch: 1}
-bonds: [source -> first, first -> series, first -> node, node -> cell, node -> branch, branch -> wire, branch -> lamp]
-sensors: {i: {reads: branch.f, unit: A, noise: 1 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
-"""
 NO_INPUT = """\
 name: cooling
 sample_time: 1 s
@@ -70,7 +55,7 @@ sensors: {v: {reads: lower.e, unit: V, noise: 10 mV}, i: {reads: loop.f, unit: A
 @cache
 def graph_of(name: str) -> BondGraph:
     """A built-in plant, or one with something special."""
-    made = {"loop": LOOP, "no input": NO_INPUT, "no state": NO_STATE, "ladder": ladder_text(3)}
+    made = {"loop": LAMP, "no input": NO_INPUT, "no state": NO_STATE, "ladder": ladder_text(3)}
     if name in made:
         return parse_model(made[name])
     return load_model(EXAMPLES / ("dc_motor_current" if name == "reserve" else name) / "model.yaml")

@@ -6,23 +6,8 @@ import numpy as np
 
 from bare_core import Bare, bare
 from faultbond.arrays import FloatArray
+from plants import LAMP
 
-LAMP = """\
-name: lamp
-sample_time: variable
-max_faults: 1
-constants: {Vt: 0.1 V}
-inputs: {V: {unit: V, noise: 1 mV}}
-components:
-  source: {type: Se, law: e = V}
-  series: {type: R, parameters: {R1: 10 ohm}}
-  cell: {type: C, parameters: {C1: 0.1 F}}
-  wire: {type: R, parameters: {R2: 5 ohm}}
-  lamp: {type: R, parameters: {Is: 1e-6 A}, law: "f = Is*(exp(e/Vt) - 1)"}
-junctions: {first: 1, node: 0, branch: 1}
-bonds: [source -> first, first -> series, first -> node, node -> cell, node -> branch, branch -> wire, branch -> lamp]
-sensors: {i: {reads: branch.f, unit: A, noise: 1 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
-"""
 CALLS = """
 static SlotMemory slots;
 static Trail trail;
@@ -59,7 +44,7 @@ WIDTH = 8  # lanes at a time
 @cache
 def lamp() -> Bare:
     """The core, whose state no call changes."""
-    return bare(CALLS, LAMP)
+    return bare(CALLS, LAMP.replace("sample_time: 0.1 s", "sample_time: variable"))
 
 
 def interacted(lanes: FloatArray) -> FloatArray:

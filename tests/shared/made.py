@@ -12,35 +12,49 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Report, Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.synthesis.engine import build_core, build_engine
+from faultbond.synthesis.engine import build_core
+from faultbond.synthesis.specify import build_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TANK_START = 0.2  # m^3
 
 
 @cache
+def graph_of(name: str) -> BondGraph:
+    """A built-in plant."""
+    return load_model(EXAMPLES / name / "model.yaml")
+
+
+@cache
+def spec_of(name: str) -> EngineSpec:
+    """The specification of a built-in plant, for which nothing is compiled."""
+    return build_spec(build_step_model(build_plant(graph_of(name))))
+
+
+@cache
 def plant(name: str) -> tuple[BondGraph, EngineSpec, Core]:
     """A built-in plant with its core."""
-    graph = load_model(EXAMPLES / name / "model.yaml")
-    return (graph, *build_engine(graph))
+    return graph_of(name), spec_of(name), build_core(build_plant(graph_of(name)), spec_of(name))
 
 
 @cache
 def with_thresholds(name: str, **settings: float) -> Core:
     """The core of a built-in plant with other settings of its thresholds."""
-    graph, spec, _ = plant(name)
-    return build_core(build_plant(graph), replace(spec, thresholds=replace(spec.thresholds, **settings)))  # type: ignore[arg-type]
+    spec = spec_of(name)
+    chosen = replace(spec.thresholds, **settings)  # type: ignore[arg-type]
+    return build_core(build_plant(graph_of(name)), replace(spec, thresholds=chosen))
 
 
 @cache
 def recorded(name: str, rows: int, fault: Fault | None = None) -> tuple[Sample, ...]:
     """Samples of a plant with noise, inputs stepping at random, and perhaps a fault."""
-    graph = plant(name)[0]
+    graph = graph_of(name)
     dt = graph.sample_time or 1.0
     time, generator = np.asarray(np.arange(rows) * dt, dtype=np.float64), np.random.default_rng(6)
     if name == "tank":

@@ -10,9 +10,9 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_core
-from made import plant
+from made import graph_of, spec_of
 
-GRAPH, MOTOR, _ = plant("dc_motor_current")
+GRAPH, MOTOR = graph_of("dc_motor_current"), spec_of("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))
 PAIRS, TRIPLES = tuple(combinations(range(5), 2)), tuple(combinations(range(5), 3))
 WHOLE = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS, *TRIPLES), reserve=())

@@ -15,6 +15,35 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 TANK_SENSORS = "  flow:     {reads: sqrt(orifice.e/K_meter), unit: m^3/s, noise: 2.8e-6 m^3/s}\n"
 
+LAMP = """\
+name: lamp
+sample_time: 0.1 s
+max_faults: 1
+constants: {Vt: 0.1 V}
+inputs: {V: {unit: V, noise: 1 mV}}
+components:
+  source: {type: Se, law: e = V}
+  series: {type: R, parameters: {R1: 10 ohm}}
+  cell: {type: C, parameters: {C1: 0.1 F}}
+  wire: {type: R, parameters: {R2: 5 ohm}}
+  lamp: {type: R, parameters: {Is: 1e-6 A}, law: "f = Is*(exp(e/Vt) - 1)"}
+junctions: {first: 1, node: 0, branch: 1}
+bonds: [source -> first, first -> series, first -> node, node -> cell, node -> branch, branch -> wire, branch -> lamp]
+sensors: {i: {reads: branch.f, unit: A, noise: 1 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
+"""
+TWO_STORES = """\
+name: two stores
+sample_time: 1 s
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 ohm}}
+  C1: {type: C, parameters: {C1: 1 F}}
+  C2: {type: C, parameters: {C2: 1.5 F}}
+junctions: {loop: 1}
+bonds: [source -> loop -> R, loop -> C1, loop -> C2]
+sensors: {V_C: {reads: C1.e + C2.e, unit: V, noise: 1e-6 V}}
+"""
 NINE_SENSORS = """\
 name: two cells
 sample_time: 0.1 s

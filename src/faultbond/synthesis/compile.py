@@ -21,6 +21,7 @@ from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
 FAST, QUICK = "-O3", "-O1"  # what runs for every lane and sample; what takes longer to compile than it saves
+HASTY = "-Og"  # instead of the latter: half its time, and a healthy sample takes a tenth longer
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
 ZIG_FLAGS = ("-rtlib=none",) if sys.maxsize > 2**32 else ()
@@ -77,7 +78,7 @@ def compile_core(model: str, compiler: tuple[str, ...]) -> Library:
         Where others may write the cache.
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    parts = {"fast": ('#include "filters.c"\n', FAST), "rest": ('#define FB_APART\n#include "core.c"\n', QUICK)}
+    parts = {"fast": ('#include "filters.c"\n', FAST), "rest": ('#define FB_APART\n#include "core.c"\n', _quick())}
     return _kept((model, *files), compiler, partial(_compile, {"model.h": model}, parts))
 
 
@@ -95,9 +96,14 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
     return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, FAST)}))
 
 
+def _quick() -> str:
+    """Give how far all but the filters is optimised: less where `FAULTBOND_HASTY` is 1."""
+    return HASTY if os.environ.get("FAULTBOND_HASTY") == "1" else QUICK
+
+
 def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
     """Give a library of some texts, built if the cache does not hold it."""
-    told = (*texts, *FLAGS, FAST, QUICK, compiler_identity(compiler), processor())
+    told = (*texts, *FLAGS, FAST, compiler_identity(compiler), processor())
     name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
     kept = read_kept(name)
     if kept is not None:
@@ -149,12 +155,12 @@ def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...]) -> Non
 
 
 def compiler_identity(compiler: tuple[str, ...]) -> str:
-    """Give what changes with the compiler: its command, and which file that is; it need not be there."""
+    """Give what changes with the compiler: its command, which file that is, which need not be there, and its haste."""
     files = [shutil.which(compiler[0])]
     if compiler[1:2] == ("-m",):  # a package of Python
         package = find_spec(compiler[2])
         files.append(package.origin if package is not None else None)
-    found = list(compiler)
+    found = [*compiler, _quick()]
     for file in files:
         with suppress(OSError):
             real = Path(file or "").resolve()

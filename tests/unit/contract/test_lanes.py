@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from faultbond.contract.lanes import COARSE_FROM, plan_lanes, starts_of
 from faultbond.contract.spec import ParameterSpec
-from made import plant
+from made import spec_of
 
 
 def parameter(change: float, nominal: float = 1.0, lower: float = 0.02, upper: float = 50.0) -> ParameterSpec:
@@ -80,7 +80,7 @@ def test_suspect_with_nominal_zero(lower: float, upper: float, expected: set[flo
 @pytest.mark.parametrize("name", ["tank", "dc_motor_current"])
 def test_plan_holds_every_combination(name: str) -> None:
     """Each hypothesis has one lane per combination of starts of its suspects and of stores that keep their content."""
-    _, spec, _ = plant(name)
+    spec = spec_of(name)
     plan = plan_lanes(spec)
     assert plan.n_lanes == plan.values.shape[1] == plan.jumps.shape[0]
     for k, chosen in enumerate(spec.hypotheses):
@@ -102,7 +102,7 @@ def test_plan_holds_every_combination(name: str) -> None:
 
 def test_a_hypothesis_keeps_its_lanes() -> None:
     """The lanes of a hypothesis are the same whichever others are tested beside it."""
-    _, spec, _ = plant("tank")
+    spec = spec_of("tank")
     full = plan_lanes(spec)
     kept = (3, 9, 17)
     less = plan_lanes(replace(spec, hypotheses=tuple(spec.hypotheses[k] for k in kept)))
@@ -115,7 +115,7 @@ def test_a_hypothesis_keeps_its_lanes() -> None:
 
 def test_stores_of_one_parameter_go_together() -> None:
     """Stores of one parameter all keep their content or none does: twice its starts, not 2 to the power n lanes."""
-    _, spec, _ = plant("dc_motor")
+    spec = spec_of("dc_motor")
     index = spec.states[0].jumps[0][0]
     many = replace(spec, states=tuple(replace(spec.states[0], name=f"x{k}") for k in range(30)))
     plan = plan_lanes(many)

@@ -22,9 +22,9 @@ from faultbond.contract.slots import (
 )
 from faultbond.contract.spec import EngineSpec
 from faultbond.types import FaultKind
-from made import plant
+from made import spec_of
 
-SPEC = plant("dc_motor_current")[1]  # R L K J C; sensors omega, i; input V
+SPEC = spec_of("dc_motor_current")  # R L K J C; sensors omega, i; input V
 
 
 def lanes_of(plan: SlotPlan, hypothesis: int) -> list[SlotLane]:
@@ -41,7 +41,7 @@ def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_single_parameters_drift_or_come_and_go(name: str) -> None:
     """Sets of one parameter have lanes of a drift and of a fault that comes and goes, each rarer than a step."""
-    spec = plant(name)[1]
+    spec = spec_of(name)
     plan = plan_slots(spec)
     for k, chosen in enumerate(spec.hypotheses):
         own = lanes_of(plan, k)
@@ -62,7 +62,7 @@ def test_kinds_of_an_instrument(name: str) -> None:
 
     Those of an input are rarer; what comes and goes has lanes of both, with the weight of one.
     """
-    spec = plant(name)[1]
+    spec = spec_of(name)
     plan = plan_slots(spec)
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
         own, shares = lanes_of(plan, k), dict[FaultKind, float]()

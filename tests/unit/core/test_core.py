@@ -28,7 +28,7 @@ from faultbond.synthesis.specify import build_spec
 from lanes import relinearised, slot_lanes
 from plants import NINE_SENSORS
 
-WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", "-O1")
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 LANGUAGES = {"gcc": ("gcc", "-x", "c", "-std=c99"), "g++": ("g++", "-x", "c++", "-std=c++17")}
 # In one text with the model, what the model does not need is unused; clang says so of inline functions too.
 CLANG = (*ZIG, *ZIG_FLAGS, "-Wno-unused-function")
@@ -62,8 +62,12 @@ def samples_of(spec: EngineSpec, rows: int) -> FloatArray:
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("width", [1, 8])
 def test_no_compiler_has_a_word_to_say(name: str, language: str, width: int, tmp_path: Path) -> None:
-    """The core of every sort of model is C99 that is C++17 too, without a warning, also where inputs or states lack."""
-    flags = (f"-DFB_LANES={width}", "-march=native", "-shared", "-fPIC")
+    """The core of every sort of model is C99 that is C++17 too, without a warning, also where inputs or states lack.
+
+    What only an optimising compiler sees, it sees in each language and width of one model, and in each model once.
+    """
+    once = name == "tank" or (language, width) == ("gcc", 8) or "zig" in language
+    flags = ("-O1" if once else "-O0", f"-DFB_LANES={width}", "-march=native", "-shared", "-fPIC")
     compiled(text_of(name)[1], tmp_path / "core.so", [*LANGUAGES[language], *WARNINGS, *flags])
 
 

@@ -7,7 +7,7 @@ from math import log, sqrt
 import numpy as np
 import pytest
 
-from bare_core import CELL, Bare, bare
+from bare_core import CELL, Bare, bare, text_of
 from faultbond.arrays import FloatArray
 from faultbond.fit.cusum import LAGS, added, height_of, no_sums
 from faultbond.synthesis.compile import find_compiler
@@ -27,8 +27,7 @@ int64_t t_slow_error_alarms(State *state) { return slow_error_alarms(&state->clo
 PROMISED = CELL.replace("max_faults: 1", "max_faults: 1\ntime_between_false_alarms: 30 d").replace(
     "first.f: 1 %", "i: 1 %"
 )
-SPEC = bare(CALLS).spec
-SETTINGS, FIRST = SPEC.thresholds, 100
+SETTINGS, FIRST = text_of(CELL, "")[0].thresholds, 100
 BLANKED, GAP = np.inf, -np.inf  # instead of an innovation; nan: missing
 Scores = FloatArray | Sequence[float]
 

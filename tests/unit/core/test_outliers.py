@@ -15,6 +15,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.model.text import parse_model
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
+from plants import TWO_STORES
 
 ROOT = Path(__file__).parents[3]
 WRAPPERS = """
@@ -65,21 +66,8 @@ void t_least_squares(int64_t rows, const double *a, const double *right, double 
 }
 """
 RC, TANK, MOTOR = ((ROOT / f"examples/{name}/model.yaml").read_text() for name in ("rc", "tank", "dc_motor_current"))
-TWO = """
-name: two stores
-sample_time: 1 s
-inputs: {V: {unit: V}}
-components:
-  source: {type: Se, law: e = V}
-  R: {type: R, parameters: {R: 10 ohm}}
-  C1: {type: C, parameters: {C1: 1 F}}
-  C2: {type: C, parameters: {C2: 1.5 F}}
-junctions: {loop: 1}
-bonds: [source -> loop -> R, loop -> C1, loop -> C2]
-sensors: {V_C: {reads: C1.e + C2.e, unit: V, noise: 1e-6 V}}
-"""
 STATED = RC.replace("parameters: {C: 100 uF}", "parameters: {C: 100 uF}, start: {q: 700 uC, sd: 10 uC}")
-MODELS = {"rc": RC, "tank": TANK, "motor": MOTOR, "two stores": TWO, "stated": STATED}
+MODELS = {"rc": RC, "tank": TANK, "motor": MOTOR, "two stores": TWO_STORES, "stated": STATED}
 STARTS = {"tank": {"tank.q": 0.2}, "motor": {"L.p": 3.75, "J.p": -3.0}}  # 26 kPa; 1.5 A, -2 rad/s
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 

@@ -13,10 +13,10 @@ from faultbond.contract.slots import plan_slots
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind
-from made import EXAMPLES, plant, recorded, run, stepped
+from made import EXAMPLES, plant, recorded, run, spec_of, stepped
 
 NAME = "dc_motor_current"
-_, SPEC, CORE = plant(NAME)
+SPEC = spec_of(NAME)
 N, PLAN = plan_lanes(SPEC).n_lanes, plan_slots(SPEC)
 RENEWALS = {int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")}
 SAMPLES = recorded(NAME, 345, Fault(parameter="K", factor=0.6, start=2.4))
@@ -47,10 +47,13 @@ void t_advance(State *state, const double *packed)
 @cache
 def after(rows: int) -> Monitor:
     """The motor after a number of samples; not to be changed."""
-    return run(CORE, SAMPLES[:rows])[0]
+    return run(plant(NAME)[2], SAMPLES[:rows])[0]
 
 
-ALARM = int(after(345).number("clock.alarm"))
+@cache
+def alarm() -> int:
+    """The sample of the alarm."""
+    return int(after(345).number("clock.alarm"))
 
 
 def sums(of: Monitor | Bare) -> tuple[FloatArray, FloatArray]:
@@ -67,23 +70,23 @@ def lanes(of: Bare) -> list[FloatArray]:
 
 def test_sums_begin_at_the_alarm() -> None:
     """A bank has no misfit at the alarm: what it has seen by then has chosen its onsets."""
-    assert 0 < ALARM < 200
-    found, since = sums(after(ALARM + 1))
+    assert 0 < alarm() < 200
+    found, since = sums(after(alarm() + 1))
     assert not np.any(found)
-    assert np.all(since == ALARM)
-    assert np.any(sums(after(ALARM + 9))[0])
-    assert not np.any(sums(after(ALARM))[1])
+    assert np.all(since == alarm())
+    assert np.any(sums(after(alarm() + 9))[0])
+    assert not np.any(sums(after(alarm()))[1])
 
 
 def test_a_sample_takes_all_lanes_further() -> None:
     """After a sample steps and lanes with a slot are where their filters are, and the sums of each are its own."""
-    before = after(ALARM + 10)
-    monitor, _ = stepped(before, SAMPLES[ALARM + 10])
-    packed, place, n_y = monitor.row(ALARM + 10)[0].copy(), SPEC.sample_fields, len(SPEC.outputs)
+    before = after(alarm() + 10)
+    monitor, _ = stepped(before, SAMPLES[alarm() + 10])
+    packed, place, n_y = monitor.row(alarm() + 10)[0].copy(), SPEC.sample_fields, len(SPEC.outputs)
     packed[place["again"]], packed[place["bound"]] = 1.0, SPEC.thresholds.bank_bound
     assert packed[place["use"]].tolist() == [1.0] * n_y
     (old, _), (new, _) = sums(before), sums(monitor)
-    for core, places in ((CORE, range(N)), (CORE.slot, range(N, N + PLAN.switched))):
+    for core, places in ((plant(NAME)[2], range(N)), (plant(NAME)[2].slot, range(N, N + PLAN.switched))):
         found, innovations = core.advance(np.array([before.lane(k) for k in places]).T, packed[None, :])
         assert np.array_equal(found.T, np.array([monitor.lane(k) for k in places]))
         limit, drift = SPEC.thresholds.cusum_clip, SPEC.thresholds.cusum_drift
@@ -104,7 +107,7 @@ def restored(monitor: Monitor) -> Bare:
 @pytest.mark.parametrize("since", sorted(RENEWALS))
 def test_only_lanes_that_begin_again_lose_their_sums(since: int) -> None:
     """Renewed lanes have empty sums from that sample on; of the lanes with a slot only drifts and input biases are."""
-    core = restored(after(ALARM + since))
+    core = restored(after(alarm() + since))
     core["bank.sums"] += 0.5
     before, (old, began) = lanes(core), sums(core)
     core.call("t_renew", np.array([float(since)]))
@@ -116,23 +119,23 @@ def test_only_lanes_that_begin_again_lose_their_sums(since: int) -> None:
     assert not np.any(differs[N:] & ~np.array(renewable))
     new, now = sums(core)
     assert not np.any(new[:, :, differs])
-    assert np.all(now[:, :, differs] == ALARM + since - 1)
+    assert np.all(now[:, :, differs] == alarm() + since - 1)
     assert np.array_equal(new[:, :, ~differs], old[:, :, ~differs])
     assert np.array_equal(now[:, :, ~differs], began[:, :, ~differs])
 
 
 def test_when_the_bank_is_renewed() -> None:
     """So many samples after the alarm as is said in its header, and at no other."""
-    monitor, place = after(ALARM + 1), SPEC.sample_fields
+    monitor, place = after(alarm() + 1), SPEC.sample_fields
     assert len(RENEWALS) == 3
-    for index in range(ALARM + 1, ALARM + 206):
+    for index in range(alarm() + 1, alarm() + 206):
         before = np.array([monitor.lane(k) for k in range(N)]).T
         monitor, _ = stepped(monitor, SAMPLES[index])
         packed = monitor.row(index)[0].copy()
         packed[place["again"]], packed[place["bound"]] = 1.0, SPEC.thresholds.bank_bound
-        passed = CORE.advance(before, packed[None, :])[0].T
+        passed = plant(NAME)[2].advance(before, packed[None, :])[0].T
         goes_on = np.array_equal(passed, np.array([monitor.lane(k) for k in range(N)]))
-        assert goes_on == (index - ALARM not in RENEWALS)
+        assert goes_on == (index - alarm() not in RENEWALS)
 
 
 @pytest.mark.parametrize("call", ["t_begin", "t_advance", "t_renew"])
@@ -140,9 +143,9 @@ def test_parameters_that_were_accepted_as_drifting_move_on_in_the_bank(call: str
     """At the alarm, at each sample and at each new beginning lanes are passed over samples as the healthy one is."""
     found = []
     for rate in (0.0, 0.05):
-        core = restored(after(ALARM + 30))
+        core = restored(after(alarm() + 30))
         core["normal.rates"] = rate * (np.arange(len(SPEC.parameters)) == 0)
-        packed = after(ALARM + 31).row(ALARM + 30)[0].copy()
+        packed = after(alarm() + 31).row(alarm() + 30)[0].copy()
         packed[SPEC.sample_fields["use"]] = 0.0
         core.call(call, *{"t_advance": [packed], "t_renew": [np.array([200.0])]}.get(call, []))
         found.append(np.array([lane[SPEC.parameter_slice.start] for lane in lanes(core)]))

@@ -15,9 +15,9 @@ from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_core
-from made import differing, plant, run, samples_of
+from made import differing, graph_of, run, samples_of, spec_of
 
-MOTOR = plant("dc_motor_current")[1]
+MOTOR = spec_of("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))
 PAIRS = tuple(combinations(range(5), 2))
 SPEC = replace(MOTOR, hypotheses=SINGLES, reserve=(*PAIRS, (0, 1, 2)))
@@ -36,14 +36,14 @@ def recording() -> tuple[Sample, ...]:
     """The motor with two faults at once."""
     time = np.asarray(np.arange(480) * 0.02, dtype=np.float64)
     voltage = random_steps(time, np.random.default_rng(6), low=2, high=12, shortest=0.5, longest=1.5)
-    made = simulate(plant("dc_motor_current")[0], Inputs(time=time, values=voltage[:, None]), FAULTS, seed=12)
+    made = simulate(graph_of("dc_motor_current"), Inputs(time=time, values=voltage[:, None]), FAULTS, seed=12)
     return samples_of(time, made.inputs, made.outputs)
 
 
 @cache
 def core(spec: EngineSpec = SPEC) -> Core:
     """The core of the motor with these sets."""
-    return build_core(build_plant(plant("dc_motor_current")[0]), spec)
+    return build_core(build_plant(graph_of("dc_motor_current")), spec)
 
 
 @cache

@@ -13,7 +13,7 @@ from faultbond.contract.samples import Sample
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
-from made import differing, plant, run, samples_of
+from made import differing, graph_of, plant, run, samples_of
 
 NAME = "dc_motor_current"
 DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there
@@ -143,7 +143,7 @@ CASES = {
 @cache
 def recording(name: str) -> tuple[Sample, ...]:
     """Samples of the motor with that fault."""
-    case, graph = CASES[name], plant(NAME)[0]
+    case, graph = CASES[name], graph_of(NAME)
     time = np.asarray(np.arange(ROWS) * DT, dtype=np.float64)
     voltage = random_steps(time, np.random.default_rng(6), low=2, high=12, shortest=0.5, longest=2.0)
     made = simulate(graph, Inputs(time=time, values=voltage[:, None]), case.faults, seed=12)

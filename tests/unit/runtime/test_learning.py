@@ -11,17 +11,17 @@ from faultbond.contract.slots import plan_slots
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind
-from made import packed, plant, recorded, run
+from made import packed, plant, recorded, run, spec_of
 
 FAULT, ROWS = Fault(parameter="R", factor=2.0, start=2.4), 400
 RENEWALS = tuple(int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST"))
-SPEC, CORE = plant("dc_motor")[1:]
+SPEC = spec_of("dc_motor")
 
 
 @cache
 def passed() -> Monitor:
     """A monitor that is just past the alarm."""
-    monitor = Monitor(CORE)
+    monitor = Monitor(plant("dc_motor")[2])
     for sample in recorded("dc_motor", ROWS, FAULT):
         if monitor.step(sample).detection:
             break
@@ -44,7 +44,7 @@ def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is
     monitor, place, bound = passed().copy(), SPEC.sample_fields, SPEC.thresholds.bank_bound
     assert bound > 3.0 * SPEC.thresholds.learning_bound
     alarm, renewed = int(monitor.number("clock.alarm")), {"steps": list[int](), "slots": list[int]()}
-    lanes = {"steps": (CORE, steps_of), "slots": (CORE.slot, slots_of)}
+    lanes = {"steps": (plant("dc_motor")[2], steps_of), "slots": (plant("dc_motor")[2].slot, slots_of)}
     for k, sample in enumerate(recorded("dc_motor", ROWS, FAULT)[alarm + 1 :], start=1):
         before = {name: of(monitor) for name, (_, of) in lanes.items()}
         monitor.step(sample)
@@ -61,7 +61,7 @@ def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is
 
 def test_the_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:
     """The monitor's own lane never updates twice; its innovations are bounded once the warm-up is over."""
-    monitor, _ = run(CORE, recorded("dc_motor", 300, FAULT))
+    monitor, _ = run(plant("dc_motor")[2], recorded("dc_motor", 300, FAULT))
     place, begun = SPEC.sample_fields, int(monitor.number("clock.begun"))
     for index in range(begun, 300):
         row = monitor.row(index)[0]

@@ -9,23 +9,23 @@ from faultbond.contract.samples import Samples
 from faultbond.runtime.core import LANES
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
-from made import plant, recorded, run
+from made import plant, recorded, run, spec_of
 
-SPEC, CORE = plant("dc_motor")[1:]
+SPEC = spec_of("dc_motor")
 FAULTS = (None, Fault(parameter="R", factor=2.0, start=2.4), Fault(parameter="K", factor=0.7, start=2.0))
 
 
 @pytest.mark.parametrize("n_lanes", [1, LANES, 2 * LANES + 1, 5 * LANES - 1])
 def test_any_number_of_lanes_at_once(n_lanes: int) -> None:
     """Every bit of a lane is as if it were alone, a lane of no numbers among them spoils no other."""
-    monitor, _ = run(CORE, recorded("dc_motor", 60))
+    monitor, _ = run(plant("dc_motor")[2], recorded("dc_motor", 60))
     lanes = np.repeat(monitor.numbers("healthy.lane")[:, None], n_lanes, axis=1)
     lanes[SPEC.parameter_slice] *= np.linspace(0.5, 2.0, n_lanes)
     lanes[0, n_lanes // 2] = np.nan
     rows = np.array([monitor.row(number)[0] for number in range(20, 40)])
-    following, innovations = CORE.advance(lanes, rows)
+    following, innovations = plant("dc_motor")[2].advance(lanes, rows)
     for k in range(n_lanes):
-        alone, off = CORE.advance(lanes[:, k : k + 1], rows)
+        alone, off = plant("dc_motor")[2].advance(lanes[:, k : k + 1], rows)
         assert np.array_equal(following[:, k : k + 1], alone, equal_nan=True)
         assert np.array_equal(innovations[:, :, k : k + 1], off, equal_nan=True)
         assert np.isfinite(alone).all() == (k != n_lanes // 2)
@@ -40,7 +40,7 @@ def watched(fault: Fault | None) -> tuple[bytes, bytes]:
         u=np.array([item.u for item in samples]),
         y=np.array([item.y for item in samples]),
     )
-    monitor, expected, place = Monitor(CORE), b"", 0
+    monitor, expected, place = Monitor(plant("dc_motor")[2]), b"", 0
     while place < len(block):
         reports = monitor.take(block[place:])
         expected, place = expected + reports.expected.tobytes(), place + len(reports)

@@ -12,17 +12,17 @@ from faultbond.equations.plant import build_plant
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.synthesis.engine import build_core
-from made import changed, plant, recorded, run
+from made import changed, graph_of, plant, recorded, run, spec_of
 
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
-GRAPH, SPEC, CORE = plant("rc")
+SPEC = spec_of("rc")
 SAMPLES = recorded("rc", 1000, FAULT)  # at 50 Hz
 
 
 @pytest.fixture(scope="module")
 def accepted() -> Monitor:
     """Give the monitor after the fault was accepted at 10 s."""
-    monitor, _ = run(CORE, SAMPLES[:500])
+    monitor, _ = run(plant("rc")[2], SAMPLES[:500])
     (wanted,) = (
         item for item in monitor.conclude().candidates if item.parameters == ("C",) and item.kind.value == "step"
     )
@@ -40,7 +40,7 @@ def resumed(monitor: Monitor) -> Monitor:
 def lost(monitor: Monitor) -> Monitor:
     """Give a copy after a sample after which the filter holds no numbers."""
     broken = changed(monitor, **{"healthy.lane": np.full(SPEC.n_numbers, np.nan)})
-    after, reports = run(CORE, SAMPLES[500:503], broken)
+    after, reports = run(plant("rc")[2], SAMPLES[500:503], broken)
     assert any(report.status is Status.LOST for report in reports)
     return after
 
@@ -50,7 +50,7 @@ def test_what_was_accepted_stays_when_the_filter_begins_anew(
     begin: Callable[[Monitor], Monitor], first: Status, accepted: Monitor
 ) -> None:
     """After a gap, or a sample that broke the filter, the accepted parameter is still the normal one: no alarm."""
-    monitor, reports = run(CORE, SAMPLES[520:], begin(accepted))
+    monitor, reports = run(plant("rc")[2], SAMPLES[520:], begin(accepted))
     assert reports[0].status is first
     assert reports[-1].status is Status.WATCHING
     place = SPEC.parameter_slice.start + [item.name for item in SPEC.parameters].index("C")
@@ -61,8 +61,8 @@ def test_what_was_accepted_stays_when_the_filter_begins_anew(
 
 def test_without_an_accepted_fault_the_nominal_plant_begins_anew() -> None:
     """A fault that nobody accepted is found again after a gap."""
-    before, _ = run(CORE, SAMPLES[:190])
-    monitor, reports = run(CORE, SAMPLES[300:600], resumed(before))
+    before, _ = run(plant("rc")[2], SAMPLES[:190])
+    monitor, reports = run(plant("rc")[2], SAMPLES[300:600], resumed(before))
     assert any(report.detection is not None for report in reports)
     assert monitor.number("clock.alarm") >= 0
 
@@ -70,7 +70,7 @@ def test_without_an_accepted_fault_the_nominal_plant_begins_anew() -> None:
 def test_the_start_of_the_model_is_that_of_the_first_sample_only() -> None:
     """Where the model says how the plant starts, that does not hold when the filter begins anew much later."""
     states = tuple(replace(item, start_mean=0.0, start_sd=1e-3) for item in SPEC.states)
-    core, healthy = build_core(build_plant(GRAPH), replace(SPEC, states=states)), recorded("rc", 600)
+    core, healthy = build_core(build_plant(graph_of("rc")), replace(SPEC, states=states)), recorded("rc", 600)
     monitor, first = run(core, healthy[:300])
     assert abs(first[19].expected[0] - healthy[19].y[0]) < 6.0 * np.sqrt(first[19].variance[0])
     later = next(k for k in range(300, 500) if abs(healthy[k].y[0]) > 5.0)
@@ -86,9 +86,9 @@ def test_where_a_filter_strayed_is_no_place_where_the_plant_has_been(accepted: M
     assert np.all(np.isinf(lost(accepted).numbers("healthy.travel")))
     here = np.repeat(accepted.numbers("healthy.lane")[:1], 2)
     new = changed(accepted, travel=here)
-    seeking, _ = run(CORE, SAMPLES[500:501], changed(new, astray=1e3))
+    seeking, _ = run(plant("rc")[2], SAMPLES[500:501], changed(new, astray=1e3))
     assert np.array_equal(seeking.numbers("healthy.travel"), here)
-    found, _ = run(CORE, SAMPLES[500:501], new)
+    found, _ = run(plant("rc")[2], SAMPLES[500:501], new)
     assert np.ptp(found.numbers("healthy.travel")) > 0.0
 
 

@@ -13,7 +13,7 @@ from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Fault, Inputs, simulate
 from faultbond.synthesis.engine import build_core
 from faultbond.types import FaultKind
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, graph_of, plant, recorded, run, samples_of, spec_of
 
 FAULT = Fault(parameter="R", factor=2.0, start=2.4)
 
@@ -21,13 +21,13 @@ FAULT = Fault(parameter="R", factor=2.0, start=2.4)
 @cache
 def ended(spec: EngineSpec) -> Monitor:
     """The motor with other hypotheses, some time after a fault."""
-    graph = plant("dc_motor_current")[0]
+    graph = graph_of("dc_motor_current")
     return run(build_core(build_plant(graph), spec), recorded("dc_motor_current", 200, FAULT))[0]
 
 
 def with_sets(*sets: tuple[int, ...]) -> EngineSpec:
     """The motor with these sets only."""
-    return replace(plant("dc_motor_current")[1], hypotheses=sets)
+    return replace(spec_of("dc_motor_current"), hypotheses=sets)
 
 
 def test_without_lanes_nothing_is_done() -> None:

@@ -16,7 +16,8 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, graph_of, plant, recorded, run, samples_of, spec_of
+from plants import TWO_STORES
 
 START_SAMPLES = int(core_settings()["START_SAMPLES"])
 MOTOR = {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}  # 1.5 A, -2 rad/s
@@ -53,7 +54,7 @@ def started(name: str, start: dict[str, float], seed: int) -> tuple[Core, FloatA
 @cache
 def restated(name: str, *states: tuple[tuple[str, Any], ...]) -> Core:
     """The core of a plant with other fields of what is known of the start of its first states."""
-    graph, spec, _ = plant(name)
+    graph, spec = graph_of(name), spec_of(name)
     known = [replace(state, **dict(fields)) for state, fields in zip(spec.states, states, strict=False)]
     return build_core(build_plant(graph), replace(spec, states=(*known, *spec.states[len(known) :])))
 
@@ -145,19 +146,7 @@ def test_plant_at_rest_without_outputs(name: str) -> None:
 
 def test_a_sensor_of_a_sum_that_is_far_too_precise() -> None:
     """However precise a sensor is that shows two states only together, the start is found and their sum is known."""
-    text = """
-name: two stores
-sample_time: 1 s
-inputs: {V: {unit: V}}
-components:
-  source: {type: Se, law: e = V}
-  R: {type: R, parameters: {R: 10 ohm}}
-  C1: {type: C, parameters: {C1: 1 F}}
-  C2: {type: C, parameters: {C2: 1.5 F}}
-junctions: {loop: 1}
-bonds: [source -> loop -> R, loop -> C1, loop -> C2]
-sensors: {V_C: {reads: C1.e + C2.e, unit: V, noise: 1e-12 V}}
-"""
+    text = TWO_STORES.replace("1e-6 V", "1e-12 V")
     spec, core = build_engine(parse_model(text, file="two"))
     rows, place = np.zeros((START_SAMPLES, spec.n_sample)), spec.sample_fields
     rows[1:, place["dt"]] = rows[:, place["scale"]] = rows[:, place["use"]] = 1.0

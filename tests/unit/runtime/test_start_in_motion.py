@@ -6,12 +6,12 @@ import pytest
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.simulate import Inputs, simulate, sines
-from made import plant, run, samples_of
+from made import graph_of, plant, run, samples_of
 
 
 def moving(rows: int) -> tuple[tuple[Sample, ...], FloatArray]:
     """The RLC circuit under two sines, with its voltage of C and current of L."""
-    graph = plant("rlc")[0]
+    graph = graph_of("rlc")
     time = np.asarray(np.arange(rows) * 0.025, dtype=np.float64)
     values = sines(time, [(10.0, 0.25, 1.0), (4.0, 0.6, 2.0)])[:, None]
     made = simulate(graph, Inputs(time=time, values=values), seed=3)

@@ -9,9 +9,11 @@ import pytest
 
 from faultbond.contract.samples import Sample
 from faultbond.model.text import parse_model
+from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.specify import build_spec
 from made import changed, run, samples_of
 
 # An accumulator behind a long pipe: its pressure is far from linear in what it holds.
@@ -34,8 +36,14 @@ sensors:
   p: {reads: node.e, unit: kPa, noise: 3 kPa}
 """
 )
-SPEC, CORE = build_engine(GRAPH)
+SPEC = build_spec(build_model(GRAPH))
 ROWS, ONSET = 2400, 100.0
+
+
+@cache
+def core() -> Core:
+    """The core of the plant."""
+    return build_engine(GRAPH)[1]
 
 
 @cache
@@ -61,7 +69,7 @@ def blind(samples: Iterable[Sample], rows: Iterable[int], *, sensors: bool) -> l
 
 def alarmed(samples: Iterable[Sample]) -> Monitor:
     """The monitor at the end."""
-    return run(CORE, tuple(samples))[0]
+    return run(core(), tuple(samples))[0]
 
 
 @pytest.mark.parametrize("length", [5, 40, 500, 900])
@@ -95,13 +103,13 @@ def test_a_fault_is_found_behind_what_was_not_seen(lost: range) -> None:
 def moved_by(change: float, count: int, travel: float) -> tuple[float, float]:
     """What the gas is uncertain by, m^3, and in steps under the move, once the valve is told after blind rows."""
     samples, place = made(5), SPEC.sample_fields["gap"]
-    begun = run(CORE, samples[:200])[0]
+    begun = run(core(), samples[:200])[0]
     begun = changed(begun, leap=np.zeros(2))  # inputs that never moved
-    before, _ = run(CORE, blind(samples[200 : 200 + count], range(count), sensors=True), begun)
+    before, _ = run(core(), blind(samples[200 : 200 + count], range(count), sensors=True), begun)
     before = changed(before, travel=np.stack([np.zeros(2), np.full(2, travel)]))
     gas = before.numbers("healthy.lane")[1]
     told = replace(samples[200 + count], u=before.numbers("inputs.held") + np.array([0.0, change]))
-    after, _ = run(CORE, [told], before)
+    after, _ = run(core(), [told], before)
     assert not any(before.row(200 + k)[0][place].any() for k in range(count))
     pressure = 4e5 * ((0.02 / (0.02 - gas)) ** 1.2 - 1.0)
     found = float(after.row(200 + count)[0][place][1])
@@ -135,8 +143,8 @@ def test_an_input_that_is_missing_for_long_raises_no_alarm() -> None:
     for k in lost:
         samples[k] = replace(samples[k], u=np.array([np.nan, samples[k].u[1]]))
     assert alarmed(samples).number("clock.alarm") < 0
-    state = run(CORE, tuple(samples[:1002]))[0]
-    later = run(CORE, tuple(samples[1002:1110]), state)[0]
+    state = run(core(), tuple(samples[:1002]))[0]
+    later = run(core(), tuple(samples[1002:1110]), state)[0]
     assert np.array_equal(later.numbers("sensors.cusum"), state.numbers("sensors.cusum"))
     fault = Fault(parameter="Kv", factor=0.75, start=52.0)
     broken = [replace(item, u=was.u) for item, was in zip(made(2, fault), samples, strict=True)]

@@ -15,7 +15,7 @@ from faultbond.io.recording import columns_of, read_rows
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
-from made import EXAMPLES, plant, recorded, run, samples_of
+from made import EXAMPLES, graph_of, plant, recorded, run, samples_of
 
 START_SAMPLES = int(core_settings()["START_SAMPLES"])
 HEALTHY = sorted(path.parent.name for path in EXAMPLES.glob("*/healthy.csv"))
@@ -48,7 +48,7 @@ Place = tuple[str, int]  # `u` or `y`, and the column
 @cache
 def recorded_rows(name: str, file: str = "healthy.csv") -> tuple[Sample, ...]:
     """Samples of a recording of an example."""
-    graph = plant(name)[0]
+    graph = graph_of(name)
     rows = read_rows(str(Path(EXAMPLES, name, file)), columns_of(graph))
     return tuple(Sample(time=p.time, dt=p.dt, u=p.u, y=p.y) for p in on_grid(rows, Grid(graph.sample_time)))
 

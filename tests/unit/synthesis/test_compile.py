@@ -19,11 +19,14 @@ from faultbond.errors import CacheError, GenerationError
 from faultbond.io.cache import loadable
 from faultbond.model.text import load_model
 from faultbond.runtime.core import Core, load_core
+from faultbond.simulate import Fault
 from faultbond.synthesis.compile import compile_library, find_compiler, required_compiler
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.synthesis.specify import build_spec
+from made import recorded, run
 
 RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
+FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 SOURCE = "int answer(void) { return 42; }\n"
 
 PIECES, PARTS = 2, 3  # calls of a compiler for a library, and for a core: its texts, and what joins them
@@ -66,6 +69,21 @@ def test_second_build_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert log.read_text().count("called") == PARTS
     assert [item.suffix for item in cache.iterdir()] == [".so"]
     assert np.array_equal(first, second)
+
+
+def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    """With haste and without there are two libraries of one verdict, whose numbers differ by rounding."""
+    found = []
+    for hasty in ("0", "1"):
+        monkeypatch.setenv("FAULTBOND_HASTY", hasty)
+        monitor, reports = run(build_engine(load_model(RC))[1], recorded("rc", 400, FAULT))
+        assert any(report.detection for report in reports)
+        found.append(monitor)
+    one, two = (item.conclude().candidates for item in found)
+    assert [item.hypothesis for item in one] == [item.hypothesis for item in two]
+    assert [item.probability for item in one] == pytest.approx([item.probability for item in two], rel=1e-6, abs=1e-9)
+    assert found[0].numbers("healthy.lane") == pytest.approx(found[1].numbers("healthy.lane"), rel=1e-9, abs=1e-12)
+    assert len(list(cache.glob("*.so"))) == 2
 
 
 def test_other_source_is_compiled_anew(cache: Path) -> None:
