@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from benchmarks.shared.plants import EXAMPLES
 from benchmarks.trust.strangers.faults import ORDER, STRUCK, TO_TUNE, Fault, Kind, fault_of
 from benchmarks.trust.strangers.judge import Outcome, Verdict, far_off, judged
-from benchmarks.trust.strangers.ready import HERE, asked_for, rewritten
+from benchmarks.trust.strangers.ready import HERE, asked_for, records_of, rewritten
 from benchmarks.trust.strangers.rig import Change, Form, Input, Recording, Rig, Sensor, record
 from benchmarks.trust.strangers.table import calibration, keep, read, rig_of, rows, rows_of_kinds
 
@@ -21,14 +22,14 @@ FAULT = Fault(
 )  # of a nominal of 10, so the true value is 8
 
 
-def suspect(name: str, estimate: float = 8.0, sd: float = 0.1, nominal: float = 10.0) -> dict[str, Any]:
-    """Give a suspect of a candidate."""
-    return {"name": name, "estimate": estimate, "sd": sd, "nominal": nominal}
+def suspect(estimate: float = 8.0, sd: float = 0.1, nominal: float = 10.0) -> dict[str, float]:
+    """Give what is said of a suspect."""
+    return {"estimate": estimate, "sd": sd, "nominal": nominal}
 
 
-def candidate(*suspects: dict[str, Any], probability: float, group: bool = True) -> dict[str, Any]:
-    """Give a candidate."""
-    return {"parameters": list(suspects), "probability": probability, "group": group}
+def candidate(name: str, *numbers: float, probability: float, group: bool = True) -> dict[str, Any]:
+    """Give a candidate of one suspect."""
+    return {"parameters": {name: suspect(*numbers)}, "probability": probability, "group": group}
 
 
 def told(*candidates: dict[str, Any], time: float = 900.0, unexplained: bool = False) -> list[dict[str, Any]]:
@@ -43,7 +44,7 @@ def judge(records: list[dict[str, Any]], fault: Fault | None = FAULT) -> Outcome
     return judged("pump_skid", 1, fault, records, 1.0)
 
 
-RIGHT, WRONG = candidate(suspect("K"), probability=0.97), candidate(suspect("flow.bias", 3.0), probability=0.97)
+RIGHT, WRONG = candidate("K", probability=0.97), candidate("flow.bias", 3.0, probability=0.97)
 
 
 def test_the_truth_first_is_right_and_its_delay_counts_from_the_fault() -> None:
@@ -90,18 +91,31 @@ def test_no_alarm_is_missed_and_one_before_the_fault_is_false() -> None:
 )
 def test_a_value_is_far_off_by_both_four_sd_and_a_quarter(estimate: float, sd: float, wrong: bool) -> None:
     """The truth is 8: a quarter of it is 2."""
-    assert far_off(suspect("K", estimate, sd), FAULT) is wrong
-    assert judge(told(candidate(suspect("K", estimate, sd), probability=0.99))).wrong_value is wrong
-    assert not judge(told(candidate(suspect("K", estimate, sd), probability=0.9))).wrong_value
+    assert far_off("K", suspect(estimate, sd), FAULT) is wrong
+    assert judge(told(candidate("K", estimate, sd, probability=0.99))).wrong_value is wrong
+    assert not judge(told(candidate("K", estimate, sd, probability=0.9))).wrong_value
 
 
 def test_the_value_of_a_sensor_is_its_bias() -> None:
     """A bias is compared with the truth; a gain, or a kind without a size, is not."""
     fault = replace(FAULT, truth={"flow": (Form.SHIFT, 3.0)})
-    assert far_off(suspect("flow.bias", 4.0, 0.1, 0.0), fault)
-    assert not far_off(suspect("flow.bias", 3.5, 0.1, 0.0), fault)
-    assert not far_off(suspect("flow.gain", 4.0, 0.1, 1.0), fault)
-    assert not far_off(suspect("flow.bias", 9.0, 0.1, 0.0), replace(FAULT, truth={"flow": (Form.STUCK, None)}))
+    assert far_off("flow.bias", suspect(4.0, 0.1, 0.0), fault)
+    assert not far_off("flow.bias", suspect(3.5, 0.1, 0.0), fault)
+    assert not far_off("flow.gain", suspect(4.0, 0.1, 1.0), fault)
+    assert not far_off("flow.bias", suspect(9.0, 0.1, 0.0), replace(FAULT, truth={"flow": (Form.STUCK, None)}))
+
+
+def test_records_of_a_run_are_read_as_they_are_written() -> None:
+    """The capacitor of the example is named at the end, at a value that is right by what the command says."""
+    folder = EXAMPLES / "rc"
+    records = records_of(folder / "model.yaml", folder / "fault_capacitor.csv")
+    last = [item for item in records if item["record"] == "diagnosis"][-1]["candidates"][0]["parameters"]["C"]
+    part = last["estimate"] / last["nominal"] - 1.0
+    right = replace(FAULT, truth={"C": (Form.FACTOR, part)}, onset=0.1)
+    found = judged("rc", 0, right, records, 0.02)
+    assert (found.verdict, found.named, found.wrong_value) == (Verdict.FIRST, ("C",), False)
+    assert found.claims[-1].right
+    assert judged("rc", 0, replace(right, truth={"C": (Form.FACTOR, 3.0)}), records, 0.02).wrong_value
 
 
 def test_claims_count_from_some_time_after_the_alarm() -> None:

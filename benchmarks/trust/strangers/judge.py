@@ -72,28 +72,28 @@ def judged(plant: str, seed: int, fault: Fault | None, records: Sequence[Record]
         truth=truth,
         verdict=_verdict(last, set(truth)),
         delay=alarm - fault.onset,
-        named=tuple(item["name"] for item in best["parameters"]),
+        named=tuple(best["parameters"]),
         probability=best["probability"],
         wrong_name=sure and not right,
-        wrong_value=sure and right and any(far_off(item, fault) for item in best["parameters"]),
+        wrong_value=sure and right and any(far_off(name, item, fault) for name, item in best["parameters"].items()),
         claims=tuple(_claim(item, set(truth), alarm) for item in explained),
     )
 
 
 def names_of(candidate: Record) -> set[str]:
     """Give what a candidate names, an instrument whatever its kind of fault."""
-    return {item["name"].partition(".")[0] for item in candidate["parameters"]}
+    return {name.partition(".")[0] for name in candidate["parameters"]}
 
 
-def far_off(suspect: Record, fault: Fault) -> bool:
+def far_off(suspect: str, found: Record, fault: Fault) -> bool:
     """Tell whether the value of a true suspect is wrong; a gain, noise or stuck value of an instrument is not asked."""
-    name, _, word = suspect["name"].partition(".")
+    name, _, word = suspect.partition(".")
     form, size = fault.truth[name]
-    if size is None or word not in {"", "bias"} or suspect["sd"] is None:
+    if size is None or word not in {"", "bias"} or found["sd"] is None:
         return False
-    true = suspect["nominal"] * (1.0 + size) if form is Form.FACTOR else suspect["nominal"] + size
-    error = abs(suspect["estimate"] - true)
-    return bool(error > FAR_SD * suspect["sd"] and error > FAR_PART * abs(true))
+    true = found["nominal"] * (1.0 + size) if form is Form.FACTOR else found["nominal"] + size
+    error = abs(found["estimate"] - true)
+    return bool(error > FAR_SD * found["sd"] and error > FAR_PART * abs(true))
 
 
 def _verdict(diagnosis: Record, truth: set[str]) -> Verdict:

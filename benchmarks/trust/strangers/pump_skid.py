@@ -40,10 +40,10 @@ def flow(x: Values, u: Values, p: Parameters) -> tuple[float, float]:
 
 
 def rate(x: Values, u: Values, p: Parameters) -> Values:
-    """Two levels; what leaks is lost, and the sump is topped up slowly."""
+    """Give the rates of both levels; what leaks is lost."""
     q, _ = flow(x, u, p)
     back = p["K_out"] * max(x[1], 0.0) ** 0.47  # not quite a square root
-    return [(back - q + 0.00002 * (1.2 - x[0]) / 0.1) / SUMP, (q - back - p["leak"]) / TANK]
+    return [(back - q) / SUMP, (q - back - p["leak"]) / TANK]
 
 
 def reads(x: Values, u: Values, p: Parameters) -> Values:
