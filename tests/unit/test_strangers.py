@@ -128,7 +128,7 @@ def test_claims_count_from_some_time_after_the_alarm() -> None:
 def test_the_tables_count_runs_and_outcomes_are_read_as_they_were_kept(tmp_path: Path) -> None:
     """A line a plant, a sum for those to tune on, a line a kind."""
     found = [judge(told(RIGHT)), judge(told(WRONG)), judge([]), judge([], None), judge(told(RIGHT), None)]
-    line = ("1 of 2", "3", "0", "1", "1", "0", "0", "1", "1", "0", "50 s")
+    line = ("1 of 2", "3", "0", "1", "1", "0", "0", "1", "1", "0", "50")
     assert rows(found) == [("pump_skid (to tune on)", *line), ("all to tune on", *line)]
     assert rows_of_kinds(found) == [("component: step", "", *line[1:])]
     assert list(keep(iter(found), tmp_path / "runs.jsonl")) == found

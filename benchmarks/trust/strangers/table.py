@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from benchmarks.shared.page import as_markdown, as_text, note, seconds, selected, write_part
+from benchmarks.shared.page import as_markdown, as_text, note, selected, write_part
 from benchmarks.trust.calibration import means, tenths
 from benchmarks.trust.play import Claim
 from benchmarks.trust.strangers.faults import STRUCK, TO_TUNE, Kind, fault_of
@@ -33,7 +33,7 @@ from benchmarks.trust.strangers.rig import Rig, record
 HEALTHY_FROM = 500  # seeds of healthy recordings lie so much above those of faulty ones
 HEADER = (
     "", "healthy alarms", "faulty", "alarm before", "missed", "first", "in the group", "unexplained", "another",
-    "sure, wrong name", "sure, wrong value", "delay, median",
+    "sure, wrong name", "sure, wrong value", "delay, samples",
 )  # fmt: skip
 Job = tuple[str, int, bool, Path]  # plant, seed, whether it is faulty, folder
 Rows = list[tuple[str, ...]]
@@ -85,7 +85,7 @@ def _line(name: str, found: Sequence[Outcome]) -> tuple[str, ...]:
     if not found:
         return ()
     healthy, faulty = ([item for item in found if bool(item.kind) == sick] for sick in (False, True))
-    delays = [item.delay for item in faulty if item.delay is not None]
+    delays = [item.delay / rig_of(item.plant).step for item in faulty if item.delay is not None]
 
     def count(asked: Callable[[Outcome], bool]) -> str:
         return str(sum(asked(item) for item in faulty))
@@ -100,7 +100,7 @@ def _line(name: str, found: Sequence[Outcome]) -> tuple[str, ...]:
         *(count(lambda item, one=verdict: item.verdict is one) for verdict in order),  # type: ignore[misc]
         count(lambda item: item.wrong_name),
         count(lambda item: item.wrong_value),
-        seconds(median(delays)) if delays else "",
+        f"{median(delays):.0f}" if delays else "",
     )
 
 
