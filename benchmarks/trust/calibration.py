@@ -27,8 +27,8 @@ def calibration_rows(runs: Mapping[str, Sequence[Run]]) -> list[Cells]:
     )
     rows: list[Cells] = []
     for word, claims, _ in series:
-        for tenth, inside in _tenths(claims):
-            claimed, right = _means(inside)
+        for tenth, inside in tenths(claims):
+            claimed, right = means(inside)
             name = f"{word}, {10 * tenth} to {10 * tenth + 10} %"
             rows.append((name, f"{100 * claimed:.1f} %", f"{100 * right:.1f} %", str(len(inside))))
     for word, claims, asked in series:
@@ -58,7 +58,7 @@ def _claims(chosen: Iterable[Sequence[Run]], *, late: bool) -> list[Claim]:
     ]
 
 
-def _tenths(claims: Sequence[Claim]) -> Iterator[tuple[int, list[Claim]]]:
+def tenths(claims: Sequence[Claim]) -> Iterator[tuple[int, list[Claim]]]:
     """Give the claims in each tenth of probability that has some."""
     for tenth in range(TENTHS):
         inside = [claim for claim in claims if min(int(claim.best * TENTHS), TENTHS - 1) == tenth]
@@ -66,7 +66,7 @@ def _tenths(claims: Sequence[Claim]) -> Iterator[tuple[int, list[Claim]]]:
             yield tenth, inside
 
 
-def _means(claims: Sequence[Claim]) -> tuple[float, float]:
+def means(claims: Sequence[Claim]) -> tuple[float, float]:
     """Give the mean claim, and the part that was right."""
     return sum(c.best for c in claims) / len(claims), sum(c.right for c in claims) / len(claims)
 
@@ -80,7 +80,7 @@ def write_plot(runs: Mapping[str, Sequence[Run]], path: Path) -> None:
     )
     parts = [_frame()]
     for row, (chosen, colour, label) in enumerate(series):
-        parts += [_mark(claims, colour) for _, claims in _tenths(chosen)]
+        parts += [_mark(claims, colour) for _, claims in tenths(chosen)]
         x, y = MARGIN + SIZE - 140, MARGIN + SIZE - 56 + 18 * row
         parts.append(f'<circle cx="{x}" cy="{y}" r="4" fill="{colour}"/>')
         parts.append(f'<text x="{x + 10}" y="{y + 4}" fill="{INK}">{label}</text>')
@@ -91,7 +91,7 @@ def write_plot(runs: Mapping[str, Sequence[Run]], path: Path) -> None:
 
 
 def _mark(claims: Sequence[Claim], colour: str) -> str:
-    n, (claimed, right) = len(claims), _means(claims)
+    n, (claimed, right) = len(claims), means(claims)
     spread = sqrt(max(right * (1.0 - right), 0.25 / n) / n)
     x, y, top, bottom = _x(claimed), _y(right), _y(min(right + spread, 1.0)), _y(max(right - spread, 0.0))
     bar = f'<line x1="{x:.1f}" y1="{top:.1f}" x2="{x:.1f}" y2="{bottom:.1f}" stroke="{colour}"/>'
