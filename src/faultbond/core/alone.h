@@ -89,7 +89,7 @@ static void begin_fleet(Fleet *fleet, int64_t n_assets, double t0, int64_t quiet
     }
 }
 
-/* The whole state of an asset that went away. */
+/* The whole state of an asset as it is here; of one that went away, as it was before the sample at which it did. */
 static void leave(Fleet *fleet, int64_t asset, State *state, Work *work)
 {
     Group *group = group_of(fleet, asset / FB_LANES);
@@ -97,7 +97,7 @@ static void leave(Fleet *fleet, int64_t asset, State *state, Work *work)
     begin_state(state, 0.0, 0);
     lane_from(group->watched, l, N_WATCHED, (double *)(void *)state);
     lane_from(group->normal, l, N_NORMAL, (double *)(void *)&state->normal);
-    remake(fleet, group, l, group->left[l], state, work);
+    if (fleet->index > 0 || group->place[l] == AWAY) remake(fleet, group, l, state->clock.index, state, work);
 }
 
 /* Whether what was accepted has to be taken out of each sample, or moves parameters. */

@@ -98,8 +98,8 @@ void fb_fleet_watch(void *fleet, void *work, int64_t part, int64_t n_parts, int6
                     const double *readings, int64_t *left);
 void fb_fleet_end(void *fleet, int64_t n);
 
-/* Give the state of an asset that went away, as it was before the sample at which it did; `work`: fb_work_size bytes. To be
-   called before the next block. The state then takes samples by itself. */
+/* Give the state of an asset that is here, or that went away in this block, as it was before the sample at which it did; `work`:
+   fb_work_size bytes. That of one that is away takes samples by itself. */
 void fb_fleet_leave(void *fleet, int64_t asset, void *state, void *work);
 
 /* Let an asset come back, whose state has taken all samples so far; 1 where it does. It cannot before some hundred samples

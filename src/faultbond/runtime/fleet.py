@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import Detection, Diagnosis
+from faultbond.contract.findings import Candidate, Detection, Diagnosis
 from faultbond.contract.samples import STATUSES, Samples, Status
 from faultbond.errors import FaultbondError
 from faultbond.runtime.core import Core, at, memory
@@ -96,8 +96,13 @@ class Fleet:
 
     @property
     def monitors(self) -> Mapping[int, Monitor]:
-        """The assets that are in alarm, or were lately, by place: to conclude, accept and reject diagnoses of."""
+        """The assets that have a monitor of their own, by place: in alarm, or lately so, or lost and not found for long."""
         return MappingProxyType(self._monitors)
+
+    @property
+    def in_alarm(self) -> tuple[int, ...]:
+        """The assets in alarm, in order."""
+        return tuple(sorted(asset for asset, item in self._monitors.items() if item.number("clock.alarm") >= 0))
 
     def block(self, times: FloatArray, inputs: FloatArray, readings: FloatArray) -> tuple[Event, ...]:
         """Take samples of all assets, and tell what happened, in the order of samples, then of assets.
@@ -133,6 +138,53 @@ class Fleet:
             taken = part.stop
         return tuple(events)
 
+    def copy(self, asset: int) -> Monitor:
+        """Give a monitor of its own that remembers what the fleet does of an asset.
+
+        Raises
+        ------
+        IndexError
+            Where there is no such asset.
+        """
+        if not 0 <= asset < self.n_assets:
+            raise IndexError(f"asset {asset}: the fleet has assets 0 to {self.n_assets - 1}")
+        return self._monitors[asset].copy() if asset in self._monitors else self._made(asset)
+
+    def conclude(self, asset: int) -> Diagnosis:
+        """Give the diagnosis of now of an asset in alarm, see `Monitor.conclude`.
+
+        Raises
+        ------
+        FaultbondError
+            Where the asset is not in alarm.
+        """
+        return self._in_alarm(asset).conclude()
+
+    def accept(self, asset: int, hypothesis: int) -> Candidate:
+        """Take a hypothesis as the new healthy model of an asset, and give the candidate as it stood.
+
+        Raises
+        ------
+        FaultbondError
+            Where the asset is not in alarm, and as `Monitor.accept`.
+        """
+        return self._in_alarm(asset).accept(hypothesis)
+
+    def reject(self, asset: int, hypothesis: int) -> Candidate:
+        """Rule a hypothesis out for an asset until its next alarm, and give it as it stood.
+
+        Raises
+        ------
+        FaultbondError
+            Where the asset is not in alarm, and as `Monitor.reject`.
+        """
+        return self._in_alarm(asset).reject(hypothesis)
+
+    def _in_alarm(self, asset: int) -> Monitor:
+        if asset not in self.in_alarm:
+            raise FaultbondError(f"asset {asset} is not in alarm: there is nothing to conclude, accept or reject.")
+        return self._monitors[asset]
+
     def _begin(self, time: FloatArray, dt: FloatArray) -> int:
         """Begin a part of a block; gives how many samples it has."""
         return int(self.core.library.fb_fleet_begin(at(self._memory), len(time), at(time), at(dt)))
@@ -148,7 +200,7 @@ class Fleet:
         )
         begun = dict.fromkeys(self._monitors, 0)
         for asset in np.flatnonzero(left >= 0).tolist():
-            self._monitors[asset] = self._leave(asset)
+            self._monitors[asset] = self._made(asset)
             begun[asset] = int(left[asset])
         events = self._watched(samples, begun)
         library.fb_fleet_end(at(self._memory), n)
@@ -157,12 +209,6 @@ class Fleet:
             if library.fb_fleet_return(at(self._memory), asset, self._monitors[asset].address):
                 del self._monitors[asset]
         return events
-
-    def _leave(self, asset: int) -> Monitor:
-        """Give a monitor of an asset that went away, as it was before the sample at which it did."""
-        monitor = Monitor(self.core)
-        self.core.library.fb_fleet_leave(at(self._memory), asset, monitor.address, at(self._work))
-        return monitor
 
     def _watched(self, samples: Samples, begun: Mapping[int, int]) -> list[Event]:
         """Let assets that are away take samples, each from its own on; gives what happened, in order."""
@@ -192,14 +238,8 @@ class Fleet:
             if reports.diagnosis is not None:
                 yield Event(asset=asset, sample=last, kind=EventKind.DIAGNOSIS, diagnosis=reports.diagnosis)
 
-    def monitor(self, asset: int) -> Monitor:
-        """Give the monitor of an asset in alarm, to conclude, accept or reject its diagnosis.
-
-        Raises
-        ------
-        FaultbondError
-            Where the asset is not in alarm.
-        """
-        if asset not in self._monitors:
-            raise FaultbondError(f"asset {asset} is not in alarm: there is nothing to conclude, accept or reject.")
-        return self._monitors[asset]
+    def _made(self, asset: int) -> Monitor:
+        """Give a monitor of an asset as it is here; of one that goes away, as it was before the sample at which it does."""
+        monitor = Monitor(self.core)
+        self.core.library.fb_fleet_leave(at(self._memory), asset, monitor.address, at(self._work))
+        return monitor
