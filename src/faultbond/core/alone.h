@@ -89,6 +89,21 @@ static void begin_fleet(Fleet *fleet, int64_t n_assets, double t0, int64_t quiet
     }
 }
 
+/* Take over the assets of another fleet, again and again. */
+static void repeat_assets(Fleet *fleet, const Fleet *few)
+{
+    const int64_t n_assets = fleet->n_assets;
+    *fleet = *few;
+    fleet->n_assets = n_assets;
+    for (int64_t asset = 0; asset < n_assets; asset++) {
+        const Group *from = (const Group *)(const void *)(few + 1) + asset % few->n_assets / FB_LANES;
+        Group *to = group_of(fleet, asset / FB_LANES);
+        const int64_t other = asset % few->n_assets % FB_LANES, here = asset % FB_LANES;
+        for (size_t at = 0; at < sizeof(Group); at += FB_LANES * sizeof(double))
+            memcpy((char *)to + at + (size_t)here * sizeof(double), (const char *)from + at + (size_t)other * sizeof(double), sizeof(double));
+    }
+}
+
 /* The whole state of an asset as it is here; of one that went away, as it was before the sample at which it did. */
 static void leave(Fleet *fleet, int64_t asset, State *state, Work *work)
 {

@@ -191,6 +191,8 @@ void fb_fleet_init(void *fleet, void *work, int64_t n_assets, double time, int64
     begin_fleet((Fleet *)fleet, n_assets, time, quiet, &((AloneMemory *)work)->state);
 }
 
+void fb_fleet_repeat(void *fleet, const void *few) { repeat_assets((Fleet *)fleet, (const Fleet *)few); }
+
 int64_t fb_fleet_begin(void *fleet, int64_t n, const double *times, const double *steps)
 {
     Fleet *known = (Fleet *)fleet;

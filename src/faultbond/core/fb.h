@@ -89,6 +89,7 @@ void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, 
 int64_t fb_fleet_size(int64_t n_assets);
 int64_t fb_fleet_work_size(void);
 void fb_fleet_init(void *fleet, void *work, int64_t n_assets, double time, int64_t quiet);
+void fb_fleet_repeat(void *fleet, const void *few); /* take over the assets of another fleet, again and again */
 int64_t fb_fleet_begin(void *fleet, int64_t n, const double *times, const double *steps);
 
 /* inputs [assets][stride][N_INPUTS] and readings [assets][stride][N_OUTPUTS], of which n samples of each asset are taken. An

@@ -232,6 +232,26 @@ static void keep_watched(Group *group, int64_t index)
         for (int64_t k = 0; group->place[l] != AWAY && k < N_LIVE; k++) memcpy(&kept[k][l], &group->watched[k][l], sizeof(double));
 }
 
+/* Parts of what is remembered that the usual way changes: all but the rival, and the lanes kept for long. */
+#define FIRST_PART offsetof(Watched, inputs.rival)
+#define SECOND_PART offsetof(Watched, inputs.gain)
+#define END_OF_PARTS offsetof(Watched, healthy.snapshots)
+
+/* Keep what is remembered before a sample, and let asset l go back to it. */
+static void keep_before(const Watched *watched, Watched *before)
+{
+    memcpy(before, watched, FIRST_PART);
+    memcpy((char *)before + SECOND_PART, (const char *)watched + SECOND_PART, END_OF_PARTS - SECOND_PART);
+}
+
+static void go_back(const Watched *before, int l, Watched *watched)
+{
+    for (size_t at = 0; at < END_OF_PARTS; at = at + sizeof(lanes) == FIRST_PART ? SECOND_PART : at + sizeof(lanes)) {
+        const size_t here = at + (size_t)l * sizeof(double);
+        memcpy((char *)watched + here, (const char *)before + here, sizeof(double));
+    }
+}
+
 /* Take a sample into a group. */
 static void watch_group(Fleet *fleet, const Portion *portion, int64_t number, int64_t t, LanesMemory *memory, void *alone)
 {
@@ -250,13 +270,12 @@ static void watch_group(Fleet *fleet, const Portion *portion, int64_t number, in
     mask done = (load(usual) != 0.0) & are_ready(watched, &sample);
     const int any = any_of(done);
     if (any) {
-        memcpy(&memory->before, watched, offsetof(Watched, healthy.snapshots));
+        keep_before(watched, &memory->before);
         done = watch_usually(watched, &sample, done, memory);
     }
     for (int l = 0; l < FB_LANES && !all_of(done); l++) {
         if (holds(done, l)) continue;
-        for (int64_t k = 0; any && k < N_LIVE; k++)
-            memcpy((double *)(void *)watched + k * FB_LANES + l, (const double *)(const void *)&memory->before + k * FB_LANES + l, sizeof(double));
+        if (any) go_back(&memory->before, l, watched);
         if (group->place[l] == AWAY || !watch_alone(fleet, number, l, index, alone)) continue;
         group->place[l] = AWAY;
         group->left[l] = index;
@@ -274,6 +293,9 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
     }
 }
 
+#undef FIRST_PART
+#undef SECOND_PART
+#undef END_OF_PARTS
 #undef Clock
 #undef Inputs
 #undef Sensors

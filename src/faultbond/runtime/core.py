@@ -222,6 +222,7 @@ _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
     "fb_fleet_size": (_LONG, (_LONG,)),
     "fb_fleet_work_size": (_LONG, ()),
     "fb_fleet_init": (None, (_POINTER, _POINTER, _LONG, _DOUBLE, _LONG)),
+    "fb_fleet_repeat": (None, (_POINTER, _POINTER)),
     "fb_fleet_begin": (_LONG, (_POINTER, _LONG, _POINTER, _POINTER)),
     "fb_fleet_watch_all": (None, (_POINTER, _POINTER, *[_LONG] * 3, *[_POINTER] * 3)),
     "fb_fleet_end": (None, (_POINTER, _LONG)),

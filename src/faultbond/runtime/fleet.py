@@ -150,6 +150,19 @@ class Fleet:
             raise IndexError(f"asset {asset}: the fleet has assets 0 to {self.n_assets - 1}")
         return self._monitors[asset].copy() if asset in self._monitors else self._made(asset)
 
+    def repeat(self, few: "Fleet") -> None:
+        """Take over what another fleet remembers of its assets, again and again; none of them may be in alarm.
+
+        Raises
+        ------
+        ValueError
+            Where it is a fleet of another core, or has assets with a monitor of their own.
+        """
+        if few.core is not self.core or few.monitors:
+            raise ValueError("a fleet is repeated that is of the same core and has no asset in alarm")
+        self.core.library.fb_fleet_repeat(at(self._memory), at(few._memory))
+        self._index, self._time, self._monitors = few.index, few._time, {}
+
     def conclude(self, asset: int) -> Diagnosis:
         """Give the diagnosis of now of an asset in alarm, see `Monitor.conclude`.
 
