@@ -2,8 +2,8 @@
 
     python -m benchmarks.speed.fleets [--markdown FILE]
 
-Processor time, medians, and in brackets quartiles; the speed-up by threads is of wall time. A fleet of any size is one of
-few tanks that watch, repeated: each asset is worked on as if it were another one.
+Processor time, medians, and in brackets quartiles; the speed-up by threads is of wall time. A fleet of any size is one
+of few tanks that watch, repeated: each asset is worked on as if it were another one.
 """
 
 import os
@@ -43,7 +43,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         "speed.fleets",
         chosen,
         note(),
-        (("tanks", "memory of each", "a sample each, blocks of 60", "one sample a call", "of a core at 1 Hz"), assets()),
+        (
+            ("tanks", "memory of each", "a sample each, blocks of 60", "one sample a call", "of a core at 1 Hz"),
+            assets(),
+        ),
         (("tanks", "threads", "times as fast as one thread", "processor time, of that of one thread"), threads()),
         (("ladder", "hypotheses", "filters", "numbers in each", "a sample", "each filter", "for each number"), banks()),
     )
@@ -130,7 +133,7 @@ def take(block: Samples, monitor: Monitor) -> None:
 
 
 def measured(fleet: Fleet, count: int, rounds: int) -> FloatArray:
-    """Give the processor time of a sample of one asset, s, in blocks of `count`, (rounds,), after one that does not count."""
+    """Give the processor time of a sample of one asset, s, in blocks of `count`, (rounds,), without the first."""
     found = np.empty(rounds + 1)
     for k in range(rounds + 1):
         time_, u, y = repeated(fleet.n_assets, count, fleet.index)

@@ -100,7 +100,7 @@ static void repeat_assets(Fleet *fleet, const Fleet *few)
         Group *to = group_of(fleet, asset / FB_LANES);
         const int64_t other = asset % few->n_assets % FB_LANES, here = asset % FB_LANES;
         for (size_t at = 0; at < sizeof(Group); at += FB_LANES * sizeof(double))
-            memcpy((char *)to + at + (size_t)here * sizeof(double), (const char *)from + at + (size_t)other * sizeof(double), sizeof(double));
+            memcpy((char *)to + at + (size_t)here * 8, (const char *)from + at + (size_t)other * 8, 8);
     }
 }
 

@@ -14,6 +14,9 @@
      9. diagnosis.h  what is said
     10. decide.h     a diagnosis becomes the healthy model, or is ruled out; save.h: a state as bytes
 
+   watching.h is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
+   (fleet.h), and the whole way one by one where a sample is not usual (alone.h).
+
    watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
    stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
 #ifndef FB_MODEL_H

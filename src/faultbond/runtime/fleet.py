@@ -34,7 +34,7 @@ _ORDER = tuple(EventKind)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class AssetEvent:
     """What happened to an asset, by its place in the fleet, at a sample, by its number from the fleet's first on."""
 
     asset: int
@@ -67,9 +67,7 @@ class Fleet:
     >>> events = fleet.block(times, inputs, readings)  # doctest: +SKIP
     """
 
-    def __init__(
-        self, core: Core, n_assets: int, *, time: float = 0.0, quiet: bool = False, threads: int = 1
-    ) -> None:
+    def __init__(self, core: Core, n_assets: int, *, time: float = 0.0, quiet: bool = False, threads: int = 1) -> None:
         if n_assets < 1 or threads < 1:
             raise ValueError(f"a fleet of {n_assets} assets with {threads} threads: at least one of each is expected")
         self.core, self.spec, self.n_assets = core, core.spec, n_assets
@@ -96,7 +94,7 @@ class Fleet:
 
     @property
     def monitors(self) -> Mapping[int, Monitor]:
-        """The assets that have a monitor of their own, by place: in alarm, or lately so, or lost and not found for long."""
+        """The assets that have a monitor of their own, by place: in alarm or lost, or lately so."""
         return MappingProxyType(self._monitors)
 
     @property
@@ -104,7 +102,7 @@ class Fleet:
         """The assets in alarm, in order."""
         return tuple(sorted(asset for asset, item in self._monitors.items() if item.number("clock.alarm") >= 0))
 
-    def block(self, times: FloatArray, inputs: FloatArray, readings: FloatArray) -> tuple[Event, ...]:
+    def block(self, times: FloatArray, inputs: FloatArray, readings: FloatArray) -> tuple[AssetEvent, ...]:
         """Take samples of all assets, and tell what happened, in the order of samples, then of assets.
 
         Parameters
@@ -123,14 +121,14 @@ class Fleet:
         wanted = ((count,), (self.n_assets, count, n_u), (self.n_assets, count, n_y))
         if (time.shape, u.shape, y.shape) != wanted:
             raise ValueError(
-                f"times, inputs and readings of {self.n_assets} assets, {n_u} inputs and {n_y} sensors: shapes {wanted} "
+                f"{self.n_assets} assets, {n_u} inputs, {n_y} sensors: times, inputs, readings of the shapes {wanted} "
                 f"are expected, not {(time.shape, u.shape, y.shape)}"
             )
         if not count:
             return ()
         dt = np.diff(time, prepend=time[0] if self._time is None else self._time)
         self._time = float(time[-1])
-        events: list[Event] = []
+        events: list[AssetEvent] = []
         taken = 0
         while taken < count:
             part = slice(taken, taken + self._begin(time[taken:], dt[taken:]))
@@ -202,7 +200,7 @@ class Fleet:
         """Begin a part of a block; gives how many samples it has."""
         return int(self.core.library.fb_fleet_begin(at(self._memory), len(time), at(time), at(dt)))
 
-    def _part(self, samples: Samples) -> list[Event]:
+    def _part(self, samples: Samples) -> list[AssetEvent]:
         """Take samples of all assets; u, y : (n_assets, n, ...), parts of contiguous arrays."""
         library, n = self.core.library, len(samples)
         left: np.ndarray[tuple[int], np.dtype[np.int64]] = np.full(self.n_assets, -1, dtype=np.int64)
@@ -223,7 +221,7 @@ class Fleet:
                 del self._monitors[asset]
         return events
 
-    def _watched(self, samples: Samples, begun: Mapping[int, int]) -> list[Event]:
+    def _watched(self, samples: Samples, begun: Mapping[int, int]) -> list[AssetEvent]:
         """Let assets that are away take samples, each from its own on; gives what happened, in order."""
         given = [
             (asset, Samples(time=samples.time, dt=samples.dt, u=samples.u[asset], y=samples.y[asset])[first:], first)
@@ -236,23 +234,23 @@ class Fleet:
             found = [event for item in given for event in self._alone(*item)]
         return sorted(found, key=lambda event: (event.sample, event.asset, _ORDER.index(event.kind)))
 
-    def _alone(self, asset: int, samples: Samples, first: int) -> Iterator[Event]:
+    def _alone(self, asset: int, samples: Samples, first: int) -> Iterator[AssetEvent]:
         """Let one monitor take samples, of which the first has that place in the part."""
         monitor, taken = self._monitors[asset], 0
         while taken < len(samples):
             reports = monitor.take(samples[taken:])
             begin = self._index + first + taken
             for lost in np.flatnonzero(reports.status == _LOST).tolist():
-                yield Event(asset=asset, sample=begin + lost, kind=EventKind.LOSS)
+                yield AssetEvent(asset=asset, sample=begin + lost, kind=EventKind.LOSS)
             taken += len(reports)
             last = self._index + first + taken - 1
             if reports.detection is not None:
-                yield Event(asset=asset, sample=last, kind=EventKind.DETECTION, detection=reports.detection)
+                yield AssetEvent(asset=asset, sample=last, kind=EventKind.DETECTION, detection=reports.detection)
             if reports.diagnosis is not None:
-                yield Event(asset=asset, sample=last, kind=EventKind.DIAGNOSIS, diagnosis=reports.diagnosis)
+                yield AssetEvent(asset=asset, sample=last, kind=EventKind.DIAGNOSIS, diagnosis=reports.diagnosis)
 
     def _made(self, asset: int) -> Monitor:
-        """Give a monitor of an asset as it is here; of one that goes away, as it was before the sample at which it does."""
+        """Give a monitor of an asset as it is; of one that goes away, as it was before the sample at which it does."""
         monitor = Monitor(self.core)
         self.core.library.fb_fleet_leave(at(self._memory), asset, monitor.address, at(self._work))
         return monitor

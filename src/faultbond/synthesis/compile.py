@@ -20,8 +20,8 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-# What runs for every lane and sample; what takes longer to compile than it saves. But in the bank nothing is contracted: the
-# healthy filter gives the same digits whatever runs beside it.
+# What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted:
+# the healthy filter gives the same digits alone and in a fleet.
 FAST, QUICK, SAME = ("-O3",), ("-O1", "-ffp-contract=off"), ("-O3", "-ffp-contract=off")
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
