@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def assets() -> list[tuple[str, ...]]:
     """Give the rows of fleets of growing size, as far as memory lets."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for size in SIZES:
         if needed(size) > available():
             told = f"{needed(size) / 2**30:.0f} GiB needed, {available() / 2**30:.0f} free"
@@ -93,7 +93,7 @@ def threads() -> list[tuple[str, ...]]:
 
 def banks() -> list[tuple[str, ...]]:
     """Give the rows of ladders with more and more hypotheses."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for sections, largest in LADDERS:
         monitor, block = diagnosing(sections, largest)
         run = Work(prepare=monitor.copy, run=partial(take, block), count=len(block))
@@ -172,7 +172,8 @@ def repeated(size: int, count: int, first: int = WARM) -> tuple[FloatArray, Floa
     """Give the next samples of a fleet of so many tanks."""
     time_, u, y = _simulated()
     part, again = slice(first, first + count), -(-size // DIFFERENT)
-    return time_[part], *(np.tile(item[:, part], (again, 1, 1))[:size] for item in (u, y))
+    inputs, readings = (np.tile(item[:, part], (again, 1, 1))[:size] for item in (u, y))
+    return time_[part], inputs, readings
 
 
 def needed(size: int) -> float:

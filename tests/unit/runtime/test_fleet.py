@@ -184,8 +184,8 @@ def test_an_asset_comes_back_after_a_diagnosis_was_accepted(hypothesis: str) -> 
     said = [*fleet.block(time[:accept_at], data[1][:, :accept_at], data[2][:, :accept_at])]
     assert fleet.in_alarm == (asset,)
     fleet.accept(asset, fleet.conclude(asset).candidates[0].hypothesis)
-    for first in range(accept_at, rows, 100):
-        part = slice(first, min(first + 100, rows))
+    for begin in range(accept_at, rows, 100):
+        part = slice(begin, min(begin + 100, rows))
         said += fleet.block(time[part], data[1][:, part], data[2][:, part])
         was_back |= asset not in fleet.monitors
     assert was_back
