@@ -30,7 +30,7 @@ def cell(lanes: int = 8) -> Core:
     graph, compiler = parse_model(CELL), required_compiler()
     spec, wide = build_spec(build_model(graph)), build_step_model(build_plant(graph), all_inputs=True)
     flags = (EXACT, f"-DFB_LANES={lanes}")
-    with loadable([compile_library(core_text(spec, wide), (*compiler, *flags))]) as (path,):
+    with loadable([compile_library(core_text(spec, wide) + '#include "threads.c"\n', (*compiler, *flags))]) as (path,):
         return load_core(path, spec, "test")
 
 
