@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from benchmarks.shared.page import arguments, note, publish, selected
-from benchmarks.speed import programs, sizes, steps
+from benchmarks.speed import fleets, programs, sizes, steps
 
 FIGURES = {
     "watching": steps.watching,
@@ -19,6 +19,7 @@ FIGURES = {
     "six_tanks": steps.six_tanks,
     "call": steps.call,
     "longest": steps.longest,
+    "fleet": fleets.per_step,
     "run": programs.run,
     "first_sample": programs.first_sample,
     "rows": programs.rows,

@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     from faultbond.model.graph import BondGraph
     from faultbond.model.text import dump_model, load_model, parse_model
     from faultbond.runtime.core import Core
+    from faultbond.runtime.fleet import AssetEvent, EventKind, Fleet
     from faultbond.runtime.monitor import Monitor
     from faultbond.runtime.names import find_hypothesis, is_sure
 
 __all__ = [
     "Advice",
+    "AssetEvent",
     "BondGraph",
     "Candidate",
     "CausalityError",
@@ -41,7 +43,9 @@ __all__ = [
     "Diagnosis",
     "Engine",
     "EngineSpec",
+    "EventKind",
     "FaultbondError",
+    "Fleet",
     "GenerationError",
     "ModelBuilder",
     "ModelError",
@@ -72,6 +76,7 @@ __getattr__ = lazily(
         "model.graph": "BondGraph",
         "model.text": "dump_model load_model parse_model",
         "runtime.core": "Core",
+        "runtime.fleet": "AssetEvent EventKind Fleet",
         "runtime.monitor": "Monitor",
         "runtime.names": "find_hypothesis is_sure",
     },

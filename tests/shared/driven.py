@@ -105,9 +105,9 @@ def write_recording(path: Path, samples: Sequence[Sample]) -> Path:
 
 
 @cache
-def made(name: str, rows: int, fault: Fault | None = None) -> tuple[Sample, ...]:
+def made(name: str, rows: int, fault: Fault | None = None, seed: int = 2) -> tuple[Sample, ...]:
     """Samples of a plant with noise, inputs stepping at random, and perhaps a fault."""
-    graph, generator = graph_of(name), np.random.default_rng(6)
+    graph, generator = graph_of(name), np.random.default_rng(seed + 4)
     dt = graph.sample_time or 1.0
     time = np.asarray(np.arange(rows) * dt, dtype=np.float64)
     ranges = {"percent": (30.0, 90.0, 30.0)}  # by unit: lowest, highest, shortest step, s
@@ -117,7 +117,7 @@ def made(name: str, rows: int, fault: Fault | None = None) -> tuple[Sample, ...]
         columns.append(random_steps(time, generator, low=low, high=high, shortest=shortest, longest=3.0 * shortest))
     inputs = Inputs(time=time, values=np.array(columns).reshape(-1, rows).T)
     start = {"tank.q": 0.2} if name == "tank" else None
-    found = simulate(graph, inputs, [fault] if fault else [], seed=2, start=start)
+    found = simulate(graph, inputs, [fault] if fault else [], seed=seed, start=start)
     steps = np.diff(time, prepend=time[0])
     return tuple(
         Sample(time=float(time[k]), dt=float(steps[k]), u=found.inputs[k], y=found.outputs[k]) for k in range(rows)

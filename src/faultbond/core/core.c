@@ -15,6 +15,9 @@
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
                      bytes
 
+   watching.h is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
+   (fleet.h), and the whole way one by one where a sample is not usual (alone.h), if FB_FLEETS is defined.
+
    watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
    stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
 #ifndef FB_MODEL_H
@@ -24,6 +27,9 @@
 #include "decide.h"
 #include "fb.h"
 #include "save.h"
+#ifdef FB_FLEETS
+#include "alone.h"
+#endif
 
 #ifdef __cplusplus
 extern "C" {
@@ -182,6 +188,58 @@ void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, 
 {
     filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.wide);
 }
+
+#ifdef FB_FLEETS
+int64_t fb_fleet_size(int64_t n_assets) { return (int64_t)(sizeof(Fleet) + (size_t)N_GROUPS(n_assets) * sizeof(Group)); }
+
+/* Bytes up to which memory is used, up to whole lines of the cache. */
+static int64_t in_lines(int64_t bytes) { return (bytes + 63) / 64 * 64; }
+
+int64_t fb_fleet_work_size(void) { return in_lines((int64_t)sizeof(AloneMemory)) + in_lines(lanes_memory_size()); }
+
+void fb_fleet_init(void *fleet, void *work, int64_t n_assets, double time, int64_t quiet)
+{
+    begin_fleet((Fleet *)fleet, n_assets, time, quiet, &((AloneMemory *)work)->state);
+}
+
+void fb_fleet_repeat(void *fleet, const void *few) { repeat_assets((Fleet *)fleet, (const Fleet *)few); }
+
+int64_t fb_fleet_begin(void *fleet, int64_t n, const double *times, const double *steps)
+{
+    Fleet *known = (Fleet *)fleet;
+    const int64_t most = KEPT_EVERY - known->index % KEPT_EVERY, count = n < most ? n : most;
+    for (int64_t t = 0; t < count; t++) {
+        known->times[(known->index + t) % TIMES] = times[t];
+        known->steps[(known->index + t) % TIMES] = steps[t];
+    }
+    return count;
+}
+
+void fb_fleet_watch(void *fleet, void *work, int64_t part, int64_t n_parts, int64_t n, int64_t stride, const double *inputs,
+                    const double *readings, int64_t *left)
+{
+    Fleet *known = (Fleet *)fleet;
+    AloneMemory *alone = (AloneMemory *)work;
+    const int64_t n_groups = N_GROUPS(known->n_assets);
+    const Portion portion = {n, stride, inputs, readings, left};
+    prepare_filters(&alone->work.filters);
+    watch_groups(known, &portion, n_groups * part / n_parts, n_groups * (part + 1) / n_parts,
+                 (char *)work + in_lines((int64_t)sizeof(AloneMemory)), alone);
+}
+
+void fb_fleet_end(void *fleet, int64_t n) { ((Fleet *)fleet)->index += n; }
+
+void fb_fleet_leave(void *fleet, int64_t asset, void *state, void *work)
+{
+    prepare_filters(&((Work *)work)->filters);
+    leave((Fleet *)fleet, asset, (State *)state, (Work *)work);
+}
+
+int64_t fb_fleet_return(void *fleet, int64_t asset, const void *state)
+{
+    return come_back((Fleet *)fleet, asset, (const State *)state);
+}
+#endif
 
 #ifdef __cplusplus
 }

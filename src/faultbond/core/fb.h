@@ -89,6 +89,38 @@ void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples,
 void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                      void *work);
 
+/* A fleet: many assets of one model that see samples at the same times, watched side by side. It is fb_fleet_size bytes, and
+   each thread needs fb_fleet_work_size bytes of memory, which is zero at first; both begin where a cache line does.
+
+   A block of samples: fb_fleet_begin tells its times and steps, and gives how many of them are taken now (the others come in a
+   block of their own); fb_fleet_watch takes them into one of n_parts parts of the fleet, which several threads may do at a
+   time (threads.c), each part once; fb_fleet_end ends the block. */
+int64_t fb_fleet_size(int64_t n_assets);
+int64_t fb_fleet_work_size(void);
+void fb_fleet_init(void *fleet, void *work, int64_t n_assets, double time, int64_t quiet);
+void fb_fleet_repeat(void *fleet, const void *few); /* take over the assets of another fleet, again and again */
+int64_t fb_fleet_begin(void *fleet, int64_t n, const double *times, const double *steps);
+
+/* inputs [assets][stride][N_INPUTS] and readings [assets][stride][N_OUTPUTS], of which n samples of each asset are taken. An
+   asset that raises an alarm, or whose filter is lost, at a sample goes away before it: its place in the block is written to
+   left [assets], whose entries are not touched else. */
+void fb_fleet_watch(void *fleet, void *work, int64_t part, int64_t n_parts, int64_t n, int64_t stride, const double *inputs,
+                    const double *readings, int64_t *left);
+void fb_fleet_end(void *fleet, int64_t n);
+
+/* Give the state of an asset that is here, or that went away in this block, as it was before the sample at which it did; `work`:
+   fb_work_size bytes. That of one that is away takes samples by itself. */
+void fb_fleet_leave(void *fleet, int64_t asset, void *state, void *work);
+
+/* Let an asset come back, whose state has taken all samples so far; 1 where it does. It cannot before some hundred samples
+   have passed since a diagnosis was accepted, and only at the end of some blocks: to be tried at each. */
+int64_t fb_fleet_return(void *fleet, int64_t asset, const void *state);
+
+/* The part of fb_fleet_watch for all parts, each by a thread of its own with its own memory: work [n_parts], where the system
+   has threads; else one after the other. Stands in threads.c, apart from the core. */
+void fb_fleet_watch_all(void *fleet, void **work, int64_t n_parts, int64_t n, int64_t stride, const double *inputs,
+                        const double *readings, int64_t *left);
+
 #ifdef __cplusplus
 }
 #endif

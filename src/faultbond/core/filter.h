@@ -18,6 +18,9 @@ typedef struct {
     Expected first, second;
     lanes p_first[N_PACKED], p_second[N_PACKED];
     lanes lane[N_NUMBERS], innovations[2 * N_OUTPUTS];
+#if defined(FB_ONE_IS_APART) && !N_SLOT
+    double one[ONE_NUMBERS]; /* that of the filter that is one lane wide */
+#endif
 } Filter;
 
 /* Take one sample into FB_LANES lanes: predict, compare, update.
@@ -26,7 +29,7 @@ typedef struct {
    says little, the first result differs from the mean by little but noise: slopes taken there go with the noise they are
    to weigh, and thousands of such samples drag the estimates away. The healthy lane never does: after a fault the first
    result lies far off, and a second update would explain any fault away. */
-FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
+FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample,
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
 
 /* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
@@ -54,6 +57,19 @@ static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRI
     for (int k = 0; k < N_NOISY; k++) v[AT_SLOT + NOISY[k]] += z[AT_NOISE + k];
 }
 
+/* The inputs as the model takes them. Where each lane has its own they are taken as errors of inputs that are zero. */
+static inline const double *inputs_of(const given *FB_RESTRICT u, lanes *FB_RESTRICT v)
+{
+#ifdef FB_OWN_SAMPLES
+    static const double none[FB_ROOM(N_INPUTS)] = {0.0};
+    for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] += u[k];
+    return none;
+#else
+    (void)v;
+    return u;
+#endif
+}
+
 /* Add a slope by column c of v to a row of slopes by z. */
 static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, lanes *FB_RESTRICT row)
 {
@@ -70,7 +86,7 @@ static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, l
 
 /* Covariance of the states after a step with slopes A by z: A P A' and A P with the rest, which is still as before. */
 static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT], lanes (*FB_RESTRICT t)[N_JOINT],
-                          const double *FB_RESTRICT sample)
+                          const given *FB_RESTRICT sample)
 {
     for (int i = 0; i < N_STATES; i++)
         for (int j = 0; j < N_JOINT; j++) t[i][j] = broadcast(0.0);
@@ -88,20 +104,19 @@ static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT],
             for (int e = STATE_ROW[j]; e < STATE_ROW[j + 1]; e++) sum += t[i][STATE_PLACE[e]] * a[j][STATE_PLACE[e]];
             p[PLACE(i, j)] = sum;
         }
-        const double gap = sample[SAMPLE_GAP + i];
-        p[PLACE(i, i)] += (sample[SAMPLE_DT] > 0.0 ? STATE_VARIANCE[i] : 0.0) + gap * gap;
+        const given gap = sample[SAMPLE_GAP + i];
+        p[PLACE(i, i)] += (SHARED(sample[SAMPLE_DT]) > 0.0 ? STATE_VARIANCE[i] : 0.0) + gap * gap;
         for (int j = N_STATES; j < N_JOINT; j++) p[PLACE(i, j)] = t[i][j];
     }
 }
 
 /* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew. */
-static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample)
+static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
 {
     lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
-    const double dt = sample[SAMPLE_DT];
     for (int k = 0; k < N_SLOW; k++) {
         const int i = AT_SLOW + k;
-        const double decay = exp(-dt / SLOW_MEMORY[k]);
+        const double decay = decays[k];
         for (int j = 0; j < i; j++) p[PLACE(j, i)] *= decay;
         p[PLACE(i, i)] *= decay * decay;
         p[PLACE(i, i)] += SLOW_VARIANCE[k] * (1.0 - decay * decay) + sample[SAMPLE_KICK + k];
@@ -110,6 +125,7 @@ static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sampl
     }
 #if N_SLOT > 0
     const int size = AT_SLOT, rate = AT_SLOT + 1;
+    const double dt = SHARED(sample[SAMPLE_DT]);
     for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
     p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
     p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];
@@ -125,30 +141,31 @@ static void spread_rest(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sampl
 }
 
 /* From the sample before to this one: z and covariance move on. The input was held at `u_before`. */
-static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, Filter *FB_RESTRICT work)
+static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V];
     joint_to_model(lane, lane, v);
-    integrate(v, sample + SAMPLE_U_BEFORE, sample[SAMPLE_DT], lane + AT_IMPLICIT, &work->step);
+    const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U_BEFORE, v);
+    integrate(v, u, SHARED(sample[SAMPLE_DT]), lane + AT_IMPLICIT, &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);
         lane[i] = v[i];
     }
     spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
-    spread_rest(lane, sample);
+    spread_rest(lane, sample, work->step.decay);
 }
 
 /* Noise variance of a sensor; while it is blanked, whatever noise it has is nothing. */
-static inline lanes noise_of(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int j)
+static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, int j)
 {
-    const double declared = OUTPUT_VARIANCE[j] * sample[SAMPLE_SCALE + j];
+    const given declared = OUTPUT_VARIANCE[j] * sample[SAMPLE_SCALE + j];
 #if N_SLOT > 0
     if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return declared * lane[ROLE_NOISE + j];
 #else
     (void)lane;
 #endif
-    return broadcast(declared);
+    return EACH(declared);
 }
 
 /* Slope of sensor j along a vector. */
@@ -185,13 +202,14 @@ static inline void take_off(const lanes *from, lanes weight[][N_JOINT], lanes cr
 }
 
 /* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */
-static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const double *FB_RESTRICT sample,
+static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT sample,
                    lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
 {
     lanes v[N_V], slopes[FB_ROOM(N_READING_SLOPES)];
     joint_to_model(lane, z, v);
-    solve_implicit(v, sample + SAMPLE_U, implicit);
-    model_readings(v, sample + SAMPLE_U, implicit, found->y, slopes);
+    const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U, v);
+    solve_implicit(v, u, implicit);
+    model_readings(v, u, implicit, found->y, slopes);
     for (int j = 0; j < N_OUTPUTS; j++) {
         lanes *FB_RESTRICT row = found->slope[j];
         for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] = broadcast(0.0);
@@ -216,10 +234,10 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
 
    The covariance is written once, at the end. Of many sensors what each has told would add up to rounding errors of what
    was not known before, so there it is written after each of them. */
-static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expected *FB_RESTRICT found,
+static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected *FB_RESTRICT found,
                     lanes *FB_RESTRICT shift, lanes *p_next, int counted)
 {
-    const double bound = sample[SAMPLE_BOUND] > 0.0 ? sample[SAMPLE_BOUND] : NO_BOUND;
+    const double limit = SHARED(sample[SAMPLE_BOUND]), bound = limit > 0.0 ? limit : NO_BOUND;
     lanes weight[N_OUTPUTS][N_JOINT], gained = broadcast(0.0);
     for (int i = 0; i < N_JOINT; i++) shift[i] = broadcast(0.0);
     for (int j = 0; j < N_OUTPUTS; j++) {
@@ -231,7 +249,7 @@ static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expecte
         }
         const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
         const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
-        const double use = sample[SAMPLE_USE + j], nis = sample[SAMPLE_NIS + j], usual = nis > 0.0 ? nis : 1.0;
+        const given use = sample[SAMPLE_USE + j], nis = sample[SAMPLE_NIS + j], usual = GIVEN(nis > 0.0, nis, 1.0);
         const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
         const lanes step = v_fmin(v_fmax(innovation, -most), most);
         for (int i = 0; i < N_JOINT; i++) {
@@ -243,7 +261,7 @@ static lanes update(const lanes *lane, const double *FB_RESTRICT sample, Expecte
         /* In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit. */
         const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
         const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
-        gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / fmax(usual, 1.0);
+        gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / GIVEN(usual > 1.0, usual, 1.0);
     }
     if (!MANY_OUTPUTS && p_next) take_off(lane + AT_COVARIANCE, weight, found->cross, N_OUTPUTS, p_next);
     return gained;
@@ -258,7 +276,7 @@ static void shifted(const lanes *FB_RESTRICT z, const lanes *FB_RESTRICT shift, 
 
 /* Differences and variances of each sensor by itself, as the detector wants them; tells where the sample says much: the
    variance of what is expected of a sensor that is used, in that of its noise. */
-static mask innovate(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, const Expected *FB_RESTRICT found,
+static mask innovate(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const Expected *FB_RESTRICT found,
                       lanes *FB_RESTRICT innovations)
 {
     lanes foretold = broadcast(0.0);
@@ -274,7 +292,7 @@ static mask innovate(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sa
 /* Update a second time, linearised at the parameters and the slot of the first result, where `again` is true. `guess`,
    `p_first`: the first result; the former is changed, the latter NULL where no lane keeps it. The states are taken where
    they were predicted. */
-static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, mask again, lanes *FB_RESTRICT guess,
+static void update_again(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, mask again, lanes *FB_RESTRICT guess,
                          const lanes *FB_RESTRICT p_first, Filter *FB_RESTRICT work)
 {
     lanes middle[N_JOINT], apart[N_JOINT], shift[N_JOINT], second[N_JOINT], better[FB_ROOM(N_IMPLICIT)];
@@ -294,7 +312,7 @@ static void update_again(lanes *FB_RESTRICT lane, const double *FB_RESTRICT samp
     for (int k = 0; k < N_IMPLICIT; k++) lane[AT_IMPLICIT + k] = choose(again, better[k], lane[AT_IMPLICIT + k]);
 }
 
-FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample,
+FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample,
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work)
 {
     lanes shift[N_JOINT], guess[N_JOINT];
@@ -302,7 +320,7 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const double *FB_RESTRIC
     predict(lane, sample, work);
     expect(lane, lane, sample, lane + AT_IMPLICIT, found);
     const mask says_much = innovate(lane, sample, found, innovations);
-    const int again = !LINEAR_READINGS && sample[SAMPLE_AGAIN] > 0.0 && any_of(says_much);
+    const int again = !LINEAR_READINGS && SHARED(sample[SAMPLE_AGAIN]) > 0.0 && any_of(says_much);
     lanes *p_first = !again ? lane + AT_COVARIANCE : MANY_OUTPUTS || !all_of(says_much) ? work->p_first : NULL;
     lane[AT_LIKELIHOOD] += update(lane, sample, found, shift, p_first, 1);
     shifted(lane, shift, guess);

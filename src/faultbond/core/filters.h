@@ -1,4 +1,4 @@
-/* The joint filter (`filter.h`) for both kinds of lanes: Filter_plain, filter_step_plain, Filter_wide, filter_step_wide, ...
+/* The joint filter (`filter.h`) for its kinds of lanes: Filter_plain, filter_step_plain, Filter_wide, filter_step_wide, ...
    In that text the names below stand for those of one kind. */
 #ifndef FB_FILTERS_H
 #define FB_FILTERS_H
@@ -33,6 +33,7 @@
 #define Filter OF_KIND(Filter)
 #define joint_to_model OF_KIND(joint_to_model)
 #define add_by_z OF_KIND(add_by_z)
+#define inputs_of OF_KIND(inputs_of)
 #define spread_states OF_KIND(spread_states)
 #define spread_rest OF_KIND(spread_rest)
 #define predict OF_KIND(predict)
@@ -49,6 +50,22 @@
 #define filter_lanes OF_KIND(filter_lanes)
 #define expect_signals OF_KIND(expect_signals)
 
+/* The filter of one lane is compiled once more, one lane wide, where it is a text of its own, one.c: it takes half the time of
+   one that is as wide as the bank's. It needs memory of its own, which begins with `Step.dt`. */
+#define ONE_NUMBERS \
+    (3 + FB_ROOM(N_SLOW) + FB_ROOM(N_STATES) * (FB_ROOM(N_STATES) + 4 * N_V + 2 * PLAIN_JOINT) + \
+     2 * N_OUTPUTS * (2 + 2 * PLAIN_JOINT) + 2 * TRIANGLE(PLAIN_JOINT) + PLAIN_NUMBERS)
+#if defined(FB_APART) && FB_LANES > 1
+#define FB_ONE_IS_APART
+void filter_step_one(double *lane, const double *sample, double *innovations, double *memory);
+#endif
+
+/* A sample is the same for all lanes, */
+#define given double
+#define SHARED(a) (a)
+#define EACH(a) broadcast(a)
+#define GIVEN(is, a, b) ((is) ? (a) : (b))
+
 #define FB_KIND _plain
 #define N_SLOT 0
 #include "filter.h"
@@ -59,8 +76,36 @@
 #define N_SLOT 2
 #include "filter.h"
 
+/* or each lane, an asset of a fleet, has its own, but for the step in time and what the filter is to do. */
+#ifdef FB_HOLDS_FLEET
 #undef FB_KIND
 #undef N_SLOT
+#undef given
+#undef SHARED
+#undef EACH
+#undef GIVEN
+#define FB_KIND _beside
+#define N_SLOT 0
+#define FB_OWN_SAMPLES
+#define given lanes
+#define SHARED(a) first_of(a)
+#define EACH(a) (a)
+#define GIVEN(is, a, b) choose(is, a, broadcast(b))
+#define SYMMETRIC_beside SYMMETRIC_plain
+#define STATE_ROW_beside STATE_ROW_plain
+#define STATE_PLACE_beside STATE_PLACE_plain
+#define OUT_ROW_beside OUT_ROW_plain
+#define OUT_PLACE_beside OUT_PLACE_plain
+#include "filter.h"
+#undef FB_OWN_SAMPLES
+#endif
+
+#undef FB_KIND
+#undef N_SLOT
+#undef given
+#undef SHARED
+#undef EACH
+#undef GIVEN
 #undef N_JOINT
 #undef N_PACKED
 #undef AT_NOISE
@@ -79,6 +124,7 @@
 #undef Filter
 #undef joint_to_model
 #undef add_by_z
+#undef inputs_of
 #undef spread_states
 #undef spread_rest
 #undef predict

@@ -40,7 +40,8 @@ typedef lanes steep;
 
 /* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
 typedef struct {
-    double dt;                             /* of the step that `m` and `slope` are of; nan: of none yet */
+    double dt;                             /* of the step that `decay`, `m` and `slope` are of; nan: of none yet */
+    double decay[FB_ROOM(N_SLOW)];         /* what is left of the slow errors after it */
     steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
     steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
     steep k1[FB_ROOM(N_STATES)][N_V];      /* slopes of the rates of both stages, */
@@ -179,6 +180,7 @@ static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, double 
 {
     const double h = dt / SUBSTEPS;
     const int anew = !RATES_ARE_LINEAR || dt != step->dt;
+    for (int k = 0; k < N_SLOW && dt != step->dt; k++) step->decay[k] = exp(-dt / SLOW_MEMORY[k]);
     lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;

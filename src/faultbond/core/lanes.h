@@ -11,6 +11,10 @@ static inline lanes choose(mask m, lanes a, lanes b) { return m ? a : b; }
 static inline lanes broadcast(double a) { return a; }
 static inline int any_of(mask m) { return m != 0; }
 static inline int all_of(mask m) { return m != 0; }
+static inline mask opposite(mask m) { return m == 0; }
+static inline int holds(mask m, int lane) { return lane == 0 && m != 0; }
+static inline int64_t whole_of(mask m, int lane) { return lane == 0 ? m : 0; }
+static inline mask larger_whole(mask a, mask b) { return a > b ? a : b; }
 static inline mask bits_of(lanes a) { mask r; memcpy(&r, &a, sizeof r); return r; }
 static inline lanes of_bits(mask a) { lanes r; memcpy(&r, &a, sizeof r); return r; }
 static inline lanes of_whole(mask a) { return (double)a; }
@@ -42,6 +46,10 @@ static inline int any_of(mask m)
     return found != 0;
 }
 static inline int all_of(mask m) { return !any_of(~m); }
+static inline mask opposite(mask m) { return ~m; }
+static inline int holds(mask m, int lane) { return m[lane] != 0; }
+static inline int64_t whole_of(mask m, int lane) { return m[lane]; }
+static inline mask larger_whole(mask a, mask b) { return (a & (mask)(a > b)) | (b & ~(mask)(a > b)); }
 
 #define FB_EACH(name) \
     static inline lanes v_##name(lanes a) { for (int l = 0; l < FB_LANES; l++) a[l] = name(a[l]); return a; }
@@ -59,6 +67,7 @@ static inline void store(double *to, lanes a) { memcpy(to, &a, sizeof a); }
 static inline lanes v_fmin(lanes a, lanes b) { return choose(a < b, a, b); }
 static inline lanes v_fmax(lanes a, lanes b) { return choose(a > b, a, b); }
 static inline lanes v_fabs(lanes a) { return choose(a < 0.0, -a, a); }
+static inline lanes magnitude(lanes a) { return of_bits(bits_of(a) & 0x7fffffffffffffffLL); } /* of -0 too */
 
 /* Within a range; an end that is infinite is none. */
 static inline lanes clamp(lanes a, double low, double high)

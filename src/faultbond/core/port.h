@@ -19,6 +19,16 @@
 #define FB_HOLDS_FILTERS
 #endif
 
+/* So is the usual way of many assets side by side: fleet.c. */
+#if defined(FB_APART) || defined(FB_FLEET_APART)
+#define FB_OF_FLEETS
+#else
+#define FB_OF_FLEETS static
+#endif
+#ifndef FB_APART
+#define FB_HOLDS_FLEET
+#endif
+
 #if defined(__cplusplus)
 #define FB_RESTRICT __restrict
 #else

@@ -22,57 +22,11 @@
 #define N_HYPOTHESES (N_BEGUN + N_RESERVE)    /* then those in reserve */
 #define BLOCKS(n) (((n) + GROUP - 1) / GROUP)
 
-/* Where the run stands, in samples; -1: not yet. */
-typedef struct {
-    int64_t index;      /* samples seen */
-    int64_t begun;      /* first sample with a value of every input */
-    int64_t running;    /* 1 once the filter runs */
-    int64_t alarm;      /* sample of the alarm */
-    int64_t detections; /* alarms so far */
-    int64_t accepted;   /* sample at which a diagnosis was accepted last */
-    int64_t silent;     /* samples without any value, up to this one */
-    int64_t quiet;      /* 1: no alarm is raised, as where a model is tried */
-    double pause;       /* usual number of silent ones before a sample with a value; where rows are the grid, usual s between rows */
-    double time;        /* s */
-} Clock;
-
-/* What is known of the inputs, SI. */
-typedef struct {
-    double held[FB_ROOM(N_INPUTS)];       /* last values */
-    double earlier[FB_ROOM(N_INPUTS)];    /* those of the sample before */
-    double lowest[FB_ROOM(N_INPUTS)];     /* least value that was seen; inf: none yet */
-    double highest[FB_ROOM(N_INPUTS)];
-    double leap[FB_ROOM(N_INPUTS)];       /* usual change from one sample to the next, root of a mean of squares */
-    double guessed[FB_ROOM(N_INPUTS)];    /* samples since each was told */
-    double habit[FB_ROOM(N_INPUTS)];      /* part of the samples with any value in which each is told */
-    double since_step[FB_ROOM(N_INPUTS)]; /* s since the last step */
-    double change[FB_ROOM(N_INPUTS)];     /* change that is still felt */
-    double odd[FB_ROOM(N_INPUTS)];        /* value that was refused at the last sample; nan: none was */
-    int64_t odd_since;                    /* sample at which the first of these was refused */
-    double rival[PLAIN_NUMBERS];          /* the healthy filter as it is if they are real, */
-    double gain;                          /* and by how much the readings have spoken for it, sd^2 */
-} Inputs;
-
-/* What is known of the sensors, and the sums of the detector; a side is up (0) or down (1). */
-typedef struct {
-    double shown[2][N_OUTPUTS];            /* least and greatest reading, SI */
-    double spent[N_OUTPUTS];               /* patience with wild values that is used up */
-    double nis[N_OUTPUTS];                 /* usual square of a normalised innovation while healthy; 1: as declared */
-    double cusum[2][N_OUTPUTS];            /* slow sums, */
-    double cusum_start[2][N_OUTPUTS];      /* and the sample after which each began to grow */
-    double fast[2][N_OUTPUTS];             /* sums with the larger drift */
-    double scatter[LAGS][N_OUTPUTS];       /* sums of the scatter */
-    double scatter_start[LAGS][N_OUTPUTS];
-    double before[LAGS][N_OUTPUTS];        /* last innovations in their sd, the newest first; nan: none */
-} Sensors;
-
-/* The healthy filter. */
-typedef struct {
-    double lane[PLAIN_NUMBERS];
-    double travel[2][FB_ROOM(N_STATES)];      /* least and greatest value of each state, */
-    double astray[FB_ROOM(N_STATES)];         /* and the sd that is left of a gap */
-    double snapshots[SNAPSHOTS][PLAIN_NUMBERS]; /* the lane every so many samples, in turn */
-} Healthy;
+#define real double
+#define whole int64_t
+#include "watched.h"
+#undef real
+#undef whole
 
 /* A sample that is kept: packed, with the healthy lane after it, its time, and its largest innovation in sd. */
 typedef struct {

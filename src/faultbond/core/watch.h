@@ -138,20 +138,21 @@ static int64_t learned_from(const Clock *clock)
     return (clock->begun > clock->accepted ? clock->begun : clock->accepted) + SNAPSHOT_EVERY;
 }
 
+/* Where the healthy lane of a sample is kept for long; -1: it is not. */
+static int64_t snapshot_of(const Clock *clock)
+{
+    const int64_t since = clock->index - learned_from(clock);
+    return since >= 0 && since % SNAPSHOT_EVERY == 0 ? since / SNAPSHOT_EVERY % SNAPSHOTS : -1;
+}
+
 /* Take the healthy lane after a sample, with what is kept of it for long. */
 static void remember(State *state, const double *lane)
 {
     Healthy *healthy = &state->healthy;
-    int sought = 0; /* after a gap the states are sought, and not known well */
-    for (int i = 0; i < N_STATES; i++) sought |= healthy->astray[i] != 0.0;
     memcpy(healthy->lane, lane, sizeof healthy->lane);
-    for (int i = 0; i < N_STATES && !sought; i++) {
-        healthy->travel[0][i] = fmin(healthy->travel[0][i], lane[i]);
-        healthy->travel[1][i] = fmax(healthy->travel[1][i], lane[i]);
-    }
-    const int64_t since = state->clock.index - learned_from(&state->clock);
-    if (since >= 0 && since % SNAPSHOT_EVERY == 0)
-        memcpy(healthy->snapshots[since / SNAPSHOT_EVERY % SNAPSHOTS], lane, sizeof healthy->snapshots[0]);
+    learn_travel(healthy);
+    const int64_t slot = snapshot_of(&state->clock);
+    if (slot >= 0) memcpy(healthy->snapshots[slot], lane, sizeof healthy->snapshots[0]);
 }
 
 /* The oldest healthy lane that is kept; NULL before the first, and where that is of after the alarm. */
@@ -178,14 +179,6 @@ static void trail_of(const State *state, Trail *trail)
     trail->alarm = (clock->alarm >= 0 ? clock->alarm : clock->index) - oldest;
     trail->old = oldest_lane(state);
     find_bursts(trail);
-}
-
-/* Whether the healthy lane is one to go on from. */
-static int is_sound(const double *lane)
-{
-    int finite = 1;
-    for (int64_t i = 0; i < PLAIN_NUMBERS; i++) finite &= isfinite(lane[i]) != 0;
-    return finite;
 }
 
 /* The filter lost the plant: it starts anew. Where a lost one believed the plant it has not been. */

@@ -18,7 +18,6 @@
 #define RECOVERY 50.0       /* and samples after which it is one more again */
 #define PENDING 20          /* samples for which an input that goes on may wait for the readings to tell */
 #define TELLING 9.0         /* difference of the sums of squares, in sd, that decides between two pasts */
-#define SPIKE 4.0           /* sd of an innovation that may be due to one; */
 #define SPIKE_BACK 0.5      /* part of the way that an input may be off after it */
 #define MOST_SAID 20.0      /* sd of an innovation beyond which it counts no more there */
 #define ABSURD 100.0        /* sizes of a state beyond which no past is believed to have taken it */
@@ -204,21 +203,6 @@ static int64_t admit(State *state, const Sample *sample, double *earlier, double
     return 0;
 }
 
-/* Whether innovation j lies more than so many sd off. */
-static int is_off(const double *innovations, int j, double sd)
-{
-    return fabs(innovations[j]) > sd * sqrt(larger(innovations[N_OUTPUTS + j], 0.0));
-}
-
-/* Whether a reading lies so far from what the healthy filter expects, by its innovations [2 * N_OUTPUTS], that it, or an
-   input before it, may be wild; or one did so lately. */
-static int is_surprising(const Sensors *sensors, const double *packed, const double *innovations)
-{
-    for (int j = 0; j < N_OUTPUTS; j++)
-        if (sensors->spent[j] != 0.0 || (packed[SAMPLE_USE + j] > 0.0 && is_off(innovations, j, SPIKE))) return 1;
-    return 0;
-}
-
 /* Change a packed sample to what it is if inputs that left their value for one sample had not, if the readings say so; gives
    1 where they do. `lane`: the healthy one before the sample, `earlier`: see `admit`. */
 static int without_spike(const Normal *normal, const double *lane, const double *earlier, double *packed,
@@ -246,13 +230,6 @@ static void show(Sensors *sensors, int j, double y)
 {
     sensors->shown[0][j] = smaller(sensors->shown[0][j], y);
     sensors->shown[1][j] = larger(sensors->shown[1][j], y);
-}
-
-/* What is known of the sensors after the readings of a packed sample. */
-static void see(Sensors *sensors, const double *packed)
-{
-    for (int j = 0; j < N_OUTPUTS; j++)
-        if (packed[SAMPLE_USE + j] > 0.0) show(sensors, j, packed[SAMPLE_Y + j]);
 }
 
 /* A reading within what sensor j has shown and so many widths of it more; any where it showed nothing. */

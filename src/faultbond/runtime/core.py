@@ -244,6 +244,17 @@ _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
     "fb_advance_plain": (None, (_LONG, _LONG, *[_POINTER] * 4)),
     "fb_advance_wide": (None, (_LONG, _LONG, *[_POINTER] * 4)),
 }
+_FLEET_CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "fb_fleet_size": (_LONG, (_LONG,)),
+    "fb_fleet_work_size": (_LONG, ()),
+    "fb_fleet_init": (None, (_POINTER, _POINTER, _LONG, _DOUBLE, _LONG)),
+    "fb_fleet_repeat": (None, (_POINTER, _POINTER)),
+    "fb_fleet_begin": (_LONG, (_POINTER, _LONG, _POINTER, _POINTER)),
+    "fb_fleet_watch_all": (None, (_POINTER, _POINTER, *[_LONG] * 3, *[_POINTER] * 3)),
+    "fb_fleet_end": (None, (_POINTER, _LONG)),
+    "fb_fleet_leave": (None, (_POINTER, _LONG, _POINTER, _POINTER)),
+    "fb_fleet_return": (_LONG, (_POINTER, _LONG, _POINTER)),
+}
 
 
 def load_core(path: Path, spec: EngineSpec, compiler: str) -> Core:
@@ -256,7 +267,8 @@ def load_core(path: Path, spec: EngineSpec, compiler: str) -> Core:
     """
     try:
         library = ctypes.CDLL(str(path))
-        for name, (result, arguments) in _CALLS.items():
+        fleets = _FLEET_CALLS if hasattr(library, "fb_fleet_size") else {}
+        for name, (result, arguments) in (_CALLS | fleets).items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as problem:

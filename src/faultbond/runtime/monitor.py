@@ -157,6 +157,11 @@ class Monitor:
         self.core.library.fb_save(at(self._state), at(saved))
         return saved
 
+    @property
+    def address(self) -> int:
+        """Where its state stands in memory, for calls of the core."""
+        return at(self._state)
+
     def copy(self) -> "Monitor":
         """Give another monitor that remembers the same."""
         other = Monitor(self.core)

@@ -20,8 +20,12 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-FAST, QUICK = "-O3", "-O1"  # what runs for every lane and sample; what takes longer to compile than it saves
-HASTY = "-Og"  # instead of the latter: half its time, and a healthy sample takes a tenth longer
+# What runs for every lane and sample; what takes longer to compile than it saves; and that in half the time, with which a healthy
+# sample takes a tenth longer. Only in the bank sums are contracted: the healthy filter gives the same digits alone and in a
+# fleet.
+FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
+QUICK, HASTY = ("-O1", "-ffp-contract=off"), ("-Og", "-ffp-contract=off")
+FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
 ZIG_FLAGS = ("-rtlib=none",) if sys.maxsize > 2**32 else ()
@@ -67,8 +71,8 @@ def compiler_title(compiler: tuple[str, ...]) -> str:
     return "zig cc" if compiler == ZIG else " ".join(compiler)
 
 
-def compile_core(model: str, compiler: tuple[str, ...]) -> Library:
-    """Give the core of a model, `model.h`, compiling it if the cache does not hold it.
+def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False) -> Library:
+    """Give the core of a model, `model.h`, compiling it if the cache does not hold it; perhaps with what fleets need.
 
     Raises
     ------
@@ -78,8 +82,16 @@ def compile_core(model: str, compiler: tuple[str, ...]) -> Library:
         Where others may write the cache.
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    parts = {"fast": ('#include "filters.c"\n', FAST), "rest": ('#define FB_APART\n#include "core.c"\n', _quick())}
-    return _kept((model, *files), compiler, partial(_compile, {"model.h": model}, parts))
+    parts = {
+        "bank": ('#include "filters.c"\n', FAST),
+        "lane": ('#include "one.c"\n', SAME),
+        "rest": (f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', _quick()),
+    }
+    if fleets:
+        parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', _quick())}
+    return _kept(
+        (model, *(text for text, _ in parts.values()), *files), compiler, partial(_compile, {"model.h": model}, parts)
+    )
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
@@ -96,14 +108,14 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
     return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, FAST)}))
 
 
-def _quick() -> str:
+def _quick() -> tuple[str, ...]:
     """Give how far all but the filters is optimised: less where `FAULTBOND_HASTY` is 1."""
     return HASTY if os.environ.get("FAULTBOND_HASTY") == "1" else QUICK
 
 
 def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
     """Give a library of some texts, built if the cache does not hold it."""
-    told = (*texts, *FLAGS, FAST, compiler_identity(compiler), processor())
+    told = (*texts, *FLAGS, *FAST, *SAME, compiler_identity(compiler), processor())
     name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
     kept = read_kept(name)
     if kept is not None:
@@ -116,21 +128,21 @@ def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tu
 
 
 def _compile(
-    headers: Mapping[str, str], parts: Mapping[str, tuple[str, str]], compiler: tuple[str, ...], work: Path
+    headers: Mapping[str, str], parts: Mapping[str, tuple[str, tuple[str, ...]]], compiler: tuple[str, ...], work: Path
 ) -> Path:
     """Give the path of the library, compiled in the folder `work` from texts with their options, side by side."""
     for name, text in (*headers.items(), *((f"{name}.c", text) for name, (text, _) in parts.items())):
         (work / name).write_text(text, encoding="utf-8")
     place = (f"-I{work}", f"-I{CORE}")
     commands = [
-        (*compiler, *FLAGS, option, *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
-        for name, (_, option) in parts.items()
+        (*compiler, *FLAGS, *options, *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
+        for name, (_, options) in parts.items()
     ]
     with ThreadPoolExecutor() as pool:
         list(pool.map(partial(_run, compiler, work), commands))
     built = work / "built.so"
     objects = (str(work / f"{name}.o") for name in parts)
-    _run(compiler, work, (*compiler, *FLAGS, "-shared", *objects, "-o", str(built), "-lm"))
+    _run(compiler, work, (*compiler, *FLAGS, "-shared", *objects, "-o", str(built), "-lm", "-pthread"))
     return built
 
 

@@ -27,15 +27,16 @@ class Built:
     compiler: str
 
 
-def build_engine(graph: BondGraph) -> tuple[EngineSpec, Core]:
-    """Give the specification of a bond graph, and its core.
+def build_engine(graph: BondGraph, *, fleets: bool = False) -> tuple[EngineSpec, Core]:
+    """Give the specification of a bond graph, and its core; with what fleets need, it takes longer to compile.
 
     Raises
     ------
     GenerationError
         Where there is no C compiler, or it fails.
     """
-    core = build(graph).core
+    plant = build_plant(graph)
+    core = _built(plant, build_spec(build_step_model(plant)), fleets=fleets).core
     return core.spec, core
 
 
@@ -62,9 +63,9 @@ def build_core(plant: Plant, spec: EngineSpec) -> Core:
     return _built(plant, spec).core
 
 
-def _built(plant: Plant, spec: EngineSpec) -> Built:
+def _built(plant: Plant, spec: EngineSpec, *, fleets: bool = False) -> Built:
     compiler = required_compiler()
-    library = compile_core(model_text(spec, build_step_model(plant, all_inputs=True)), compiler)
+    library = compile_core(model_text(spec, build_step_model(plant, all_inputs=True)), compiler, fleets=fleets)
     title = compiler_title(compiler)
     with loadable([library]) as (path,):
         return Built(core=load_core(path, spec, title), library=library, compiler=title)

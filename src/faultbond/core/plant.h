@@ -1,0 +1,40 @@
+/* One plant that is watched: `watching.h` for numbers of one. */
+#ifndef FB_PLANT_H
+#define FB_PLANT_H
+
+#include "advance.h"
+
+#define GAP_FROM 3          /* samples without any value from which on the states are uncertain after them, */
+#define GAP_UNUSUAL 3.0     /* beside so many times the usual number, since rows may come more slowly than samples */
+#define PAUSES 20.0         /* rows over which the usual number is a mean; longer pauses do not count as more */
+#define CHANGE_MEMORY 16.0  /* s for which a change of an input disturbs the slow errors that follow it */
+#define MOVES 300.0         /* samples over which the moves, */
+#define HABIT 1000.0        /* and the presence, of inputs are means */
+#define UNKNOWN_FROM 3.0    /* samples for which an input has not been told from which on it is unknown where it stands */
+#define RARELY 0.5          /* presence of an input that is logged when it changes */
+#define SPIKE 4.0           /* sd of an innovation that may be due to one; */
+#define NIS_TRUST 1000    /* samples for which the declared noise counts, */
+#define NIS_MEMORY 10000  /* and over which squares are a mean */
+#define NIS_LEAST 0.25
+#define NIS_MOST 4.0
+
+/* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
+static double scale_of_fast(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0; }
+static double scale_of_scatter(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / SCATTER_LIMIT : 1.0; }
+
+#define real double
+#define whole int64_t
+#define flag int
+#define NEVER 0
+#define SAME(a) (a)
+#define PICK(is, a, b) ((is) ? (a) : (b))
+#define WHERE(is, a) ((is) ? (a) : 0)
+#define NOT(is) (!(is))
+#define ANY(is) (is)
+#define AS_REAL(a) ((double)(a))
+#define SIZE fabs
+#define ROOT sqrt
+#define HYPOT hypot
+#include "watching.h"
+
+#endif

@@ -1,0 +1,68 @@
+/* What is remembered of a plant that is watched: numbers of one plant, or of FB_LANES assets side by side. This text is
+   included for both, where `real` and `whole` stand for the numbers of one, or for lanes of them. */
+
+/* Where the run stands, in samples; -1: not yet. */
+typedef struct {
+    whole index;      /* samples seen */
+    whole begun;      /* first sample with a value of every input */
+    whole running;    /* 1 once the filter runs */
+    whole alarm;      /* sample of the alarm */
+    whole detections; /* alarms so far */
+    whole accepted;   /* sample at which a diagnosis was accepted last */
+    whole silent;     /* samples without any value, up to this one */
+    whole quiet;      /* 1: no alarm is raised, as where a model is tried */
+    real pause;       /* usual number of silent ones before a sample with a value; where rows are the grid, usual s between rows */
+    real time;        /* s */
+} Clock;
+
+/* What is known of the inputs, SI. */
+typedef struct {
+    real held[FB_ROOM(N_INPUTS)];       /* last values */
+    real earlier[FB_ROOM(N_INPUTS)];    /* those of the sample before */
+    real lowest[FB_ROOM(N_INPUTS)];     /* least value that was seen; inf: none yet */
+    real highest[FB_ROOM(N_INPUTS)];
+    real leap[FB_ROOM(N_INPUTS)];       /* usual change from one sample to the next, root of a mean of squares */
+    real guessed[FB_ROOM(N_INPUTS)];    /* samples since each was told */
+    real habit[FB_ROOM(N_INPUTS)];      /* part of the samples with any value in which each is told */
+    real since_step[FB_ROOM(N_INPUTS)]; /* s since the last step */
+    real change[FB_ROOM(N_INPUTS)];     /* change that is still felt */
+    real odd[FB_ROOM(N_INPUTS)];        /* value that was refused at the last sample; nan: none was */
+    whole odd_since;                    /* sample at which the first of these was refused */
+    real rival[PLAIN_NUMBERS];          /* the healthy filter as it is if they are real, */
+    real gain;                          /* and by how much the readings have spoken for it, sd^2 */
+} Inputs;
+
+/* What is known of the sensors, and the sums of the detector; a side is up (0) or down (1). */
+typedef struct {
+    real shown[2][N_OUTPUTS];            /* least and greatest reading, SI */
+    real spent[N_OUTPUTS];               /* patience with wild values that is used up */
+    real nis[N_OUTPUTS];                 /* usual square of a normalised innovation while healthy; 1: as declared */
+    real cusum[2][N_OUTPUTS];            /* slow sums, */
+    real cusum_start[2][N_OUTPUTS];      /* and the sample after which each began to grow */
+    real fast[2][N_OUTPUTS];             /* sums with the larger drift */
+    real scatter[LAGS][N_OUTPUTS];       /* sums of the scatter */
+    real scatter_start[LAGS][N_OUTPUTS];
+    real before[LAGS][N_OUTPUTS];        /* last innovations in their sd, the newest first; nan: none */
+} Sensors;
+
+/* The healthy filter. */
+typedef struct {
+    real lane[PLAIN_NUMBERS];
+    real travel[2][FB_ROOM(N_STATES)];      /* least and greatest value of each state, */
+    real astray[FB_ROOM(N_STATES)];         /* and the sd that is left of a gap */
+    real snapshots[SNAPSHOTS][PLAIN_NUMBERS]; /* the lane every so many samples, in turn */
+} Healthy;
+
+/* All of it; a state begins with the same parts. */
+typedef struct {
+    Clock clock;
+    Inputs inputs;
+    Sensors sensors;
+    Healthy healthy;
+} Watched;
+
+/* One grid point: s, and s since the one before, which all assets share; SI; nan: missing. */
+typedef struct {
+    double time, dt;
+    real u[FB_ROOM(N_INPUTS)], y[N_OUTPUTS];
+} Sample;
