@@ -140,8 +140,11 @@ static void swap_rows(Bank *bank, int64_t one, int64_t two, int64_t index)
 {
     for (int64_t part = 0; part < PER_SET; part++) {
         const int64_t a = lane_of_row(one) + part, b = lane_of_row(two) + part;
+        const int64_t onset = bank->onset[a];
         begin_misfit_again(bank, a, index);
         begin_misfit_again(bank, b, index);
+        bank->onset[a] = bank->onset[b];
+        bank->onset[b] = onset;
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) {
             const double kept = *number_of_step(bank, a, k);
             *number_of_step(bank, a, k) = *number_of_step(bank, b, k);
