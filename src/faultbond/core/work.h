@@ -202,7 +202,7 @@ static void starts_of_group(const State *state, const Trail *trail, Start *start
         if (job->pass == CLOSER && any_jump(&starts[l]) && first < 0) first = l;
     }
     for (int64_t l = 0; l < GROUP; l++) {
-        const int64_t of = job->pass == CLOSER && !any_jump(&starts[l]) ? first : l;
+        const int64_t of = job->pass == CLOSER && first >= 0 && !any_jump(&starts[l]) ? first : l;
         if (of != l) planned_or_chosen(state, trail, of, &starts[l]);
         if (job->pass == CLOSER || (job->kind != BEGINNING && job->stage != RESERVES))
             move_to_found(&starts[l], job->found[of], healthy_at(trail, 0));
