@@ -52,7 +52,7 @@ static const Field FIELDS[] = {
     WHOLE(job.n_wanted, 0.0, N_STEPS), WHOLE(job.n_singles, 0.0, N_STEPS),
     WHOLE(job.wanted, 0.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0),
     WHOLE(job.stands_for, -1.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0), ANYTHING(job.factors), ANYTHING(job.most), ANYTHING(job.heard),
-    WHOLE(job.lane, 0.0, N_STEPS > N_SLOT_LANES ? N_STEPS - 1.0 : N_SLOT_LANES - 1.0), COUNT(job.begins), COUNT(job.began), ANYTHING(job.found),
+    WHOLE(job.lane, 0.0, FB_ROOM(N_STEPS > N_SLOT_LANES ? N_STEPS : N_SLOT_LANES) - 1.0), COUNT(job.begins), COUNT(job.began), ANYTHING(job.found),
     COUNT(job.walk.samples), COUNT(job.walk.steps), ANYTHING(job.walk.variance),
     WHOLE(job.search.n, 0.0, MOST_ONSETS), WHOLE(job.search.place, 0.0, DEPTH - 1.0),
     WHOLE(job.search.standing, 0.0, 3.0), WHOLE(job.search.best, 0.0, MOST_ONSETS - 1.0), ANYTHING(job.search.said), ANYTHING(job.search.most), ANYTHING(job.search.least), FLAG(job.search.fixed),

@@ -9,7 +9,7 @@
 #include "watch.h"
 
 #define SAVED_MARK 0x657461747362666LL /* "fbstate" */
-#define SAVED_FORMAT 2
+#define SAVED_FORMAT 3
 #define MODEL_WORDS 4 /* of the hash */
 
 /* Why a call was refused. */
@@ -125,13 +125,79 @@ static void save_state(const State *state, uint8_t *bytes)
     put_word(tape.to, checksum(bytes, saved_size() - 8));
 }
 
-/* Whether the numbers of samples are in an order that a run can have. */
-static int is_in_order(const Clock *clock)
+/* Whole number k of a field that stands at this place of a state, as the bytes have it. */
+static int64_t saved_whole(const uint8_t *bytes, int64_t offset, int64_t k)
 {
-    const int64_t gathering = clock->running || clock->begun < 0 ? 0 : clock->index - clock->begun;
-    const int64_t decided = clock->alarm < 0 ? clock->index : clock->alarm; /* accepting a diagnosis ends its alarm */
-    return clock->begun <= clock->index && clock->alarm <= clock->index && clock->accepted <= decided &&
-           gathering <= START_PATIENCE;
+    const uint8_t *at = bytes + 8 * (2 + MODEL_WORDS);
+    int64_t whole;
+    for (const Field *field = FIELDS; field->offset != offset; field++) at += 8 * field->count;
+    const uint64_t word = get_word(at + 8 * k);
+    memcpy(&whole, &word, sizeof whole);
+    return whole;
+}
+
+#define EACH(name, k) saved_whole(bytes, (int64_t)offsetof(State, name), k)
+#define SAVED(name) EACH(name, 0)
+
+/* Whether the numbers of samples are in an order that a run can have. */
+static int is_in_order(const uint8_t *bytes)
+{
+    const int64_t index = SAVED(clock.index), begun = SAVED(clock.begun), alarm = SAVED(clock.alarm);
+    const int64_t gathering = SAVED(clock.running) || begun < 0 ? 0 : index - begun;
+    const int64_t decided = alarm < 0 ? index : alarm; /* accepting a diagnosis ends its alarm */
+    return begun <= index && alarm <= index && SAVED(clock.accepted) <= decided && gathering <= START_PATIENCE;
+}
+
+/* Whether a lane of a group is one of those that begin at a stage; of sets in reserve, one of a set that was chosen. */
+static int is_of_stage(const uint8_t *bytes, int64_t stage, int64_t lane)
+{
+    if (stage == PAIRS) return 1; /* is not asked for there */
+    if (stage == SLOTS) return lane < SWITCHED;
+    if (stage != RESERVES) return lane < N_PLANNED;
+    return lane >= N_PLANNED && lane < N_STEPS && EACH(bank.grown, (lane - N_PLANNED) / PER_SET) >= 0;
+}
+
+/* Whether a search has an onset that is or may be tried, and none beyond `last`, places in order. */
+static int is_search(const uint8_t *bytes, int64_t last)
+{
+    const int64_t n = SAVED(job.search.n);
+    int any = 0, ordered = SAVED(job.onset) < n;
+    for (int64_t k = 0; k < n; k++) {
+        any |= EACH(job.search.standing, k) != SPARE;
+        ordered &= EACH(job.search.place, k) <= last && (k == 0 || EACH(job.search.place, k - 1) < EACH(job.search.place, k));
+    }
+    return any && ordered;
+}
+
+/* Whether the group at which work stands is one that it may be at. */
+static int is_group(const uint8_t *bytes)
+{
+    const int64_t stage = SAVED(job.stage), pass = SAVED(job.pass), oldest = SAVED(job.oldest), next = SAVED(job.next);
+    int good = stage < N_STAGES;
+    for (int64_t row = 0; row < N_GROWN && stage == RESERVES && SAVED(job.group) > 0; row++)
+        good &= EACH(bank.grown, row) >= 0;
+    if (!good || pass == OPENING) return good;
+    for (int64_t l = 0; l < GROUP; l++) good &= is_of_stage(bytes, stage, EACH(job.lane, l));
+    if (pass == CATCHING_UP) return good && next > oldest && next <= SAVED(clock.index);
+    return good && stage != PAIRS && is_search(bytes, SAVED(job.end) - oldest) &&
+           (SAVED(job.onset) < 0 || (next >= oldest && next <= SAVED(job.end)));
+}
+
+/* Whether work on the bank is as a run can leave it: what it says of lanes, of onsets and of samples that are kept, goes into
+   tables as a place. */
+static int is_work(const uint8_t *bytes)
+{
+    const int64_t kind = SAVED(job.kind), oldest = SAVED(job.oldest), end = SAVED(job.end), alarm = SAVED(clock.alarm);
+    const int64_t index = SAVED(clock.index), settled = SAVED(job.settled);
+    int good = SAVED(job.n_singles) <= SAVED(job.n_wanted) && SAVED(job.n_wanted) <= N_PLANNED;
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t samples = EACH(job.walk.samples, l), steps = EACH(job.walk.steps, l);
+        good &= samples > 0 ? steps > 0 && steps <= samples : steps == 0;
+    }
+    if (!good || settled > SAVED(job.ended) || SAVED(job.ended) > index) return 0;
+    if (kind == IDLE) return alarm < 0 || settled >= 0;
+    return alarm >= 0 && alarm <= end && oldest <= end && end - oldest < DEPTH && end < index && index <= end + SPREAD &&
+           (kind == BEGINNING) == (settled < 0) && (kind == BEGINNING) == (SAVED(job.renewals) == 0) && is_group(bytes);
 }
 
 /* Take a state from n bytes; it is as it was where they are refused. */
@@ -145,17 +211,9 @@ static int restore_state(State *state, const uint8_t *bytes, int64_t n)
     if (n != saved_size() || get_word(bytes + n - 8) != checksum(bytes, n - 8)) return FB_DAMAGED;
     Tape tape = {NULL, bytes + 8 * (2 + MODEL_WORDS), 1, 1};
     pass_state(&tape, state);
-    const Clock before = state->clock;
-    if (!tape.is_sound) return FB_DAMAGED;
+    if (!tape.is_sound || !is_in_order(bytes) || !is_work(bytes)) return FB_DAMAGED;
     tape.from = bytes + 8 * (2 + MODEL_WORDS);
     tape.is_trial = 0;
-    for (int64_t k = 0; FIELDS[k].offset < (int64_t)sizeof(Clock); k++) /* the clock stands first, in a state and on the tape */
-        pass_numbers(&tape, &FIELDS[k], (uint8_t *)state + FIELDS[k].offset, FIELDS[k].count, 1);
-    if (!is_in_order(&state->clock)) {
-        state->clock = before;
-        return FB_DAMAGED;
-    }
-    tape.from = bytes + 8 * (2 + MODEL_WORDS);
     pass_state(&tape, state);
     fill_last_block(&state->bank);
     fill_up_slots(&state->bank);

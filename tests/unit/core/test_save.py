@@ -25,6 +25,7 @@ from made import differing
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 NOT_SAVED, OTHER_FORMAT, OTHER_MODEL, DAMAGED = -1, -2, -3, -4
+IDLE, STEPS, SLOTS, PAIRS, CLOSER = 100, 84, 90, 93, 113  # rows at which no work, or work on such lanes, is left
 HEADER = 48  # bytes: mark, format, hash of the model
 KEPT, KEPT_ROW = Path(__file__).parents[2] / "golden" / "cell_state.gz", 100
 Bytes = NDArray[np.uint8]
@@ -52,6 +53,14 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     ("bank.sums", (NAN, INF, -1.0)),
     ("bank.since", (NAN, INF, -1.0, 2.0**53)),
     ("bank.rejected", (-1, 2)),
+    ("bank.onset", (-1, 2**53)),
+    *((f"job.{name}", (-1, 4)) for name in ("kind", "renewals", "pass", "search.standing")),
+    *((f"job.{name}", (-2, 2**53)) for name in ("ended", "settled", "onset", "old", "stands_for")),
+    *((f"job.{name}", (-1, 2**53)) for name in ("oldest", "end", "spent", "stage", "group", "next", "begins", "began")),
+    *((f"job.{name}", (-1, 2**53)) for name in ("n_wanted", "n_singles", "wanted", "lane", "walk.samples", "walk.steps")),
+    *((f"job.{name}", (-1, 10**3)) for name in ("search.n", "search.place", "search.best")),
+    ("job.peak", (NAN, -1.0)),
+    ("job.search.fixed", (-1, 2)),
     *((f"normal.{name}", (NAN, INF, -INF)) for name in ("lane", "gain", "offset", "input_offset", "rates")),
     *((f"normal.{name}", (NAN, -1.0)) for name in ("noise", "wander")),
     *((f"alarm.{name}", (NAN, INF)) for name in ("time", "change_time")),
@@ -171,7 +180,7 @@ def assert_equal(reports: Reports, singles: Sequence[Report]) -> None:
 def test_a_core_with_other_lanes_side_by_side_goes_on(lanes: int, row: int) -> None:
     """Bytes of a core with eight lanes at a time are those of any other, which goes on with the same digits."""
     other, whole = Monitor(cell(lanes), course().saved[row]), course()
-    assert other.core.sizes["state"] != cell().sizes["state"]
+    assert other.core.sizes["work"] < cell().sizes["work"]
     assert np.array_equal(other.save(), whole.saved[row])
     for k in range(row, row + 40):
         assert told(other.take(rows()[k : k + 1]).last) == told(whole.reports[k])
@@ -238,6 +247,47 @@ def test_numbers_that_a_run_may_have_are_taken(name: str, value: float) -> None:
 def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
     """Nothing happened after the last sample, no diagnosis is of after its alarm, and no start waits for ever."""
     assert refused(forged(course().saved[150], numbers)) == DAMAGED
+
+
+@pytest.mark.parametrize(
+    ("row", "which", "numbers"),
+    [
+        *((row, None, {"clock.alarm": -1}) for row in (STEPS, SLOTS, PAIRS, CLOSER)),
+        (STEPS, None, {"clock.alarm": 83}),  # after the end of the trail
+        (STEPS, None, {"job.end": 84}),
+        (STEPS, None, {"job.end": 0, "clock.alarm": 0}),
+        (STEPS, None, {"job.oldest": 83}),
+        (CLOSER, None, {"clock.index": 500, "job.end": 499}),  # a trail longer than what is kept
+        (CLOSER, None, {"clock.index": 241}),  # samples of the trail are no longer kept
+        *((STEPS, None, {"job.settled": value, "job.ended": value}) for value in (0, 82)),
+        (STEPS, None, {"job.renewals": 1}),
+        *((CLOSER, None, {name: -1}) for name in ("job.settled", "job.ended")),
+        (CLOSER, None, {"job.renewals": 0}),
+        (CLOSER, None, {"job.ended": 114}),
+        (IDLE, None, {"job.settled": -1}),
+        *((STEPS, None, {"job.stage": stage}) for stage in (4, 5)),
+        (STEPS, 7, {"job.lane": 12}),  # a lane with a slot
+        (SLOTS, 0, {"job.lane": 42}),  # one of a pair
+        (PAIRS, None, {"job.pass": 1}),
+        *((STEPS, None, {"job.search.n": n}) for n in (0, 2)),
+        (STEPS, None, {"job.search.standing": 0}),
+        (STEPS, 5, {"job.search.place": 1}),  # not in order
+        (STEPS, 54, {"job.search.place": 83}),
+        (STEPS, None, {"job.onset": 55}),
+        *((STEPS, None, {"job.next": value}) for value in (0, 83)),
+        *((PAIRS, None, {"job.next": value}) for value in (1, 94)),
+        (STEPS, None, {"job.n_singles": 13}),
+        (STEPS, None, {"job.n_wanted": 11}),
+        (STEPS, None, {"job.n_wanted": 13}),
+        (IDLE, 3, {"job.walk.samples": 5}),
+        (SLOTS, 7, {"job.walk.steps": 6}),
+        (SLOTS, 7, {"job.walk.steps": 0}),
+    ],
+)
+def test_work_that_contradicts_itself_is_refused(row: int, which: int | None, numbers: dict[str, int]) -> None:
+    """What work says of lanes, onsets and samples are places in tables: each is within what it is a place of."""
+    assert refused(course().saved[row]) == 0
+    assert refused(forged(course().saved[row], numbers, which)) == DAMAGED
 
 
 def test_samples_at_the_edge_of_order_are_taken() -> None:
