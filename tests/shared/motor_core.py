@@ -31,13 +31,14 @@ OLDEST = 5  # number of the first sample of the trail
 WRAPPERS = """
 #define EACH_LANE for (int64_t l = 0; l < N_STEPS; l++) for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
 #define ROW (int64_t)(sizeof(Row) / 8)
-static State S; static StepMemory M; static Filters F; static Trail T;
+static State S; static BankMemory M; static Filters F; static Trail T; static PlainBlock group;
 static int64_t best[FB_ROOM(N_SETS)];
 void t_sizes(int64_t *to) { to[0] = N_STEPS; to[1] = N_PLANNED; to[2] = N_LANES; }
 void t_trail(int64_t n, int64_t alarm, const double *rows)
 {
     memset(&S, 0, sizeof S); memset(&T, 0, sizeof T);
     T.past = &S.past; T.oldest = 5; T.n = n; T.alarm = alarm;
+    S.clock.index = T.oldest + n - 1; S.clock.alarm = T.oldest + alarm;
     for (int64_t k = 0; k < n; k++) memcpy(row_of(&S.past, T.oldest + k), rows + k * ROW, sizeof(Row));
     prepare_filters(&F);
 }
@@ -47,32 +48,39 @@ void t_drift(const double *rates, const double *wander)
 }
 void t_suspect(int64_t lane, int tied, const double *healthy, double *to)
 { Start start; planned_start(lane, &start); start.tied = tied; suspect_lane(&start, healthy, to); }
-void t_begin(int64_t lane, int n, const int64_t *places, const double *widths, double *to)
+void t_begin(int64_t lane, int64_t place, double *to)
 {
-    M.onsets.n = n;
-    for (int k = 0; k < n; k++) { M.onsets.place[k] = places[k]; M.onsets.width[k] = widths[k]; }
-    planned_starts(lane / FB_LANES, M.starts);
-    begin_steps(M.starts, &T, &M.onsets, &S.normal, M.near, &M, &F.plain);
-    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = M.near[k][lane % FB_LANES];
+    for (int64_t l = 0; l < GROUP; l++) planned_start((lane + l) % N_PLANNED, &M.steps.starts[l]);
+    begin_steps(M.steps.starts, &T, place, &S.normal, group, &M.steps, &F.plain);
+    run_steps(group, &T, place, T.n, place, &S.normal, M.steps.sample, &F.plain);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = group[k][0];
 }
-int t_onsets(int64_t *places, double *widths)
+void t_begin_all(int64_t change) { begin_bank(&S, &T, change); work_for(&S, INT64_MAX, &M, &F); }
+/* Let lanes begin again, for the last time or an earlier one: first say which, then do all of it. */
+void t_again(int last) { S.job.renewals = last ? N_RENEWALS - 1 : 0; begin_again(&S, &T, &M); }
+void t_all(void) { work_for(&S, INT64_MAX, &M, &F); }
+/* Let the next group begin again: its lanes, and where they began from far away, and from closer. */
+void t_group(int64_t *lane, int64_t *began, int64_t *begins)
 {
-    find_onsets(&T, T.alarm, &M.onsets);
-    memcpy(places, M.onsets.place, sizeof M.onsets.place); memcpy(widths, M.onsets.width, sizeof M.onsets.width);
-    return M.onsets.n;
+    do work_a_little(&S, &T, INT64_MAX, &M, &F);
+    while (S.job.pass != OPENING);
+    memcpy(lane, S.job.lane, sizeof S.job.lane);
+    memcpy(began, S.job.began, sizeof S.job.began); memcpy(begins, S.job.begins, sizeof S.job.begins);
 }
-void t_begin_all(int64_t change) { begin_all_steps(&S.bank, &T, change, &S.normal, &M, &F.plain); }
-void t_renew(void) { renew_steps(&S.bank, &T, &S.normal, &M, &F.plain); }
-void t_renew_all(void) { renew_all_steps(&S.bank, &T, &S.normal, &M, &F.plain); }
-void t_reserve(int64_t *grown)
-{ renew_reserve(&S.bank, &T, &S.normal, &M, &F.plain); memcpy(grown, S.bank.grown, sizeof S.bank.grown); }
+void t_grown(int64_t *grown) { memcpy(grown, S.bank.grown, sizeof S.bank.grown); }
 void t_reject(int64_t hypothesis) { S.bank.rejected[hypothesis] = 1; }
-void t_changed(uint8_t *to) { memcpy(to, M.changed, N_STEPS); }
+void t_onsets(int64_t *to) { memcpy(to, S.bank.onset, N_STEPS * sizeof *to); }
+/* Forget since when lanes are judged, and ask for it. */
+void t_unjudged(void) { for (int64_t l = 0; l < N_STEPS; l++) S.bank.since[0][0][l] = -1.0; }
+void t_changed(uint8_t *to) { for (int64_t l = 0; l < N_STEPS; l++) to[l] = S.bank.since[0][0][l] == (double)S.clock.index; }
 void t_get(double *to) { EACH_LANE to[l * PLAIN_NUMBERS + k] = *number_of_step(&S.bank, l, k); }
 void t_put(const double *from) { EACH_LANE *number_of_step(&S.bank, l, k) = from[l * PLAIN_NUMBERS + k]; }
 void t_one(const double *sample, double *lane) { advance_one(lane, sample, &S.normal, NULL, &F.plain); }
-void t_advance(const double *packed, double *innovations)
-{ advance_steps(&S.bank, packed, &S.normal, (double (*)[FB_ROOM(N_LANES)])innovations, &M, &F.plain); }
+void t_advance(int64_t n_begun, const double *packed, double *innovations)
+{
+    double (*to)[FB_ROOM(N_LANES)] = (double (*)[FB_ROOM(N_LANES)])innovations;
+    advance_steps(&S.bank, n_begun, packed, &S.normal, to, &M.steps, &F.plain);
+}
 void t_gain(int64_t lane, int index, const double *healthy, double *found)
 { memcpy(S.bank.healthy, healthy, sizeof S.bank.healthy); found[0] = gain_of(&S.bank, lane, index, &found[1]); }
 /* A set of the reserve by the closed form: its likelihood, then the factors of its members. */
@@ -91,10 +99,10 @@ void t_extended(int64_t set, const double *healthy, double *found)
 }
 void t_choice(int64_t set, double value, int part, const double *healthy, double *to)
 {
-    Choice choice = {set, 0.0, -1, -1, 0, {0.0}};
+    double factors[LARGEST_SET];
     Start start;
-    for (int k = 0; k < LARGEST_SET; k++) choice.value[k] = value;
-    start_of_choice(&choice, part, healthy, &start);
+    for (int k = 0; k < LARGEST_SET; k++) factors[k] = value;
+    start_of_choice(set, factors, part, healthy, &start);
     suspect_lane(&start, healthy, to);
 }
 """
@@ -156,29 +164,31 @@ class Core:
         self("t_get", lanes)
         return lanes
 
-    def begun(self, lane: int, onsets: dict[int, float]) -> FloatArray:
-        """A lane begun at these onsets, each for some samples."""
-        found, places = np.zeros(self.spec.n_numbers), np.array([*onsets])
-        self("t_begin", lane, len(onsets), places, np.array([*onsets.values()]), found)
+    def begun(self, lane: int, place: int) -> FloatArray:
+        """A lane of the plan begun at one onset, after all samples."""
+        found = np.zeros(self.spec.n_numbers)
+        self("t_begin", lane, place, found)
         return found
 
-    def onsets(self) -> dict[int, float]:
-        """The onsets that a renewal tries, and the samples for which each stands."""
-        places, widths = np.zeros(1000, dtype=np.int64), np.zeros(1000)
-        n = self("t_onsets", places, widths)
-        return dict(zip(map(int, places[:n]), widths[:n], strict=True))
+    def onsets(self) -> IntArray:
+        """The places in the trail at which the lanes of steps began."""
+        found = np.zeros(self.n_steps, dtype=np.int64)
+        self("t_onsets", found)
+        return found - OLDEST
 
-    def renewed(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """The bank after a renewal, and which lanes are said to have changed."""
+    def renewed(self, *, last: bool = False) -> tuple[FloatArray, BoolArray]:
+        """The bank after a renewal, and which lanes are judged anew."""
         changed = np.zeros(self.n_steps, dtype=np.uint8)
-        self(name)
+        self("t_unjudged")
+        self("t_again", int(last))
+        self("t_all")
         self("t_changed", changed)
         return self.bank(), changed > 0
 
     def grown(self) -> IntArray:
-        """The sets that are chosen from the reserve."""
+        """The sets that the last renewal chose from the reserve."""
         grown = np.zeros(GROWN, dtype=np.int64)
-        self("t_reserve", grown)
+        self("t_grown", grown)
         return grown
 
 

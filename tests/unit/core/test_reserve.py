@@ -62,9 +62,9 @@ def test_the_likeliest_sets_are_chosen_and_the_true_one_wins() -> None:
     """Those that the closed form finds likeliest get lanes, but not what a person has ruled out."""
     motor = core()
     motor.begin_bank()
-    expected = np.argsort(-worth(motor, motor.renewed("t_renew")[0]), kind="stable")
+    bank, n = motor.renewed()[0], motor.n_planned
+    expected = np.argsort(-worth(motor, bank), kind="stable")
     assert list(motor.grown()) == list(expected[:GROWN])
-    bank, n = motor.bank(), motor.n_planned
     assert expected[0] == PAIR
     assert bank[n : n + 3, -1].max() > bank[:n, -1].max() + 5.0
     lane = bank[n + int(np.argmax(bank[n : n + 3, -1]))]
@@ -72,6 +72,7 @@ def test_the_likeliest_sets_are_chosen_and_the_true_one_wins() -> None:
         k = motor.spec.parameter_slice.start + index
         assert abs(lane[k] - truth) < 4.0 * np.sqrt(lane[covariance_place(motor.spec, k, k)])
     motor("t_reject", len(BEGUN) + N_INSTRUMENTS + PAIR)
+    motor.renewed()
     assert PAIR not in motor.grown()
 
 
@@ -111,8 +112,8 @@ def test_sets_keep_their_lanes_where_these_are_likelier() -> None:
     """A set that is chosen again has its lanes, wherever it now stands; new sets stand where they are foretold."""
     motor, n = core(), core().n_planned
     motor.begin_bank()
-    first = motor.grown()
-    bank = motor.bank()
+    bank, _ = motor.renewed()
+    first, began = motor.grown(), motor.onsets()[n:].reshape(GROWN, 3)
     rows = bank[n:].reshape(GROWN, 3, -1)
     rows[:, :, -1] = 1e6 + np.array([20.0, 1.0, 40.0, 0.0])[:, None] + np.arange(3)
     bank[n:] = rows.reshape(-1, bank.shape[1])
@@ -121,9 +122,10 @@ def test_sets_keep_their_lanes_where_these_are_likelier() -> None:
     new = np.setdiff1d(np.arange(len(RESERVE)), first)
     for k in new[2:]:
         motor("t_reject", len(BEGUN) + N_INSTRUMENTS + int(k))
+    after = motor.renewed()[0][n:].reshape(GROWN, 3, -1)
     again = motor.grown()
-    after = motor.bank()[n:].reshape(GROWN, 3, -1)
     assert set(again[:2]) == set(new[:2])
     assert list(again[2:]) == [first[2], first[0]]
     assert np.array_equal(after[2:], rows[[2, 0]])
+    assert np.array_equal(motor.onsets()[n:].reshape(GROWN, 3)[2:], began[[2, 0]])
     assert np.all(after[:2, :, -1] < 1e5)

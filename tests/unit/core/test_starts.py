@@ -17,6 +17,7 @@ from made import EXAMPLES
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 CALLS = """
 static StepMemory steps;
+static PlainBlock group;
 static Filters filters;
 static Trail trail;
 void t_suspect(State *state, const double *lane, const double *tied, const double *healthy, double *to)
@@ -38,12 +39,10 @@ void t_begin(State *state, const double *rows, const double *n, const double *on
     trail.n = (int64_t)*n;
     for (int64_t k = 0; k < trail.n; k++)
         memcpy(row_of(&state->past, trail.oldest + k), rows + k * width, (size_t)width * sizeof *rows);
-    steps.onsets.n = 1;
-    steps.onsets.place[0] = (int64_t)*onset;
-    steps.onsets.width[0] = (double)HISTORY_SAMPLES;
-    planned_starts(0, steps.starts);
-    begin_steps(steps.starts, &trail, &steps.onsets, &state->normal, steps.near, &steps, &filters.plain);
-    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = steps.near[k][0];
+    for (int64_t l = 0; l < GROUP; l++) planned_start(0, &steps.starts[l]);
+    begin_steps(steps.starts, &trail, (int64_t)*onset, &state->normal, group, &steps, &filters.plain);
+    run_steps(group, &trail, (int64_t)*onset, trail.n, (int64_t)*onset, &state->normal, steps.sample, &filters.plain);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = group[k][0];
 }
 void t_one(State *state, const double *sample, double *lane)
 {

@@ -9,7 +9,7 @@ from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import covariance_place, pack, unpack
 from faultbond.synthesis.compile import find_compiler
-from motor_core import BEGUN, GROWN, ROWS, Core, core
+from motor_core import BEGUN, CHANGE, GROWN, OLDEST, ROWS, Core, core
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 
@@ -86,13 +86,15 @@ def dense_run(motor: Core, start: Start, onset: int) -> FloatArray:
     return late
 
 
-def dense_lane(motor: Core, start: Start, onsets: dict[int, float]) -> FloatArray:
-    """A start run from all onsets: the best, with the mean likelihood over the samples of the trail at most."""
-    lanes = np.array([dense_run(motor, start, place) for place in onsets])
-    best: FloatArray = lanes[np.argmax(lanes[:, -1])].copy()
-    parts = lanes[:, -1] + np.log([*onsets.values()])
-    best[-1] = np.logaddexp.reduce(parts) - np.log(motor.spec.thresholds.history_samples)
-    return best
+def dense_mixture(motor: Core, start: Start) -> float:
+    """The mean likelihood of a start over all onsets, each of which is run."""
+    likelihoods = [dense_run(motor, start, place)[-1] for place in range(1, ROWS)]
+    return float(np.logaddexp.reduce(likelihoods) - np.log(motor.spec.thresholds.history_samples))
+
+
+def is_run(motor: Core, lane: FloatArray, start: Start, onset: int) -> bool:
+    """Whether a lane is that of a start begun at an onset, but for rounding and its likelihood."""
+    return lane[:-1] == pytest.approx(dense_run(motor, start, onset)[:-1], rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("tied", [False, True])
@@ -113,17 +115,20 @@ def test_a_lane_begins_between_a_fault_of_before_and_one_of_now(drift: float) ->
     motor.begin_trail()
     motor("t_drift", np.full(5, drift), np.full(5, 0.1 * drift))
     for lane in range(0, motor.n_planned, 7):
-        expected = dense_lane(motor, planned(motor, lane), {ROWS - 6: 1.0})
-        assert motor.begun(lane, {ROWS - 6: 1.0}) == pytest.approx(expected, rel=1e-8, abs=1e-12)
+        expected = dense_run(motor, planned(motor, lane), ROWS - 6)
+        assert motor.begun(lane, ROWS - 6) == pytest.approx(expected, rel=1e-8, abs=1e-12)
 
 
-def test_the_likelihood_is_the_mean_over_the_onsets() -> None:
-    """Of a lane begun at several onsets the best goes on, with the mean of all likelihoods."""
-    motor, onsets = core(), {20: 12.0, 29: 3.0, 31: 2.5, 55: 9.0}
-    motor.begin_trail()
-    for lane in range(0, motor.n_planned, 11):
-        expected = dense_lane(motor, planned(motor, lane), onsets)
-        assert motor.begun(lane, onsets) == pytest.approx(expected, rel=1e-8, abs=1e-12)
+def test_a_lane_of_the_bank_began_at_its_best_onset_and_is_as_likely_as_all() -> None:
+    """It is the lane of the onset that the bank names, with the mean likelihood over all, though few are tried."""
+    motor = core()
+    bank, onsets = motor.begin_bank(), motor.onsets()
+    led = bank[: motor.n_planned, -1].argmax()
+    for lane in {*range(0, motor.n_planned, 11), int(led)}:
+        assert is_run(motor, bank[lane], planned(motor, lane), onsets[lane])
+    assert abs(onsets[led] - CHANGE) <= 2
+    for lane in np.flatnonzero(bank[: motor.n_planned, -1] > bank[led, -1] - 5.0):
+        assert bank[lane, -1] == pytest.approx(dense_mixture(motor, planned(motor, int(lane))), abs=1.0)
 
 
 def test_a_bank_goes_on_with_all_that_has_begun() -> None:
@@ -132,7 +137,7 @@ def test_a_bank_goes_on_with_all_that_has_begun() -> None:
     before, innovations, place = motor.begin_bank(), np.zeros((4, motor.n_lanes)), motor.spec.sample_fields
     assert not before[motor.n_planned :].any()
     packed = motor.samples[-1].copy()
-    motor("t_advance", packed, innovations)
+    motor("t_advance", motor.n_planned, packed, innovations)
     after, n = motor.bank(), motor.n_planned
     packed[place["again"]], packed[place["bound"]] = 1.0, motor.spec.thresholds.bank_bound
     for lane in range(n):
@@ -152,45 +157,58 @@ def best_and_worst(motor: Core, bank: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def test_the_worst_start_is_taken_by_what_the_best_has_found() -> None:
-    """A renewal changes at most the least likely lane of each hypothesis, to a likelier one, and says which."""
-    motor = core()
+    """A renewal changes at most the least likely lane of each hypothesis, to a likelier one, which is judged anew."""
+    motor, n = core(), core().n_planned
     before = motor.begin_bank()
-    after, changed = motor.renewed("t_renew")
+    after, changed = (item[:n] for item in motor.renewed())
     _, worst = best_and_worst(motor, before)
-    assert np.array_equal(changed, np.any(after != before, axis=1))
+    assert np.array_equal(changed, np.any(after != before[:n], axis=1))
     assert len(BEGUN) - 2 <= changed.sum() <= len(BEGUN)
     assert set(np.flatnonzero(changed)) <= set(worst)
-    assert np.all(after[changed, -1] > before[changed, -1])
+    assert np.all(after[changed, -1] > before[:n][changed, -1])
     before[:, -1] = 0.0  # likelier than anything that begins
     motor("t_put", before)
-    assert not motor.renewed("t_renew")[1].any()
+    assert not motor.renewed()[1][:n].any()
 
 
 def test_a_renewed_lane_begins_from_what_was_found() -> None:
     """It has the estimates of the best lane as start; where a store jumps it begins again, unless that leads astray."""
     motor, plan, kinds = core(), plan_lanes(core().spec), set()
     before = motor.begin_bank()
-    after, changed = motor.renewed("t_renew")
     best, worst = best_and_worst(motor, before)
-    for old, new in zip(best[changed[worst]], worst[changed[worst]], strict=True):
-        start = found(motor, planned(motor, old), before[old])
-        lane, kind = dense_lane(motor, start, motor.onsets()), "still"
-        if plan.jumps[old].any():
-            again = dense_lane(motor, found(motor, start, lane), motor.onsets())
-            lane, kind = (again, "nearer") if again[-1] > lane[-1] - 10.0 else (lane, "astray")
-        assert after[new] == pytest.approx(lane, rel=1e-6, abs=1e-9)
-        kinds.add(kind)
+    motor("t_again", 0)
+    for _ in range(2):  # groups: single parameters, then pairs
+        lanes, began, begins = (np.zeros(8, dtype=np.int64) for _ in range(3))
+        motor("t_group", lanes, began, begins)
+        after, onsets = motor.bank(), motor.onsets()
+        for old, far, near in {*zip(lanes.tolist(), (began - OLDEST).tolist(), (begins - OLDEST).tolist(), strict=True)}:
+            new = worst[plan.hypothesis[old]]
+            assert old in best
+            if np.array_equal(after[new], before[new]):
+                continue
+            start = found(motor, planned(motor, old), before[old])
+            lane, kind = dense_run(motor, start, far), "still"
+            likelihood = lane[-1]
+            if plan.jumps[old].any():
+                closer = found(motor, start, lane)
+                again = max(dense_run(motor, closer, place)[-1] for place in range(1, ROWS))
+                kind = "nearer" if again > likelihood - 10.0 else "astray"
+                lane = dense_run(motor, closer, near) if kind == "nearer" else lane
+            assert after[new, :-1] == pytest.approx(lane[:-1], rel=1e-6, abs=1e-9)
+            assert abs(after[new, -1] - lane[-1]) < np.log(ROWS) + 6.0
+            assert onsets[new] == (near if kind == "nearer" else far)
+            kinds.add(kind)
     assert kinds == {"still", "nearer", "astray"}
 
 
 def test_all_that_may_lead_begin_again_and_the_rest_follow_the_best() -> None:
     """Lanes alike become one; a lane whose new beginning leads astray stays; far ones keep their likelihood only."""
-    motor, plan, led = core(), plan_lanes(core().spec), BEGUN.index((0, 2))
+    motor, plan, led, n = core(), plan_lanes(core().spec), BEGUN.index((0,)), core().n_planned
     before = motor.begin_bank()
     mine = np.flatnonzero(plan.hypothesis == led)
-    best, stubborn = mine[np.argmax(before[mine, -1])], 0
+    best, stubborn = mine[np.argmax(before[mine, -1])], 13
     before[: mine[0], -1] -= 2000.0
-    before[mine[-1] + 1 : motor.n_planned, -1] -= 2000.0
+    before[mine[-1] + 1 : n, -1] -= 2000.0
     before[stubborn, -1] = before[best, -1] + 15.0  # nothing found from here is as likely, by far
     same = mine[np.all(plan.jumps[mine] == plan.jumps[best], axis=1)]
     twin, far, near = same[same != best][:3]
@@ -201,14 +219,15 @@ def test_all_that_may_lead_begin_again_and_the_rest_follow_the_best() -> None:
     before[near, k] += 2.0 * np.sqrt(before[best, covariance_place(motor.spec, k, k)])
     before[far, -1] = before[best, -1] - 25.0
     motor("t_put", before)
-    after, changed = motor.renewed("t_renew_all")
-    assert np.array_equal(changed, np.any(after != before, axis=1))
+    after, changed = motor.renewed(last=True)
+    onsets = motor.onsets()
+    assert np.array_equal(changed[:n], np.any(after != before, axis=1)[:n])
     assert np.array_equal(after[stubborn], before[stubborn])
     assert changed[best]
     assert np.array_equal(after[twin], after[best])
     assert np.array_equal(after[far], [*after[best, :-1], before[far, -1]])
-    own = dense_lane(motor, found(motor, planned(motor, near), before[near]), motor.onsets())
-    assert after[near] == pytest.approx(own, rel=1e-6, abs=1e-9)
+    assert onsets[twin] == onsets[far] == onsets[best]
+    assert is_run(motor, after[near], found(motor, planned(motor, near), before[near]), onsets[near])
     assert after[near, k] != after[best, k]
 
 
@@ -218,10 +237,8 @@ def test_every_width_has_the_same_digits() -> None:
     for width in (1, 4, 8):
         motor = core(width)
         motor.begin_bank()
-        for name in ("t_renew", "t_renew_all"):
-            motor(name)
-            motor.grown()
-        found.append(motor.bank())
+        motor.renewed()
+        found.append(motor.renewed(last=True)[0])
     assert np.isfinite(found[0]).all()
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0], found[2])

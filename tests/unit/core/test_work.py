@@ -1,0 +1,161 @@
+"""Work on the bank that is spread over samples: what it does, when it ends, and that stopping it changes nothing."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, bare
+from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.model.text import parse_model
+from faultbond.runtime.monitor import Monitor
+from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.engine import build_engine
+from made import EXAMPLES, plant, recorded, run, samples_of
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+BEGINNING, RENEWING, RENEWING_ALL = 1, 2, 3
+NAME, FAULT = "dc_motor_current", Fault(parameter="K", factor=0.6, start=2.4)
+SAMPLES = recorded(NAME, 460, FAULT)
+SETTINGS = core_settings()
+AWAITED, SPREAD = int(SETTINGS["AWAITED"]), int(SETTINGS["SPREAD"])
+RENEWALS = [int(SETTINGS[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")]
+CALLS = """
+static Work work;
+/* What the next sample may cost, and what a group may cost beyond it: to begin at an onset, or one more sample of its lanes. */
+void t_portion(State *state, double *found)
+{
+    found[0] = (double)portion_of(state, &work.bank.slots);
+    found[1] = (double)(TO_BEGIN * 2 * WIDE_COST);
+}
+"""
+
+
+@cache
+def whole() -> tuple[Monitor, ...]:
+    """The motor before each sample and after the last; not to be changed."""
+    found, core = [Monitor(plant(NAME)[2])], plant(NAME)[2]
+    for sample in SAMPLES:
+        found.append(run(core, [sample], found[-1])[0])
+    return tuple(found)
+
+
+ALARM = next(k for k, monitor in enumerate(whole()) if monitor.number("clock.alarm") >= 0)  # samples up to it
+
+
+def lanes(monitor: Monitor) -> list[FloatArray]:
+    """All lanes of the bank."""
+    return [monitor.lane(k) for k in range(plan_lanes(monitor.spec).n_lanes + plan_slots(monitor.spec).n_lanes)]
+
+
+def kind(monitor: Monitor) -> int:
+    """What is worked on."""
+    return int(monitor.number("job.kind"))
+
+
+def spells(monitors: tuple[Monitor, ...]) -> list[tuple[int, int, int]]:
+    """Each work: its kind, and the samples after which it was begun and had ended."""
+    found = list[tuple[int, int, int]]()
+    for k, monitor in enumerate(monitors):
+        if kind(monitor) and (not found or found[-1][2] > 0):
+            found.append((kind(monitor), k, 0))
+        if not kind(monitor) and found and not found[-1][2]:
+            found[-1] = (*found[-1][:2], k)
+    return found
+
+
+def test_work_takes_the_way_from_the_alarm_to_the_last_renewal() -> None:
+    """Lanes begin at the alarm and again three times, not before it is time, each within the samples that are kept."""
+    found = spells(whole())
+    assert [item[0] for item in found] == [BEGINNING, RENEWING, RENEWING, RENEWING_ALL]
+    assert found[0][1] == ALARM
+    assert 1 < found[0][2] - ALARM <= AWAITED
+    for (_, begun, ended), earliest in zip(found[1:], RENEWALS, strict=True):
+        assert begun - ALARM >= earliest
+        assert 1 < ended - begun <= SPREAD
+    for (_, _, ended), (_, begun, _), earliest in zip(found, found[1:], RENEWALS, strict=False):
+        assert begun == max(ended + 1, ALARM + earliest)
+
+
+def test_the_first_diagnosis_comes_when_all_lanes_have_begun() -> None:
+    """And none before it; then at every twentieth sample after the alarm."""
+    _, reports = run(plant(NAME)[2], SAMPLES)
+    due = [k + 1 for k, report in enumerate(reports) if report.diagnosis is not None]
+    _, _, ended = spells(whole())[0]
+    assert due == [ended, *(k for k in range(ALARM + 20, len(SAMPLES) + 1, 20) if k > ended)]
+
+
+@pytest.mark.parametrize("later", [0, 1, 4])
+def test_portions_change_nothing_but_when_it_ends(later: int) -> None:
+    """Where a diagnosis is asked for while lanes begin, these are, bit for bit, those that are spread over samples."""
+    _, _, ended = spells(whole())[0]
+    monitor = whole()[ALARM + later].copy()
+    assert kind(monitor) == BEGINNING
+    assert monitor.conclude().candidates
+    assert kind(monitor) == 0
+    assert monitor.number("job.settled") == ALARM + later - 1
+    monitor, _ = run(monitor.core, SAMPLES[ALARM + later : ended], monitor)
+    assert ended - ALARM < RENEWALS[0]
+    for k in range(ended, ALARM + RENEWALS[0]):
+        for one, two in zip(lanes(monitor), lanes(whole()[k]), strict=True):
+            assert np.array_equal(one, two, equal_nan=True)
+        assert np.array_equal(monitor.numbers("bank.onset"), whole()[k].numbers("bank.onset"))
+        monitor, _ = run(monitor.core, SAMPLES[k : k + 1], monitor)
+
+
+@cache
+def portions() -> Bare:
+    """The motor's core with the call of these tests."""
+    return bare(CALLS, (EXAMPLES / NAME / "model.yaml").read_text(encoding="utf-8"))
+
+
+def test_no_sample_works_for_more_than_its_portion() -> None:
+    """But for what cannot be divided; and it works for all of it, unless the work ends."""
+    asked = 0
+    for before, after in zip(whole(), whole()[1:], strict=False):
+        if not kind(before):
+            continue
+        portions().restore(before.save())
+        found = np.zeros(2)
+        portions().call("t_portion", found)
+        spent = after.number("job.spent") - before.number("job.spent")
+        assert spent <= found.sum()
+        assert spent >= found[0] or not kind(after)
+        asked += 1
+    assert asked > 20
+
+
+def test_a_plant_that_is_sampled_slowly_is_diagnosed_at_its_alarm() -> None:
+    """Where a minute passes between samples there is time for all work at once; where half a second does there is not."""
+    slow = CELL.replace("0.5 s", "60 s").replace("1 F", "120 F").replace("3 s", "360 s").replace("20 s", "2400 s")
+    waits = []
+    for text, dt in ((CELL, 0.5), (slow, 60.0)):
+        graph = parse_model(text)
+        assert graph.sample_time == dt
+        time: FloatArray = np.asarray(dt * np.arange(160), dtype=np.float64)
+        u = np.repeat(np.random.default_rng(4).uniform([1.0, 0.1], [4.0, 0.4], (8, 2)), 20, axis=0)
+        made = simulate(graph, Inputs(time=time, values=u), [Fault(parameter="C1", factor=0.6, start=80 * dt)], seed=5)
+        _, reports = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))
+        alarm = next(k for k, report in enumerate(reports) if report.detection is not None)
+        waits.append(next(k for k, report in enumerate(reports) if report.diagnosis is not None) - alarm)
+    assert waits[0] > 5
+    assert waits[1] == 0
+
+
+def resumed(monitor: Monitor) -> Monitor:
+    """One that was saved and restored."""
+    return Monitor(monitor.core, monitor.save())
+
+
+def test_work_that_is_saved_and_restored_goes_on_as_if_never_stopped() -> None:
+    """At each sample of every kind of work, to the last byte; after the last renewal too."""
+    stopped, kinds = whole()[ALARM - 1], set[int]()
+    for k in range(ALARM - 1, len(SAMPLES)):
+        stopped, _ = run(stopped.core, SAMPLES[k : k + 1], resumed(stopped))
+        assert np.array_equal(stopped.save(), whole()[k + 1].save())
+        kinds.add(kind(stopped))
+    assert kinds == {0, BEGINNING, RENEWING, RENEWING_ALL}
