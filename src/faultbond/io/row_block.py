@@ -60,7 +60,7 @@ class RowBlock:
             line=int(self.line[k]),
         )
 
-    def part(self, chosen: slice) -> "RowBlock":
+    def part(self, chosen: slice | IntArray) -> "RowBlock":
         """Give some of the rows."""
         return RowBlock(
             time=self.time[chosen],
