@@ -8,6 +8,7 @@ import heapq
 import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import TypeVar
@@ -231,6 +232,17 @@ class Grid:
         """What has been passed so far."""
         return Counts(**self._tally)
 
+    def copy(self) -> "Grid":
+        """Give another grid that stands where this one does."""
+        other = copy(self)
+        for name in ("_frozen", "_tally", "_waiting", "_behind", "_placed", "_times"):
+            setattr(other, name, copy(getattr(self, name)))
+        return other
+
+    def go_back(self, earlier: "Grid") -> None:
+        """Stand where a copy of this grid stands, which is not used any more."""
+        self.__dict__ = earlier.__dict__
+
     def push(self, row: Row) -> Iterable[GridPoint]:
         """Take one row and give the points that are complete with it, often none."""
         if not abs(row.time) <= LATEST:
@@ -271,7 +283,7 @@ class Grid:
         shortest, others = (SHORTEST_LIVE, PATIENCE + 1) if self._live else (SHORTEST, LOOK_BACK)
         first = 0
         while first < len(rows):
-            n_regular = self._count_regular(rows.time[first:])
+            n_regular = self._count_regular(rows.time[first:]) if len(rows) - first >= shortest else 0
             if n_regular >= shortest:
                 last = first + n_regular
                 points = self._take_regular(rows.part(slice(first, last)))
