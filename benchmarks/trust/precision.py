@@ -41,7 +41,7 @@ HEADER = ("plant", "hypotheses", "samples", "diagnoses", "largest difference", "
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Compared:
-    """Posteriors of the same diagnoses by both builds, (n_diagnoses, n_hypotheses), and their samples, (n_diagnoses,)."""
+    """Posteriors of the same diagnoses by both builds, (n_diagnoses, n_hypotheses); and their samples."""
 
     sample: FloatArray
     shipped: FloatArray
