@@ -61,7 +61,7 @@ class RowBlock:
         )
 
     def part(self, chosen: slice | IntArray) -> "RowBlock":
-        """Give some of the rows."""
+        """Give some of the rows: those of a slice, or at some places (n_chosen,)."""
         return RowBlock(
             time=self.time[chosen],
             u=self.u[chosen],
