@@ -35,7 +35,7 @@ FAULTS = {  # by plant: parameter, factor, value
     "dc_motor": ("R", 1.5, None),
     "dc_motor_current": ("K", 0.8, None),
 }
-LONG = ("-std=gnu11", "-O1", "-w", "-include", str(HERE / "long.h"))
+LONG = ("-std=gnu11", "-O2", "-w", "-include", str(HERE / "long.h"))
 HEADER = ("plant", "hypotheses", "samples", "diagnoses", "largest difference", "asked")
 
 
@@ -77,7 +77,7 @@ def compare(name: str, n_samples: int, folder: Path, *flags: str) -> Compared:
     fault = Fault(parameter=parameter, factor=factor, value=value, start=0.5 * n_samples * step)
     given = block_of(case(name, SEED, [fault], seconds=n_samples * step).recording)
     np.hstack([given.time[:, None], given.dt[:, None], given.u, given.y]).tofile(folder / "recording")
-    told = [_told(folder, options, spec.n_hypotheses) for options in ((*FLAGS, FAST, *flags), LONG)]
+    told = [posteriors(folder, options, spec.n_hypotheses) for options in ((*FLAGS, FAST, *flags), LONG)]
     if not np.array_equal(told[0][:, 0], told[1][:, 0]):
         raise RuntimeError(
             f"{name}: diagnoses at {told[0][:, 0]} by the shipped build, at {told[1][:, 0]} by the other"
@@ -85,8 +85,14 @@ def compare(name: str, n_samples: int, folder: Path, *flags: str) -> Compared:
     return Compared(sample=told[0][:, 0], shipped=told[0][:, 1:], exact=told[1][:, 1:])
 
 
-def _told(folder: Path, options: Sequence[str], n_hypotheses: int) -> FloatArray:
-    """Compile the core with these options, run it, and give what it wrote."""
+def posteriors(folder: Path, options: Sequence[str], n_hypotheses: int) -> FloatArray:
+    """Give samples and posteriors, (n_diagnoses, 1 + n_hypotheses), of the core that `compare` left, by other options.
+
+    Raises
+    ------
+    RuntimeError
+        Where it does not compile or run.
+    """
     words = ["gcc", *options, f"-I{CORE}", f"-I{HERE}", str(folder / "run.c"), "-o", str(folder / "run"), "-lm"]
     for command in (words, [str(folder / "run"), str(folder / "recording"), str(folder / "out")]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)

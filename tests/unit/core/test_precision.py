@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.trust.precision import ASKED, compare
+from benchmarks.trust.precision import ASKED, compare, posteriors
 
-from faultbond.synthesis.compile import QUICK
+from faultbond.synthesis.compile import FLAGS, QUICK
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc"),
@@ -15,16 +15,11 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize(("name", "n_samples"), [("three_tank", 700), ("dc_motor", 700)])
-def test_rounding_does_not_move_posteriors(name: str, n_samples: int, tmp_path: Path) -> None:
-    """Through start, alarm, renewals and a diagnosis no posterior of any hypothesis is off by more than 1e-9."""
-    found = compare(name, n_samples, tmp_path, QUICK)
+def test_rounding_does_not_move_posteriors(tmp_path: Path) -> None:
+    """No posterior is off by more than 1e-9, from the start to a diagnosis; with constants of 7 digits some are."""
+    found = compare("dc_motor", 620, tmp_path, QUICK)
     assert len(found.sample) > 5
-    assert found.exact.shape == found.shipped.shape
     assert np.allclose(found.exact.sum(axis=1), 1.0, atol=1e-12)
     assert found.largest < ASKED
-
-
-def test_lost_digits_are_seen(tmp_path: Path) -> None:
-    """A build whose constants have seven digits is told from one that rounds as it should."""
-    assert compare("dc_motor", 700, tmp_path, QUICK, "-fsingle-precision-constant").largest > ASKED
+    lost = posteriors(tmp_path, (*FLAGS, QUICK, "-fsingle-precision-constant"), found.exact.shape[1])
+    assert np.abs(lost[: len(found.sample), 1:] - found.exact).max() > ASKED
