@@ -84,14 +84,17 @@ def rows() -> Rows:
 
 
 def live() -> Rows:
-    """Give the rows a second that come by standard input: what more rows take more."""
-    with _recordings() as (many, few):
+    """Give the rows a second that come by standard input, also of a run that is kept: what more rows take more."""
+    with _recordings() as (many, few), tempfile.TemporaryDirectory() as folder:
         used(*RUN, "-", given=few)
-        pairs = [(used(*RUN, "-", given=many), used(*RUN, "-", given=few)) for _ in range(LONG_ROUNDS)]
-    rates = np.array([(MANY - FEW) / (long.processor - short.processor) for long, short in pairs])
-    return [
-        ("tank, `run` on standard input, watching, rows a second of processor time", "30,000", spread(rates, ",.0f"))
-    ]
+        plain, kept = [], []
+        for k in range(LONG_ROUNDS):
+            plain.append([used(*RUN, "-", given=name).processor for name in (few, many)])
+            keeping = [(*RUN, "-", "--state", str(Path(folder, f"{k} {name}"))) for name in ("few", "many")]
+            kept.append([used(*words, given=name).processor for words, name in zip(keeping, (few, many), strict=True)])
+    figure = "tank, `run` on standard input, watching, rows a second of processor time"
+    told = [spread((MANY - FEW) / np.diff(np.array(item))[:, 0], ",.0f") for item in (plain, kept)]
+    return [(figure, "30,000", told[0]), ("the same of a run that is kept (`--state`)", "", told[1])]
 
 
 def memory() -> Rows:

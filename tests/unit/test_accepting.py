@@ -193,23 +193,38 @@ def test_without_a_time_column_the_clock_goes_on(tmp_path: Path, folder: Path) -
     assert (end_record["samples"], end_record["missing"]) == (90, 0)
 
 
+class Arriving(io.RawIOBase):
+    """Gives one text after the other, none longer than what is asked for."""
+
+    def __init__(self, lines: Iterator[bytes]) -> None:
+        self.left = lines
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        line = next(self.left, b"")
+        buffer[: len(line)] = line
+        return len(line)
+
+
 def live(folder: Path, monkeypatch: pytest.MonkeyPatch, rows: list[str], *options: str) -> int:
-    """Run rows that come on standard input."""
-    text = "".join(line + "\n" for line in rows).encode()
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
+    """Run rows that come on standard input, each text of its own."""
+    stream = Arriving(row.encode() for row in rows)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(stream, max(map(len, rows)))))
     return main(["run", str(MODEL), "-", "--json", str(folder / "live.jsonl"), *options])
 
 
 def test_a_live_run_is_kept_and_heeds_what_is_decided(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A live run writes its file at the alarm; what `accept` changes there is done to the run, which goes on."""
-    rows = (folder / "two.csv").read_text().splitlines()
+    rows = (folder / "two.csv").read_text().splitlines(keepends=True)
     state = folder / "live.state"
     taken = course.Course.take
 
-    def take(self: course.Course, point: Any) -> None:
-        if point.index == 300:
+    def take(self: course.Course, points: Any, **options: bool) -> int:
+        if points.index[0] == 300:
             assert main(["accept", str(MODEL), str(state), "C"]) == 0
-        taken(self, point)
+        return taken(self, points, **options)
 
     monkeypatch.setattr(course.Course, "take", take)
     assert live(folder, monkeypatch, rows, "--state", str(state)) == 1
@@ -220,6 +235,27 @@ def test_a_live_run_is_kept_and_heeds_what_is_decided(folder: Path, monkeypatch:
     found = read_saved(state).found
     assert [item.time for item in found.accepted] == [decided["time"]]
     assert found.detections == 2
+
+
+@pytest.mark.parametrize("absent", [0, 3])
+def test_what_is_kept_at_an_alarm_does_not_go_by_how_rows_arrive(
+    absent: int, folder: Path, whole: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of rows that arrived together, those after the alarm are not in the file that is written at it."""
+    rows = (folder / "two.csv").read_text().splitlines(keepends=True)
+    alarm = 1 + round(next(record["time"] for record in whole if record["record"] == "detection") / 0.02)
+    del rows[alarm - absent : alarm - absent + bool(absent)]  # those after it wait for it, and then come with one row
+    written: list[list[Any]] = []
+    assert live(folder, monkeypatch, rows) == 1
+    told = (folder / "live.jsonl").read_text()
+    for lines in (["".join(rows)], rows):
+        kept: list[Any] = []
+        monkeypatch.setattr(keeping, "write_saved", lambda _, saved, kept=kept: kept.append(saved))
+        assert live(folder, monkeypatch, lines, "--state", str(folder / "never.state")) == 1
+        assert (folder / "live.jsonl").read_text() == told
+        written.append([(item.clock.last_time, item.clock.counts, item.numbers["state"].tobytes()) for item in kept])
+    assert written[0] == written[1]
+    assert written[0][0][1].samples < alarm + 10 < written[0][-1][1].samples == ROWS
 
 
 @pytest.mark.parametrize("stopped", [False, True])
@@ -234,20 +270,7 @@ def test_a_decision_after_the_last_row_is_heeded(stopped: bool, folder: Path, mo
         if stopped:
             raise KeyboardInterrupt
 
-    class Stream(io.RawIOBase):
-        """Gives a line a time."""
-
-        left = lines()
-
-        def readable(self) -> bool:
-            return True
-
-        def readinto(self, buffer: Any) -> int:
-            line = next(self.left, b"")
-            buffer[: len(line)] = line
-            return len(line)
-
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(Stream(), 1)))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(Arriving(lines()), 1)))
     code = main(["run", str(MODEL), "-", "--json", str(folder / "live.jsonl"), "--state", str(state)])
     assert code == (130 if stopped else 1)
     records = [json.loads(line) for line in (folder / "live.jsonl").read_text().splitlines()]
@@ -257,14 +280,14 @@ def test_a_decision_after_the_last_row_is_heeded(stopped: bool, folder: Path, mo
 
 def test_a_live_run_heeds_rejections(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What `reject` rules out in the file of a live run is out in the run."""
-    rows = (folder / "two.csv").read_text().splitlines()[:350]
+    rows = (folder / "two.csv").read_text().splitlines(keepends=True)[:350]
     state = folder / "ruled_out.state"
     taken = course.Course.take
 
-    def take(self: course.Course, point: Any) -> None:
-        if point.index == 300:
+    def take(self: course.Course, points: Any, **options: bool) -> int:
+        if points.index[0] == 300:
             assert main(["reject", str(MODEL), str(state), "C"]) == 0
-        taken(self, point)
+        return taken(self, points, **options)
 
     monkeypatch.setattr(course.Course, "take", take)
     assert live(folder, monkeypatch, rows, "--state", str(state)) == 1
@@ -389,14 +412,14 @@ def test_of_many_faults_before_the_last_ones_are_told() -> None:
 
 def test_a_live_run_that_is_stopped_is_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C ends a live run with its file written up to the last point."""
-    rows = (folder / "two.csv").read_text().splitlines()
+    rows = (folder / "two.csv").read_text().splitlines(keepends=True)
     state = folder / "stopped.state"
     taken = course.Course.take
 
-    def take(self: course.Course, point: Any) -> None:
-        if point.index == 50:
+    def take(self: course.Course, points: Any, **options: bool) -> int:
+        if points.index[-1] >= 50:
             raise KeyboardInterrupt
-        taken(self, point)
+        return taken(self, points, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(course.Course, "take", take)
@@ -410,7 +433,7 @@ def test_a_live_run_writes_at_times(folder: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("time.monotonic", lambda: float(next(clock)))
     written: list[int] = []
     monkeypatch.setattr(keeping, "write_saved", lambda _, saved: written.append(saved.clock.counts.samples))
-    rows = (folder / "two.csv").read_text().splitlines()[:92]
+    rows = (folder / "two.csv").read_text().splitlines(keepends=True)[:92]
     live(folder, monkeypatch, rows, "--state", str(folder / "times.state"))
     assert 2 <= len(written) <= 5
     assert written[-1] == 91

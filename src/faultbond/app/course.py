@@ -18,7 +18,7 @@ from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
-_ALARMS_ON = [STATUSES.index(status) for status in (Status.WATCHING, Status.DIAGNOSING)]
+_ALARMS_ON = np.array([status in (Status.WATCHING, Status.DIAGNOSING) for status in STATUSES])
 _WAITING, _LOST = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST))
 
 
@@ -56,8 +56,11 @@ class Course:
             detections = () if self.found.open is None else (self.found.open,)
             self._trace.before(detections, self.found.accepted[-TOLD:], self.found.rejected)
 
-    def take(self, points: PointBlock) -> None:
-        """Pass points on in order, and write what the method says to them."""
+    def take(self, points: PointBlock, *, to_alarm: bool = False) -> int:
+        """Pass points on in order, and write what the method says to them; give how many there were.
+
+        to_alarm: none after a point at which there is an alarm that nothing was accepted for yet.
+        """
         samples = Samples(time=points.time, dt=points.dt, u=points.u, y=points.y)
         resumes, first = np.flatnonzero(points.resumes), 0
         while first < len(points):
@@ -68,6 +71,9 @@ class Course:
             done = first + len(reports)
             self._take(samples[first:done], reports, int(points.index[done - 1]))
             first = done
+            if to_alarm and self.found.open is not None:
+                break
+        return first
 
     def _take(self, samples: Samples, reports: Reports, last: int) -> None:
         """Take what the method says to some samples, the last of which is the grid point `last`."""
@@ -177,7 +183,7 @@ class Course:
         self._seen |= np.isfinite(samples.u).any(axis=0)
         self._read |= read.any(axis=0)
         self._lost += int(np.sum(status == _LOST))
-        watched = int(np.sum(np.isin(status, _ALARMS_ON) & (read & self._watcher.in_use).any(axis=1)))
+        watched = int(np.sum(_ALARMS_ON[status] & (read & self._watcher.in_use).any(axis=1)))
         waiting, wild = int(np.sum(status == _WAITING)), int(np.sum(reports.wild))
         if watched or waiting or wild:
             found = self.found

@@ -11,14 +11,14 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, no_time, portions, progress, single_rows
+from faultbond.app.rows import begun, no_time, portions, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.json_records import run_record
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
-from faultbond.io.grid import Grid, PointBlock, RowBlock, blocks_of_points
+from faultbond.io.grid import Grid, GridPoint, PointBlock, RowBlock, blocks_of_points
 from faultbond.io.out import Out
 from faultbond.io.recording import Columns, read_blocks
 from faultbond.io.saved import Saved
@@ -56,8 +56,7 @@ def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) 
             out.go_on(records)
         out.record(_run_record(watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
-        portioned = single_rows(blocks) if live and keeper is not None else portions(blocks)
-        _pass(course, follow(portioned), grid, keeper, out, live=live)
+        _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
@@ -108,9 +107,10 @@ def _pass(
     with Stopping() as stopping:
         try:
             for rows in stopping.between(blocks):
-                _take(course, grid.push_block(rows), out)
-                if live and keeper is not None:  # between rows: the points of one row are kept together
-                    keeper.look()
+                if live and keeper is not None:
+                    _take_kept(course, rows, grid, keeper, out)
+                else:
+                    _take(course, grid.push_block(rows), out)
         except KeyboardInterrupt:
             out.settle()
             _end(course, grid, keeper, out, live=live)
@@ -134,6 +134,37 @@ def _take(course: Course, blocks: Iterable[PointBlock], out: Out) -> None:
     for points in blocks:
         out.settle()  # now that there is something to watch
         course.take(points)
+
+
+def _take_kept(course: Course, rows: RowBlock, grid: Grid, keeper: Keeper, out: Out) -> None:
+    """Take rows of a live run that is kept; once there is an alarm, a person may decide between any two of them."""
+    first = 0
+    while first < len(rows):
+        if course.found.open is None:
+            first += _take_to_alarm(course, rows.part(slice(first, None)), grid, out)
+        else:
+            _take(course, grid.push_block(rows.part(slice(first, first + 1))), out)
+            first += 1
+        keeper.look()
+
+
+def _take_to_alarm(course: Course, rows: RowBlock, grid: Grid, out: Out) -> int:
+    """Take rows up to one with which there is an alarm, all its points among them; give how many rows that are."""
+    before, n_points = grid.copy(), 0
+    for points in grid.push_block(rows):
+        out.settle()
+        n_points += course.take(points, to_alarm=True)
+        if course.found.open is not None:
+            break
+    else:
+        return len(rows)
+    grid.go_back(before)  # what is kept of the run, its clock among it, is of one moment
+    n_rows, rest = 0, list[GridPoint]()
+    while n_points > 0:
+        again = list(grid.push(rows.row(n_rows)))
+        n_rows, n_points, rest = n_rows + 1, n_points - len(again), again[n_points:]
+    _take(course, blocks_of_points(rest), out)
+    return n_rows
 
 
 def _conclude(

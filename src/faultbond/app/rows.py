@@ -67,12 +67,6 @@ def portions(blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
                 size = max(size // 2, 1)
 
 
-def single_rows(blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
-    """Give rows one by one, as where a person may decide between any two of them."""
-    for block in blocks:
-        yield from (block.part(slice(k, k + 1)) for k in range(len(block)))
-
-
 def sample_of(point: GridPoint) -> Sample:
     """Give a grid point as the monitor takes it."""
     return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)

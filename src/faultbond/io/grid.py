@@ -8,8 +8,10 @@ import heapq
 import math
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass
 from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
@@ -30,7 +32,9 @@ LATEST = 253402300799.0  # s, in Unix seconds the end of the year 9999; what is 
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
 MAX_BLOCK = 4096  # points that are made one by one and given together
 SHORTEST = 2 * LOOK_BACK  # rows that are worth a block
+SHORTEST_LIVE = 5  # the same of a live stream
 KEPT_FIRSTS = 20  # recordings, or parts of them, that are known when they are given again
+Time = TypeVar("Time", float, FloatArray)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -228,6 +232,17 @@ class Grid:
         """What has been passed so far."""
         return Counts(**self._tally)
 
+    def copy(self) -> "Grid":
+        """Give another grid that stands where this one does."""
+        other = copy(self)
+        for name in ("_frozen", "_tally", "_waiting", "_behind", "_placed", "_times"):
+            setattr(other, name, copy(getattr(self, name)))
+        return other
+
+    def go_back(self, earlier: "Grid") -> None:
+        """Stand where a copy of this grid stands, which is not used any more."""
+        self.__dict__ = earlier.__dict__
+
     def push(self, row: Row) -> Iterable[GridPoint]:
         """Take one row and give the points that are complete with it, often none."""
         if not abs(row.time) <= LATEST:
@@ -262,47 +277,62 @@ class Grid:
     def push_block(self, rows: RowBlock) -> Iterator[PointBlock]:
         """Take rows and give the points that are complete with them, the same as `push` gives row by row.
 
-        Rows of a file that go on from each other in time are placed together; around all others, and where there is no
-        step, rows are taken one by one.
+        Rows that go on from each other in time are placed together; around all others, and where there is no step, rows
+        are taken one by one.
         """
+        shortest, others = (SHORTEST_LIVE, PATIENCE + 1) if self._live else (SHORTEST, LOOK_BACK)
         first = 0
         while first < len(rows):
-            n_regular = self._count_regular(rows.time[first:])
-            if n_regular >= SHORTEST:
+            n_regular = self._count_regular(rows.time[first:]) if len(rows) - first >= shortest else 0
+            if n_regular >= shortest:
                 last = first + n_regular
                 points = self._take_regular(rows.part(slice(first, last)))
                 if points is not None:
                     yield points
             else:
-                last = min(first + n_regular + LOOK_BACK, len(rows))
+                last = min(first + n_regular + others, len(rows))
                 one_by_one = (self.push(rows.row(k)) for k in range(first, last))
                 yield from blocks_of_points(chain.from_iterable(one_by_one))
             first = last
 
     def _count_regular(self, time: FloatArray) -> int:
-        """Give how many of these rows, (n_rows,), follow all that came before, in order and without too long a gap."""
+        """Give how many of these rows, (n_rows,), follow all that came before, in order and without too long a gap.
+
+        Of a live stream, those that besides await none that is absent before them.
+        """
         waiting = sorted(self._waiting)
-        halted = self._live or self._behind or self._passed > -math.inf or any(late for _, _, late, _ in waiting)
+        halted = not self._began or self._behind or self._passed > -math.inf or any(late for _, _, late, _ in waiting)
         if halted or self._step is None or self._origin is None or len(waiting) + len(time) > MAX_WAITING:
             return 0
-        if not self._newest <= (waiting[-1][0] if waiting else self._times[-1]):
+        if not self._newest <= (waiting[-1][0] if waiting else self._times[-1]) or (self._live and waiting):
             return 0
-        before = [self._times[-1], *(item[0] for item in waiting)]
-        steps = np.diff(np.concatenate([before, time]))
+        time = time[: _n_true(np.abs(time) <= LATEST)]
+        steps = np.diff(np.concatenate([[self._times[-1], *(item[0] for item in waiting)], time]))
         regular = (steps > 0.0) & ~(steps / self._step - 1.0 > MAX_GAP)
-        regular[len(waiting) :] &= np.abs(time) <= LATEST
-        n_regular = len(regular) if regular.all() else int(np.argmin(regular))
-        return max(n_regular - len(waiting), 0)
+        if self._live:
+            regular &= ~self._await(time)
+        return max(_n_true(regular) - len(waiting), 0)
+
+    def _await(self, time: FloatArray) -> BoolArray:
+        """Whether rows at these times, (n_rows,), would wait as `_awaits` says, if each is placed before the next."""
+        every = np.concatenate([self._times, time])
+        rows = len(self._times) + np.arange(len(time))
+        n_before = np.minimum(rows, LOOK_BACK)
+        usual = (every[rows - 1] - every[rows - n_before]) / np.maximum(n_before - 1, 1)
+        position = self._position(time, self._origin or (0, 0.0), self._step or 1.0)
+        index = np.concatenate([[self._last_index], np.floor(position[:-1] + 0.5)])
+        gap = (n_before >= CLOCK_ROWS) & (time - every[rows - 1] > GAP * usual)
+        return np.asarray(gap & (position >= np.maximum.accumulate(index) + 1.5))
 
     def _take_regular(self, rows: RowBlock) -> PointBlock | None:
         """Take rows that follow all that came before, as `_take` and `_release` do one by one."""
-        step = self._step or 0.0
+        step, keep = self._step or 0.0, 0 if self._live else LOOK_BACK
         waiting = sorted(self._waiting)
         if waiting:
             rows = joined(block_of_rows([item[3] for item in waiting]), rows)
         newest, n_waiting = float(rows.time[-1]), len(waiting)
-        n_settled = int(np.count_nonzero(rows.time <= newest - LOOK_BACK * step))
-        n_placed = max(min(n_settled, len(rows) - LOOK_BACK), 0)
+        n_settled = int(np.count_nonzero(rows.time <= newest - keep * step))
+        n_placed = max(min(n_settled, len(rows) - keep), 0)
         arrivals = range(self._arrivals + 1, self._arrivals + 1 + len(rows) - n_waiting)
         kept = [
             waiting[k] if k < n_waiting else (float(rows.time[k]), arrivals[k - n_waiting], False, rows.row(k))
@@ -316,8 +346,7 @@ class Grid:
         last = [rows.row(k) for k in range(max(len(rows) - LOOK_BACK, 0), len(rows))]
         self._placed.extend(last)
         self._times.extend(row.time for row in last)
-        origin, step = self._origin or (0, 0.0), self._step or 1.0
-        position = origin[0] + (rows.time - origin[1]) / step
+        position = self._position(rows.time, self._origin or (0, 0.0), self._step or 1.0)
         index = np.floor(position + 0.5).astype(np.intp)
         distance = np.abs(position - index)
         n_passed = int(np.searchsorted(index, self._last_index, side="right"))
@@ -328,21 +357,19 @@ class Grid:
         if self._best is not None:
             rows = joined(block_of_rows([self._best[2]]), rows)
             index, distance = np.append(self._best[0], index), np.append(self._best[1], distance)
-        chosen = _nearest(index, distance)
+        chosen = _first_of_each(index) if self._live else _nearest(index, distance)
         self._tally["unused"] += len(index) - len(chosen)
-        newest = int(chosen[-1])
-        self._best = (int(index[newest]), float(distance[newest]), rows.row(newest))
-        served = chosen[:-1]
-        if not len(served):
-            return None
-        return self._serve_regular(index[served], rows.u[served], rows.y[served], int(rows.saturated[served].sum()))
+        if not self._live:
+            chosen, newest = chosen[:-1], int(chosen[-1])
+            self._best = (int(index[newest]), float(distance[newest]), rows.row(newest))
+        return self._serve_regular(index[chosen], rows.part(chosen)) if len(chosen) else None
 
-    def _serve_regular(self, index: IntArray, u: FloatArray, y: FloatArray, saturated: int) -> PointBlock:
+    def _serve_regular(self, index: IntArray, rows: RowBlock) -> PointBlock:
         """Give the points of rows, and the empty ones between, as `_serve` does one by one."""
         first, (began, start), step = self._last_index + 1, self._origin or (0, 0.0), self._step or 0.0
         every = np.arange(first, index[-1] + 1)
         place = index - first
-        times = start + (every - began) * step
+        times, u, y = start + (every - began) * step, rows.u, rows.y
         values = np.full((len(every), u.shape[1]), np.nan), np.full((len(every), y.shape[1]), np.nan)
         values[0][place], values[1][place] = u, y
         resumes = np.zeros(len(every), dtype=bool)
@@ -352,7 +379,7 @@ class Grid:
         self._tally["samples"] += len(every)
         self._tally["missing"] += len(every) - int(complete.sum())
         self._tally["clock_jumps"] += int(resumes.sum())
-        self._tally["saturated"] += saturated
+        self._tally["saturated"] += int(rows.saturated.sum())
         if self._frozen is not None:
             self._tally["frozen"] += self._frozen.add_block(y)
         dt = np.where(every == 0, 0.0, step)
@@ -453,8 +480,8 @@ class Grid:
         return chain(before, self._serve(best[0], best[2]) if best is not None and best[0] < index else ())
 
     @staticmethod
-    def _position(time: float, origin: tuple[int, float], step: float) -> float:
-        """Give where a time lies on the grid, in points."""
+    def _position(time: Time, origin: tuple[int, float], step: float) -> Time:
+        """Give where a time, or each of some, lies on the grid, in points."""
         return origin[0] + (time - origin[1]) / step
 
     def _jumps(self, row: Row) -> bool:
@@ -505,9 +532,19 @@ class Grid:
         return chain(_empty_points(first, times, step or 0.0, row), (point,))
 
 
+def _n_true(flags: BoolArray) -> int:
+    """Give how many of the first of some flags, (n,), are true."""
+    return len(flags) if flags.all() else int(np.argmin(flags))
+
+
+def _first_of_each(index: IntArray) -> IntArray:
+    """Give, of each run of equal indices, (n_rows,), the place of the first."""
+    return np.flatnonzero(np.diff(index, prepend=index[0] - 1))
+
+
 def _nearest(index: IntArray, distance: FloatArray) -> IntArray:
     """Give, of each run of equal indices, the place of the first with the smallest distance; all (n_rows,)."""
-    starts = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
+    starts = _first_of_each(index)
     if len(starts) == len(index):
         return starts
     runs = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(index)))

@@ -60,8 +60,8 @@ class RowBlock:
             line=int(self.line[k]),
         )
 
-    def part(self, chosen: slice) -> "RowBlock":
-        """Give some of the rows."""
+    def part(self, chosen: slice | IntArray) -> "RowBlock":
+        """Give some of the rows: those of a slice, or at some places (n_chosen,)."""
         return RowBlock(
             time=self.time[chosen],
             u=self.u[chosen],
