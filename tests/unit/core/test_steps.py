@@ -181,7 +181,9 @@ def test_a_renewed_lane_begins_from_what_was_found() -> None:
         lanes, began, begins = (np.zeros(8, dtype=np.int64) for _ in range(3))
         motor("t_group", lanes, began, begins)
         after, onsets = motor.bank(), motor.onsets()
-        for old, far, near in {*zip(lanes.tolist(), (began - OLDEST).tolist(), (begins - OLDEST).tolist(), strict=True)}:
+        for old, far, near in {
+            *zip(lanes.tolist(), (began - OLDEST).tolist(), (begins - OLDEST).tolist(), strict=True)
+        }:
             new = worst[plan.hypothesis[old]]
             assert old in best
             if np.array_equal(after[new], before[new]):
