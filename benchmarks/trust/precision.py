@@ -77,7 +77,7 @@ def compare(name: str, n_samples: int, folder: Path, *flags: str) -> Compared:
     fault = Fault(parameter=parameter, factor=factor, value=value, start=0.5 * n_samples * step)
     given = block_of(case(name, SEED, [fault], seconds=n_samples * step).recording)
     np.hstack([given.time[:, None], given.dt[:, None], given.u, given.y]).tofile(folder / "recording")
-    told = [posteriors(folder, options, spec.n_hypotheses) for options in ((*FLAGS, FAST, *flags), LONG)]
+    told = [posteriors(folder, options, spec.n_hypotheses) for options in ((*FLAGS, *FAST, *flags), LONG)]
     if not np.array_equal(told[0][:, 0], told[1][:, 0]):
         raise RuntimeError(
             f"{name}: diagnoses at {told[0][:, 0]} by the shipped build, at {told[1][:, 0]} by the other"

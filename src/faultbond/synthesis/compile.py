@@ -20,9 +20,9 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-# What runs for every lane and sample; what takes longer to compile than it saves; and that in half the time, with which a healthy
-# sample takes a tenth longer. Only in the bank sums are contracted: the healthy filter gives the same digits alone and in a
-# fleet.
+# What runs for every lane and sample; what takes longer to compile than it saves; and that in half the time, with which
+# a healthy sample takes a tenth longer. Only in the bank sums are contracted: the healthy filter gives the same digits
+# alone and in a fleet.
 FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
 QUICK, HASTY = ("-O1", "-ffp-contract=off"), ("-Og", "-ffp-contract=off")
 FLEETS = "#define FB_FLEETS\n"
@@ -89,9 +89,8 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
     }
     if fleets:
         parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', _quick())}
-    return _kept(
-        (model, *(text for text, _ in parts.values()), *files), compiler, partial(_compile, {"model.h": model}, parts)
-    )
+    texts = (model, *(text for text, _ in parts.values()), *files)
+    return _kept(texts, compiler, partial(_compile, {"model.h": model}, parts))
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
@@ -172,7 +171,7 @@ def compiler_identity(compiler: tuple[str, ...]) -> str:
     if compiler[1:2] == ("-m",):  # a package of Python
         package = find_spec(compiler[2])
         files.append(package.origin if package is not None else None)
-    found = [*compiler, _quick()]
+    found = [*compiler, *_quick()]
     for file in files:
         with suppress(OSError):
             real = Path(file or "").resolve()

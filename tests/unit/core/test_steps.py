@@ -94,7 +94,7 @@ def dense_mixture(motor: Core, start: Start) -> float:
 
 def is_run(motor: Core, lane: FloatArray, start: Start, onset: int) -> bool:
     """Whether a lane is that of a start begun at an onset, but for rounding and its likelihood."""
-    return lane[:-1] == pytest.approx(dense_run(motor, start, onset)[:-1], rel=1e-6, abs=1e-9)
+    return bool(lane[:-1] == pytest.approx(dense_run(motor, start, onset)[:-1], rel=1e-6, abs=1e-9))
 
 
 @pytest.mark.parametrize("tied", [False, True])

@@ -22,7 +22,7 @@ from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.synthesis.compile import find_compiler, required_compiler
 from faultbond.synthesis.engine import build_engine
-from lamp_core import LAMP
+from plants import LAMP
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 ROWS, N_ASSETS = 520, 11
