@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bare_core import CELL, Bare, at, bare, compiled, in_c
-from faultbond.arrays import FloatArray
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.core_settings import core_settings
+from faultbond.contract.spec import Thresholds
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.text import parse_model
@@ -21,28 +22,58 @@ SETTINGS = core_settings()
 DENSE, MOST_BURSTS, EVERY, SNAPSHOTS = (
     int(SETTINGS[name]) for name in ("DENSE", "MOST_BURSTS", "SNAPSHOT_EVERY", "SNAPSHOTS")
 )
-# The trail alone, in front of a bank whose size is told at run time.
+HISTORY, SMOOTH = Thresholds().history_samples, SETTINGS["SMOOTH"]
+SPARE, WANTED, SURE = range(3)  # what is to be done with an onset
+# Onsets alone, in front of a bank whose size is told at run time.
 OF_ANY_SIZE = '#include "advance.h"\nstatic int64_t n_lanes;\n#undef N_PLANNED\n'
-OF_ANY_SIZE += '#define N_PLANNED n_lanes\n#include "trail.h"\n'
+OF_ANY_SIZE += '#define N_PLANNED n_lanes\n#include "onsets.h"\n'
 PLACES = """
 static Past past;
 static Trail trail;
-static Onsets onsets;
-int64_t t_onsets(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t *places, double *widths)
+static Search search;
+static PlainBlock group, best;
+int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t *places, int64_t *standing)
 {
     n_lanes = lanes;
     trail.n = n;
     trail.alarm = alarm;
-    find_onsets(&trail, change, &onsets);
-    memcpy(places, onsets.place, sizeof onsets.place);
-    memcpy(widths, onsets.width, sizeof onsets.width);
-    return onsets.n;
+    begin_search(&trail, change, &search);
+    search.least = -1e9;
+    memcpy(places, search.place, sizeof search.place);
+    memcpy(standing, search.standing, sizeof search.standing);
+    return search.n;
+}
+int64_t t_near(const int64_t *places, int64_t *standing)
+{
+    begin_near(places, &search);
+    memcpy(standing, search.standing, sizeof search.standing);
+    return search.n;
+}
+/* Try onsets until there are enough: said[place][lane]; tells how many, which, and the lanes that come out. */
+int64_t t_seek(const double *said, double least, int64_t *tried, double *told, int64_t *chosen)
+{
+    int64_t n = 0, k;
+    search.least = least;
+    while ((k = next_onset(&search)) >= 0) {
+        tried[n++] = search.place[k];
+        for (int l = 0; l < GROUP; l++) {
+            group[0][l] = (double)search.place[k];
+            group[PLAIN_LIKELIHOOD][l] = said[search.place[k] * GROUP + l];
+        }
+        mix(&search, k, group, PLAIN_NUMBERS, best);
+    }
+    conclude_mixture(&search, PLAIN_NUMBERS, best);
+    for (int l = 0; l < GROUP; l++) {
+        told[l] = best[PLAIN_LIKELIHOOD][l];
+        chosen[l] = (int64_t)best[0][l];
+    }
+    return n;
 }
 /* Bursts of a trail of this wildness, whose rows go round the end of those that are kept. */
 int64_t t_bursts(const double *wildness, int64_t n, int64_t *places)
 {
     trail.past = &past;
-    trail.oldest = DEPTH - 3;
+    trail.oldest = N_ROWS - 3;
     trail.n = n;
     trail.alarm = n - 1;
     for (int64_t k = 0; k < n; k++) row_of(&past, trail.oldest + k)->wildness = wildness[k];
@@ -82,14 +113,21 @@ def library() -> ctypes.CDLL:
     return compiled(text + OF_ANY_SIZE + in_c(PLACES))
 
 
-def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100) -> dict[int, float]:
-    """Places in a trail of 330 samples, and for how many each stands; of a bank of so many lanes."""
-    places, widths, wild = np.zeros(400, dtype=np.int64), np.zeros(400), np.zeros(330)
+def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100) -> dict[int, int]:
+    """Onsets of a trail of 330 samples, and what is to be done with each; of a bank of so many lanes."""
+    places, standing, wild = np.zeros(400, dtype=np.int64), np.zeros(400, dtype=np.int64), np.zeros(330)
     wild[[*bursts]] = 9.0
     library().t_bursts(at(wild), ctypes.c_int64(330), at(places))
     numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change))
-    n = library().t_onsets(*numbers, at(places), at(widths))
-    return dict(zip(places[:n].tolist(), widths[:n].tolist(), strict=True))
+    n = library().t_search(*numbers, at(places), at(standing))
+    return dict(zip(places[:n].tolist(), standing[:n].tolist(), strict=True))
+
+
+def sought(said: FloatArray, least: float = -1e9) -> tuple[list[int], FloatArray, IntArray]:
+    """Places that are tried where onsets say this, (330, 8); the likelihood of each lane, and its best place."""
+    tried, told, chosen = np.zeros(400, dtype=np.int64), np.zeros(8), np.zeros(8, dtype=np.int64)
+    n = library().t_seek(at(np.ascontiguousarray(said)), ctypes.c_double(least), at(tried), at(told), at(chosen))
+    return tried[:n].tolist(), told, chosen
 
 
 def bursts(wildness: FloatArray) -> tuple[int, ...]:
@@ -99,17 +137,18 @@ def bursts(wildness: FloatArray) -> tuple[int, ...]:
     return tuple(places[:n].tolist())
 
 
-def test_onsets_are_dense_before_the_alarm_and_stand_for_all_samples() -> None:
-    """Each of the last samples before the alarm, sparse ones elsewhere; their widths cover what lies between."""
+def test_onsets_are_dense_before_the_alarm_and_few_are_tried_first() -> None:
+    """Each of the last samples before the alarm may be tried, sparse ones elsewhere; of them every fourth is, at first."""
     found = onsets(250, 240)
     assert set(range(250 - DENSE, 251)) <= set(found)
     assert {240, 251, 252, 254, 258, 266, 282, 314} <= set(found)
     back = np.array(sorted(250 - place for place in found if place <= 250))
     assert np.all(np.diff(back) <= 0.05 * back[:-1] + 1.0)
     assert np.count_nonzero(back > DENSE) < 50
-    places = sorted(found)
-    assert sum(found.values()) == pytest.approx(places[-1] - places[0] + 1)
-    assert all(width > 0.0 for width in found.values())
+    assert [place for place, standing in found.items() if standing == SURE] == [240]
+    wanted = [place for place, standing in found.items() if standing == WANTED]
+    assert {min(found), 250, max(found)} <= set(wanted)
+    assert len(wanted) < 0.3 * len(found)
     assert max(onsets(329, 240)) == 329
 
 
@@ -120,22 +159,104 @@ def test_a_bank_of_many_lanes_tries_fewer() -> None:
     assert len(found) < 0.4 * len(every)
     back = np.array(sorted(250 - place for place in found if place <= 250))
     assert np.all(np.diff(back) <= 0.25 * back[:-1] + 1.0)
-    assert sum(found.values()) == pytest.approx(max(found) - min(found) + 1)
 
 
 def test_a_bank_of_very_many_lanes_tries_some_about_the_estimated_onset() -> None:
-    """Twice as far before it and after it each time; so the rest of the trail is not tried."""
-    ways = {2**k for k in range(6)}
-    assert set(onsets(250, 193, lanes=10**6)) == {193, *(193 - k for k in ways), *(193 + k for k in ways)}
+    """Twice as far before it and after it each time, all of them; so the rest of the trail is not tried."""
+    ways, found = {2**k for k in range(6)}, onsets(250, 193, lanes=10**6)
+    assert set(found) == {193, *(193 - k for k in ways), *(193 + k for k in ways)}
+    assert SPARE not in found.values()
 
 
 @pytest.mark.parametrize("lanes", [100, 40000, 10**6])
 def test_bursts_are_tried(lanes: int) -> None:
     """Where innovations became wild, and one sample before it, in banks of any size; never before the trail."""
-    plain, found = set(onsets(329, 320, lanes=lanes)), set(onsets(329, 320, (1, 137), lanes))
-    assert found - plain <= {1, 136, 137}
-    assert {1, 136, 137} <= found
+    plain, found = onsets(329, 320, lanes=lanes), onsets(329, 320, (1, 137), lanes)
+    assert set(found) - set(plain) <= {1, 136, 137}
+    assert [place for place, standing in found.items() if standing == SURE] == [1, 136, 137, 320]
     assert min(found) >= 1
+
+
+def exhaustive(said: FloatArray, tried: list[int]) -> FloatArray:
+    """The mean likelihood of each lane over all samples from the first of these onsets to the last, straight between."""
+    known, places = sorted(tried), np.arange(min(tried), max(tried) + 1)
+    straight = np.array([np.interp(places, known, lane) for lane in said[known].T])
+    return np.asarray(np.logaddexp.reduce(straight, axis=1) - np.log(HISTORY))
+
+
+def hills(generator: np.random.Generator, kind: str) -> FloatArray:
+    """What onsets say of eight lanes, (330, 8), up to an alarm at place 250."""
+    place, said = np.arange(330.0)[:, None], np.full((330, 8), -1e4)
+    tops = generator.uniform(150.0, 248.0, 8)
+    if kind == "peak":
+        said = -generator.uniform(0.2, 0.7, 8) * np.abs(place - tops)
+    elif kind == "broad":
+        said = -0.5 * ((place - tops) / generator.uniform(8.0, 20.0, 8)) ** 2
+    elif kind == "two":
+        said = np.maximum(-0.5 * np.abs(place - tops), -1.0 - 0.5 * np.abs(place - tops + 80.0))
+    elif kind == "flat":
+        said = np.zeros((330, 8)) + 1e-9 * place
+    return np.asarray(said - 300.0 - np.arange(8.0))
+
+
+@pytest.mark.parametrize("kind", ["peak", "broad", "two", "flat"])
+def test_few_onsets_tell_what_all_would(kind: str) -> None:
+    """The best that is tried is nearly as likely as the best there is, and the sum of all is known, from few."""
+    generator, n = np.random.default_rng(3), []
+    for _ in range(20):
+        places = np.array([*onsets(250, 200)])
+        said = hills(generator, kind)
+        tried, told, chosen = sought(said)
+        assert 200 in tried
+        assert len(tried) == len(set(tried))
+        assert np.all(said[chosen, np.arange(8)] >= said[places].max(axis=0) - SMOOTH)
+        assert np.array_equal(said[chosen, np.arange(8)], said[tried].max(axis=0))
+        if kind != "flat":
+            assert told == pytest.approx(exhaustive(said, places.tolist()), abs=0.5)
+        n.append(len(tried) / len(places))
+    assert np.mean(n) < {"peak": 0.8, "broad": 0.7, "two": 0.9, "flat": 0.4}[kind]
+
+
+def test_the_mean_is_over_all_samples_between_what_was_tried() -> None:
+    """Each sample between two onsets that were tried says what lies straight between what these say."""
+    said = np.random.default_rng(5).normal(-50.0, 3.0, (330, 8))
+    said[:, 0], said[:, 1] = -20.0, -1e5 * np.arange(330)
+    onsets(250, 200)
+    tried, told, _ = sought(said)
+    assert told == pytest.approx(exhaustive(said, tried), rel=1e-9)
+
+
+def test_a_jump_at_a_burst_is_found() -> None:
+    """A lane that only fits where it begins at the burst has its peak there, however unlikely all about it is."""
+    said = np.full((330, 8), -500.0)
+    said[[136, 137]] = [[-80.0], [-40.0]]
+    onsets(250, 200, (137,))
+    _, _, chosen = sought(said)
+    assert np.all(chosen == 137)
+
+
+def test_hopeless_lanes_are_not_sought() -> None:
+    """Where one lane leads by far, onsets are tried where it moves, and no others for the sake of the rest."""
+    said = hills(np.random.default_rng(4), "peak")
+    onsets(250, 200)
+    every, _, _ = sought(said)
+    said[:, 1:] -= 1000.0
+    every_place = [*onsets(250, 200)]
+    few, told, _ = sought(said, least=said[:, 0].max() - 40.0)
+    assert len(few) < 0.7 * len(every)
+    assert told[0] == pytest.approx(exhaustive(said, every_place)[0], abs=0.5)
+
+
+def test_lanes_that_begin_again_do_so_near_where_they_began() -> None:
+    """At the onsets that are nearest, and here and there between them if they are far apart, and nowhere else."""
+    every, standing = np.array([*onsets(250, 200)]), np.zeros(400, dtype=np.int64)
+    began = np.array([-30, 120, 245, 245, 245, 246, 245, 900])
+    library().t_near(at(began), at(standing))
+    sure = every[np.flatnonzero(standing[: len(every)] == SURE)]
+    nearest = {int(every[np.argmin(np.abs(every - place))]) for place in began}
+    assert nearest <= set(sure.tolist())
+    assert set(standing[: len(every)].tolist()) == {SPARE, SURE}
+    assert len(sure) <= len(nearest) + 3
 
 
 def test_bursts_begin_where_innovations_become_wild() -> None:

@@ -299,7 +299,7 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     best = every[began - 1, :, np.arange(SWITCHED)].T
     assert close(found[:-1, :SWITCHED], best[:-1])
     leads = every[:, -1].max(axis=0) > every[:, -1].max() - 3.0  # of others on this made-up trail it moves too wildly
-    assert leads.sum() > 2
+    assert leads.sum() > 1
     assert found[-1, :SWITCHED][leads] == pytest.approx(mixture(every[:, -1, leads]), abs=1.0)
     now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
     now[-1, ::2] = -np.inf
