@@ -145,7 +145,7 @@ def test_when_there_is_no_bound(state: Diagnosed) -> None:
         slot[WIDE.n_numbers - 1] = 1000.0
 
     for change in (
-        lambda: state["clock.index"].fill(325),
+        lambda: state["job.settled"].fill(475),
         lambda: state["clock.alarm"].fill(-1),
         disguised,
         lost,

@@ -189,7 +189,7 @@ def hills(generator: np.random.Generator, kind: str) -> FloatArray:
     place, said = np.arange(330.0)[:, None], np.full((330, 8), -1e4)
     tops = generator.uniform(150.0, 248.0, 8)
     if kind == "peak":
-        said = -generator.uniform(0.2, 0.7, 8) * np.abs(place - tops)
+        said = -generator.uniform(0.2, 0.5, 8) * np.abs(place - generator.uniform(215.0, 248.0, 8))
     elif kind == "broad":
         said = -0.5 * ((place - tops) / generator.uniform(8.0, 20.0, 8)) ** 2
     elif kind == "two":

@@ -14,6 +14,7 @@ from faultbond.types import FaultKind
 from made import packed, plant, recorded, run, spec_of
 
 FAULT, ROWS = Fault(parameter="R", factor=2.0, start=2.4), 400
+SPREAD = int(core_settings()["SPREAD"])
 RENEWALS = tuple(int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST"))
 SPEC = spec_of("dc_motor")
 
@@ -40,7 +41,7 @@ def slots_of(monitor: Monitor) -> FloatArray:
 
 
 def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is_time() -> None:
-    """Each sample takes all lanes on by two updates, bounding only what nothing explains; but for three renewals."""
+    """Each sample takes all lanes on by two updates, bounding only what nothing explains; but for the beginning and three renewals."""
     monitor, place, bound = passed().copy(), SPEC.sample_fields, SPEC.thresholds.bank_bound
     assert bound > 3.0 * SPEC.thresholds.learning_bound
     alarm, renewed = int(monitor.number("clock.alarm")), {"steps": list[int](), "slots": list[int]()}
@@ -55,8 +56,12 @@ def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is
             if not np.array_equal(of(monitor), core.advance(before[name], row)[0], equal_nan=True):
                 renewed[name].append(k)
     assert len(recorded("dc_motor", ROWS, FAULT)) - alarm > RENEWALS[-1] + 20
-    assert set(renewed["steps"]) == set(RENEWALS)
-    assert set(renewed["slots"]) == set(RENEWALS)
+    every = {k for found in renewed.values() for k in found}
+    assert all(any(0 <= k - since <= SPREAD for k in every) for since in (0, *RENEWALS))
+    for found in renewed.values():
+        assert found
+        assert all(any(0 <= k - since <= SPREAD for since in (0, *RENEWALS)) for k in found)
+        assert len(found) < 0.3 * len(recorded("dc_motor", ROWS, FAULT)[alarm + 1 :])
 
 
 def test_the_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:

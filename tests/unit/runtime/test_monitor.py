@@ -226,13 +226,13 @@ def test_onset_is_the_last_zero_of_the_sum() -> None:
 
 @pytest.mark.parametrize(("name", "rows", "fault"), FAULTY)
 def test_one_alarm_and_regular_diagnoses(name: str, rows: int, fault: Fault) -> None:
-    """One detection is raised, with the first diagnosis, then one at least every 60 samples, and one at the end."""
+    """One detection is raised, soon the first diagnosis, then one at least every 60 samples, and one at the end."""
     core = plant(name)[2]
     monitor, reports = run(core, recorded(name, rows + 100, fault))
     detections = [k for k, report in enumerate(reports) if report.detection is not None]
     assert detections == [monitor.number("clock.alarm")]
     diagnoses = [k for k, report in enumerate(reports) if report.diagnosis is not None]
-    assert diagnoses[0] == monitor.number("clock.alarm")
+    assert 0 <= diagnoses[0] - detections[0] <= 20
     assert np.max(np.diff([*diagnoses, len(reports)])) <= 60
     last = monitor.finish()
     assert last is not None
