@@ -72,7 +72,8 @@ void t_reject(int64_t hypothesis) { S.bank.rejected[hypothesis] = 1; }
 void t_onsets(int64_t *to) { memcpy(to, S.bank.onset, N_STEPS * sizeof *to); }
 /* Forget since when lanes are judged, and ask for it. */
 void t_unjudged(void) { for (int64_t l = 0; l < N_STEPS; l++) S.bank.since[0][0][l] = -1.0; }
-void t_changed(uint8_t *to) { for (int64_t l = 0; l < N_STEPS; l++) to[l] = S.bank.since[0][0][l] == (double)S.clock.index; }
+void t_changed(uint8_t *to)
+{ for (int64_t l = 0; l < N_STEPS; l++) to[l] = S.bank.since[0][0][l] == (double)S.clock.index; }
 void t_get(double *to) { EACH_LANE to[l * PLAIN_NUMBERS + k] = *number_of_step(&S.bank, l, k); }
 void t_put(const double *from) { EACH_LANE *number_of_step(&S.bank, l, k) = from[l * PLAIN_NUMBERS + k]; }
 void t_one(const double *sample, double *lane) { advance_one(lane, sample, &S.normal, NULL, &F.plain); }

@@ -138,7 +138,7 @@ def bursts(wildness: FloatArray) -> tuple[int, ...]:
 
 
 def test_onsets_are_dense_before_the_alarm_and_few_are_tried_first() -> None:
-    """Each of the last samples before the alarm may be tried, sparse ones elsewhere; of them every fourth is, at first."""
+    """Each of the last samples before the alarm may be tried, sparse ones elsewhere; every fourth is at first."""
     found = onsets(250, 240)
     assert set(range(250 - DENSE, 251)) <= set(found)
     assert {240, 251, 252, 254, 258, 266, 282, 314} <= set(found)
@@ -178,7 +178,7 @@ def test_bursts_are_tried(lanes: int) -> None:
 
 
 def exhaustive(said: FloatArray, tried: list[int]) -> FloatArray:
-    """The mean likelihood of each lane over all samples from the first of these onsets to the last, straight between."""
+    """The mean likelihood of each lane over all samples from the first onset to the last, straight between."""
     known, places = sorted(tried), np.arange(min(tried), max(tried) + 1)
     straight = np.array([np.interp(places, known, lane) for lane in said[known].T])
     return np.asarray(np.logaddexp.reduce(straight, axis=1) - np.log(HISTORY))

@@ -57,10 +57,7 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     *((f"job.{name}", (-1, 4)) for name in ("kind", "renewals", "pass", "search.standing")),
     *((f"job.{name}", (-2, 2**53)) for name in ("ended", "settled", "onset", "old", "stands_for")),
     *((f"job.{name}", (-1, 2**53)) for name in ("oldest", "end", "spent", "stage", "group", "next", "begins", "began")),
-    *(
-        (f"job.{name}", (-1, 2**53))
-        for name in ("n_wanted", "n_singles", "wanted", "lane", "walk.samples", "walk.steps")
-    ),
+    *((f"job.{name}", (-1, 2**53)) for name in ("n_wanted", "n_singles", "wanted", "lane", "walk.steps")),
     *((f"job.{name}", (-1, 10**3)) for name in ("search.n", "search.place", "search.best")),
     ("job.peak", (NAN, -1.0)),
     ("job.search.fixed", (-1, 2)),

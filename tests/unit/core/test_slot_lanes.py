@@ -102,7 +102,8 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
 }
 void t_advance(const double *packed, double *innovations, int64_t stride)
 {
-    advance_slots(&state.bank, N_SLOT_LANES, packed, &state.normal, innovations, stride, &work.filters.wide, &work.bank.slots);
+    advance_slots(&state.bank, N_SLOT_LANES, packed, &state.normal, innovations, stride, &work.filters.wide,
+                  &work.bank.slots);
 }
 void t_narrowed(const double *wide, double weight, int64_t parameter, double *plain)
 {

@@ -41,7 +41,7 @@ def slots_of(monitor: Monitor) -> FloatArray:
 
 
 def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is_time() -> None:
-    """Each sample takes all lanes on by two updates, bounding only what nothing explains; but for the beginning and three renewals."""
+    """Each sample takes all lanes on by two updates, bounding only what nothing explains; but where lanes begin."""
     monitor, place, bound = passed().copy(), SPEC.sample_fields, SPEC.thresholds.bank_bound
     assert bound > 3.0 * SPEC.thresholds.learning_bound
     alarm, renewed = int(monitor.number("clock.alarm")), {"steps": list[int](), "slots": list[int]()}
@@ -61,7 +61,7 @@ def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is
     for found in renewed.values():
         assert found
         assert all(any(0 <= k - since <= SPREAD for since in (0, *RENEWALS)) for k in found)
-        assert len(found) < 0.3 * len(recorded("dc_motor", ROWS, FAULT)[alarm + 1 :])
+        assert len(found) < 0.5 * len(recorded("dc_motor", ROWS, FAULT)[alarm + 1 :])
 
 
 def test_the_healthy_lane_linearises_once_and_is_bounded_when_warm() -> None:

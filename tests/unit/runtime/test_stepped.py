@@ -31,7 +31,7 @@ def ended(name: str, rows: int = 330) -> Monitor:
 def alike(one: Monitor, two: Monitor, pairs: list[tuple[int, int]], layout: EngineSpec, most: float) -> int:
     """Lanes that may come to lead are as likely in two monitors, to a nat; how many.
 
-    Steps have found the same, to half of their sd; what a drift has found hangs on its onset.
+    Steps have found the same, to their sd; what a drift has found hangs on its onset.
 
     most : log-likelihood of the best lane
     """
@@ -44,7 +44,7 @@ def alike(one: Monitor, two: Monitor, pairs: list[tuple[int, int]], layout: Engi
             continue
         sd = np.sqrt(np.maximum(np.diag(unpack(layout, second[layout.covariance_slice])), 0.0))
         assert first[-1] == pytest.approx(second[-1], abs=1.0)
-        assert np.all(np.abs(first[:n] - second[:n]) <= 0.5 * sd[:n] + 1e-12)
+        assert np.all(np.abs(first[:n] - second[:n]) <= sd[:n] + 1e-12)
         seen += 1
     return seen
 
