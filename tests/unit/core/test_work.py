@@ -26,7 +26,7 @@ AWAITED, SPREAD = int(SETTINGS["AWAITED"]), int(SETTINGS["SPREAD"])
 RENEWALS = [int(SETTINGS[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")]
 CALLS = """
 static Work work;
-/* What the next sample may cost, and what a group may cost beyond it: to begin at an onset, or one more sample of its lanes. */
+/* What the next sample may cost, and what a group may cost beyond it, which begins at an onset. */
 void t_portion(State *state, double *found)
 {
     found[0] = (double)portion_of(state, &work.bank.slots);
@@ -130,7 +130,7 @@ def test_no_sample_works_for_more_than_its_portion() -> None:
 
 
 def test_a_plant_that_is_sampled_slowly_is_diagnosed_at_its_alarm() -> None:
-    """Where a minute passes between samples there is time for all work at once; where half a second does there is not."""
+    """Where a minute passes between samples there is time for all work at once; in half a second not."""
     slow = CELL.replace("0.5 s", "60 s").replace("1 F", "120 F").replace("3 s", "360 s").replace("20 s", "2400 s")
     waits = []
     for text, dt in ((CELL, 0.5), (slow, 60.0)):

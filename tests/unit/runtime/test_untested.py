@@ -74,7 +74,7 @@ def hidden(monitor: Monitor) -> Untested | None:
 
 
 def test_after_each_renewal_there_is_no_bound_for_a_while() -> None:
-    """Lanes that began just now have no sums that could tell how far off they are; not for so long after later renewals."""
+    """Lanes that began just now have no sums that could tell how far off they are; later renewals count less."""
     alarm, seen = int(ended(WAITING).number("clock.alarm")), set[tuple[bool, bool]]()
     for later in range(15, 300, 15):
         monitor = ended(WAITING, alarm + later)
