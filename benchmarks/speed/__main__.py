@@ -16,6 +16,7 @@ FIGURES = {
     "watching": steps.watching,
     "diagnosing": steps.diagnosing,
     "loops": steps.loops,
+    "peak": steps.peak,
     "six_tanks": steps.six_tanks,
     "call": steps.call,
     "longest": steps.longest,

@@ -9,9 +9,11 @@ import numpy as np
 from benchmarks.shared.clock import alarmed_at_once
 from benchmarks.shared.plants import graph_of, tank_case
 from benchmarks.shared.play import block_of, engine_of, passed, samples
+from benchmarks.shared.told import relinearised
 from benchmarks.shared.turns import Work, spread, turns
-from benchmarks.speed import large_bank, peers
+from benchmarks.speed import large_bank, peers, tank_loops
 from benchmarks.speed.alone import filters_alone, n_filters
+from benchmarks.speed.peak import counting, fma_peak
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample, Samples, Status
 from faultbond.runtime.monitor import Monitor
@@ -22,8 +24,11 @@ ROUNDS = 21
 BLOCK, WATCHED_FROM = 2000, 1000  # samples of a healthy tank
 DIAGNOSED = 200  # samples, long after the alarm: no filter begins again
 ALONE = 100  # samples that the filters alone take
+RESTING = Fault(parameter="K3", factor=1.3, start=1500.0)
+RESTING_FROM = 3000  # samples, after the last time that filters begin again
 FAULT, REPEATS = Fault(parameter="K6", factor=20.0, start=1500.0), 5
 NO_PEER = "not installed"
+SAME_WORK = "rates, slopes, both stages, second update"
 
 Rows = list[tuple[str, str, str]]  # figure, asked, got
 
@@ -41,13 +46,43 @@ def watching() -> Rows:
 
 
 def diagnosing() -> Rows:
-    """Compare a diagnosing step with FilterPy's filters."""
-    return [_bank_row("FilterPy's filters", "600", partial(peers.by_filterpy, samples=1))]
+    """Compare a diagnosing step with FilterPy's filters, as many as there are lanes; also where lanes rest."""
+    peer = partial(peers.by_filterpy, samples=1)
+    monitor, block = _resting()
+    resting = int(monitor.numbers("bank.rests").sum())
+    what = f"after K3 x{RESTING.factor}, {resting} of {len(monitor.numbers('bank.rests'))} groups at rest"
+    return [
+        _bank_row("FilterPy's filters", "600", peer, *_diagnosing()),
+        _bank_row("FilterPy's filters", "1,000", peer, monitor, block, f", {what}"),
+    ]
 
 
 def loops() -> Rows:
-    """Compare a diagnosing step with loops that numba compiles."""
-    return [_bank_row("filters in loops compiled by numba", "15", partial(peers.by_numba, samples=5))]
+    """Compare a diagnosing step with loops of numba, whose model costs nothing, and that do the same work."""
+    monitor, block = _diagnosing()
+    free = "filters in loops compiled by numba, constant slopes, one update"
+    ours = Work(prepare=monitor.copy, run=partial(_take, block), count=len(block))
+    lanes, given = [monitor.lane(k) for k in range(n_filters(monitor))], _last(monitor, 10)
+    times, got = _compared(ours, tank_loops.by_loops(monitor.spec, lanes, given))
+    each = f"a sample {spread(times[:, 0], '.1f', 1e6)} us"
+    figure = f"the same, of so many that do the same work in loops written for this plant: {SAME_WORK}"
+    return [_bank_row(free, "15", partial(peers.by_numba, samples=5), monitor, block), (figure, "", f"{got}; {each}")]
+
+
+def peak() -> Rows:
+    """Compare the operations of a diagnosing step's filters with what FMA units can do in its time."""
+    monitor, block = _diagnosing()
+    whole = Work(prepare=monitor.copy, run=partial(_take, block), count=len(block))
+    lanes, sample = [monitor.lane(k) for k in range(n_filters(monitor))], _last(monitor, 1)[0]
+    with counting(graph_of("tank"), monitor.spec) as count:
+        counts = [count(lane, sample)[0] for lane in lanes]
+    times = turns([whole, filters_alone(monitor, ALONE), fma_peak()], ROUNDS)
+    step, alone = (sum(counts) * times[:, 2] / times[:, k] for k in range(2))
+    told = f"{spread(step, '.1f', 100.0)} %; of {spread(1e-9 / times[:, 2], '.1f')} GFlop/s"
+    figure = (
+        f"tank, diagnosing, {len(lanes)} lanes of {min(counts):,} to {max(counts):,} operations: share of the FMA peak"
+    )
+    return [(figure, "30 %", told), ("the same, of the filters alone", "", f"{spread(alone, '.1f', 100.0)} %")]
 
 
 def six_tanks() -> Rows:
@@ -100,16 +135,28 @@ def longest() -> Rows:
     ]
 
 
-def _bank_row(theirs: str, asked: str, peer: Callable[[peers.Sizes, int], Work | None]) -> tuple[str, str, str]:
-    monitor, block = _diagnosing()
+def _bank_row(
+    theirs: str,
+    asked: str,
+    peer: Callable[[peers.Sizes, int], Work | None],
+    monitor: Monitor,
+    block: Samples,
+    what: str = "",
+) -> tuple[str, str, str]:
     spec = monitor.spec
     plain = sum(len(monitor.lane(k)) == spec.n_numbers for k in range(n_filters(monitor)))
     sizes = [(plain, spec.n_joint), (n_filters(monitor) - plain, spec.slotted.n_joint)]
     ours = Work(prepare=monitor.copy, run=partial(_take, block), count=len(block))
     times, got = _compared(ours, peer(sizes, len(spec.outputs)))
     each = f"a sample {spread(times[:, 0], '.1f', 1e6)} us"
-    figure = f"tank, diagnosing, {n_filters(monitor)} lanes: times as fast as so many {theirs}"
+    figure = f"tank, diagnosing, {n_filters(monitor)} lanes{what}: times as fast as so many {theirs}"
     return figure, asked, f"{got}; {each}"
+
+
+def _last(monitor: Monitor, count: int) -> FloatArray:
+    """Give the last samples as lanes of the bank take them, (count, n_sample)."""
+    last = int(monitor.number("clock.index"))
+    return relinearised(monitor.spec, np.array([monitor.row(k)[0] for k in range(last - count, last)]))
 
 
 def _compared(ours: Work, theirs: Work | None) -> tuple[FloatArray, str]:
@@ -134,6 +181,17 @@ def _diagnosing() -> tuple[Monitor, Samples]:
     recording = tank_case(SEED, seconds=float(WATCHED_FROM + DIAGNOSED)).recording
     monitor = passed(alarmed_at_once(graph_of("tank")), samples(recording)[:WATCHED_FROM])
     return monitor, block_of(recording)[WATCHED_FROM:]
+
+
+@cache
+def _resting() -> tuple[Monitor, Samples]:
+    """Give a monitor of a tank with a fault, long after its alarm, and the samples that come."""
+    recording = tank_case(SEED, [RESTING], seconds=float(RESTING_FROM + DIAGNOSED)).recording
+    monitor = Monitor(engine_of("tank")[1])
+    _take(block_of(recording)[:RESTING_FROM], monitor)
+    if monitor.number("clock.alarm") < 0:
+        raise RuntimeError("no alarm was raised, so nothing was measured")
+    return monitor, block_of(recording)[RESTING_FROM:]
 
 
 def _take(block: Samples, monitor: Monitor) -> None:

@@ -1,14 +1,17 @@
 """What the figures of speed compare with: filters that are filters, a lane that is told of its fault, shown spreads."""
 
+import shutil
+
 import numpy as np
 import pytest
+from benchmarks.shared.plants import graph_of
 from benchmarks.shared.play import engine_of
 from benchmarks.shared.told import told_lane
 from benchmarks.shared.turns import Work, spread, turns
-from benchmarks.speed import peers
+from benchmarks.speed import peak, peers, tank_loops
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import unpack
+from faultbond.contract.spec import pack, unpack
 
 N, N_OUTPUTS = 4, 2
 
@@ -47,6 +50,82 @@ def test_filters_of_filterpy_are_filters() -> None:
         total += said
     assert work.run(filters) == pytest.approx(total)
     np.testing.assert_allclose(filters[0][0].P, p, rtol=1e-10, atol=1e-14)
+
+
+def tank_lane(drifting: int | None) -> FloatArray:
+    """A lane of a tank that is half known; with a slot that acts on a factor, if one is named."""
+    spec, core = engine_of("tank")
+    plain = core.healthy_lane(np.array([8000.0]), np.array([[1e4]]))[:, 0]
+    if drifting is None:
+        return plain
+    wide = spec.slotted
+    lane, n = np.zeros(wide.n_numbers), spec.n_joint
+    full = np.zeros((n + 2, n + 2))
+    full[:n, :n], full[n, n], full[n + 1, n + 1] = unpack(spec, plain[spec.covariance_slice]), 0.01, 1e-6
+    full[n, n + 1] = full[n + 1, n] = 2e-5
+    lane[: n + 2], lane[wide.covariance_slice] = [*plain[:n], 0.05, 1e-4], pack(full)
+    for name, value in (
+        ("reads", 1.0),
+        ("gain", 0.3),
+        ("bias", 1e-6),
+        ("noise", 1.2),
+        ("wander", 1e-8),
+        ("input", 0.1),
+    ):
+        lane[wide.role_fields[name]] = value
+    lane[wide.role_fields["theta"]][drifting] = 1.0
+    return lane
+
+
+def tank_samples() -> FloatArray:
+    """Packed samples of a tank: both readings, one of them, a gap, a blanked one; the last does not say much."""
+    spec, _ = engine_of("tank")
+    rows, place = np.zeros((6, spec.n_sample)), spec.sample_fields
+    rows[:, place["dt"]], rows[:, place["u_before"]], rows[:, place["u"]] = 1.0, [20.0, 60.0], [25.0, 65.0]
+    rows[:, place["y"]] = [1.3e-4, 8300.0]
+    rows[:, place["use"]] = rows[:, place["scale"]] = rows[:, place["again"]] = 1.0
+    rows[:, place["bound"]], rows[:, place["nis"]] = 20.0, [1.5, 0.0]
+    rows[1, place["use"]] = [0.0, 1.0]
+    rows[2, place["gap"]], rows[2, place["kick"]] = 50.0, 1e-5
+    rows[3, place["scale"]], rows[5, place["scale"]] = [1e5, 2.0], 1e3
+    return rows
+
+
+@pytest.mark.parametrize("drifting", [None, 0, 4, 6])
+def test_loops_for_the_tank_do_the_work_of_the_core(drifting: int | None) -> None:
+    """Mean, covariance and likelihood are those of the compiled filters, of plain lanes and of those with a slot."""
+    spec, core = engine_of("tank")
+    lane, rows = tank_lane(drifting), tank_samples()
+    plain = drifting is None
+    kind, engine = (spec, core) if plain else (spec.slotted, core.slot)
+    banks = tank_loops.banks(spec, [lane])
+    tank_loops.run(rows, banks)
+    x, p, _, likelihood = (item[0] for item in banks[0 if plain else 1])
+    wanted = engine.advance(lane[:, None], rows)[0][:, 0]
+    full = unpack(kind, wanted[kind.covariance_slice])
+    sd = np.sqrt(np.diag(full))
+    np.testing.assert_allclose(x, wanted[: kind.n_joint], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(p / np.outer(sd, sd), full / np.outer(sd, sd), atol=1e-7)
+    assert likelihood == pytest.approx(wanted[-1], rel=1e-9)
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+@pytest.mark.parametrize("drifting", [None, 2])
+def test_filters_that_count_are_the_filters(drifting: int | None) -> None:
+    """What counts operations gives the lane of the core; a sample that says little takes fewer of them."""
+    spec, core = engine_of("tank")
+    lane, rows = tank_lane(drifting), tank_samples()
+    with peak.counting(graph_of("tank"), spec) as count:
+        counts, after = count(lane, rows[0])
+        fewer, _ = count(lane, rows[5])
+    wanted = (core if drifting is None else core.slot).advance(lane[:, None], rows[:1])[0][:, 0]
+    np.testing.assert_allclose(after, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max() * 1e-12)
+    assert 500 < fewer < counts < 5000
+
+
+def test_the_text_of_lanes_reads_as_the_counting_one_expects() -> None:
+    """One line of `lanes.h` makes a lane a number; in its place stands the number that counts."""
+    assert peak.LANES_H.read_text(encoding="utf-8").count(peak.LANES_OF) == 1
 
 
 @pytest.mark.parametrize("kept", [False, True])
