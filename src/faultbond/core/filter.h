@@ -32,6 +32,7 @@ typedef struct {
 FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample,
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
 
+#ifndef FB_OWN_SAMPLES
 /* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
                                 double *innovations, Filter *FB_RESTRICT work);
@@ -39,6 +40,7 @@ FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double
 #if N_SIGNALS > 0
 /* What lanes expect of the signals that a person can measure by hand, [N_SIGNALS], SI, under these inputs. */
 FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT u, lanes *FB_RESTRICT values);
+#endif
 #endif
 
 #ifdef FB_HOLDS_FILTERS
@@ -328,6 +330,7 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
     memcpy(lane, guess, sizeof guess);
 }
 
+#ifndef FB_OWN_SAMPLES
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
                                 double *innovations, Filter *FB_RESTRICT work)
 {
@@ -352,5 +355,6 @@ FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *F
     solve_implicit(v, u, implicit);
     model_signals(v, u, implicit, values);
 }
+#endif
 #endif
 #endif

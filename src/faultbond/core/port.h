@@ -25,7 +25,7 @@
 #else
 #define FB_OF_FLEETS static
 #endif
-#ifndef FB_APART
+#if defined(FB_FLEET_APART) || (defined(FB_FLEETS) && !defined(FB_APART))
 #define FB_HOLDS_FLEET
 #endif
 

@@ -141,13 +141,15 @@ def _check_tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("INPUT_PART", map(spec.parts.index, inputs))
     yield integers("OUTPUT_PART", (spec.parts.index(item.name) for item in spec.outputs))
     for kind, names, checks in (("PART", spec.parts, looks), ("INPUT", inputs, moves), ("SIGNAL", signals, signals)):
-        yield numbers(f"{kind}_COST", (checks[name].cost if name in checks else 1.0 for name in names))
+        if kind != "SIGNAL" or signals:  # what is not used is not written
+            yield numbers(f"{kind}_COST", (checks[name].cost if name in checks else 1.0 for name in names))
         yield integers(f"{kind}_ORDER", (order[name] for name in names))
     stated = [moves[name].move if name in moves else None for name in inputs]
     yield numbers("INPUT_MOVE", (np.nan if move is None else move for move in stated))
     yield integers("INPUT_PERCENT", (item.percent for item in spec.inputs))
     yield integers("INPUT_HAS_ZERO", (not item.unit_offset for item in spec.inputs))
-    yield numbers("SIGNAL_NOISE", (item.noise for item in signals.values()))
+    if signals:
+        yield numbers("SIGNAL_NOISE", (item.noise for item in signals.values()))
 
 
 def ragged_table(
