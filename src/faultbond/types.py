@@ -1,6 +1,8 @@
-"""Enumerations shared by every layer."""
+"""Enumerations shared by every layer, and the one number that the command line and the core share."""
 
 from enum import Enum
+
+SURE = 0.95  # probability of a candidate from which a rule accepts it, if nothing else is said
 
 
 class ElementType(Enum):

@@ -59,7 +59,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x646b06f37710dbe3ULL, 0x460e0e117e7dd444ULL, 0x3db828bbb73dab75ULL, 0xbdffcd9e22e256c3ULL};
+static const uint64_t MODEL_HASH[] = {0x2b29cc3cb312b56dULL, 0x7c26f056051c2916ULL, 0xe03077ffe6c23afbULL, 0x518386a77557f6c8ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -200,12 +200,10 @@ static const double PART_COST[] = {1.0, 1.0, 1.0, 1.0};
 static const int PART_ORDER[] = {1, 0, 2, 3};
 static const double INPUT_COST[] = {1.0};
 static const int INPUT_ORDER[] = {2};
-static const double SIGNAL_COST[] = {0.0};
 static const int SIGNAL_ORDER[] = {0};
 static const double INPUT_MOVE[] = {NAN};
 static const int INPUT_PERCENT[] = {0};
 static const int INPUT_HAS_ZERO[] = {1};
-static const double SIGNAL_NOISE[] = {0.0};
 #ifdef FB_HOLDS_FILTERS
 
 static void model_rates(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,

@@ -9,11 +9,10 @@ from typing import Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
-from faultbond.contract.findings import SURE
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
-from faultbond.types import Method, Verdict
+from faultbond.types import SURE, Method, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}

@@ -8,7 +8,6 @@ from faultbond.types import CheckKind, FaultKind
 
 MAX_CANDIDATES = 100  # given in a diagnosis
 MOST_RIVALS = 8  # of these, that are looked at for what to check next
-SURE = 0.95  # probability from which a rule accepts, if nothing else is said
 
 
 class Decider(Enum):

@@ -8,13 +8,13 @@ from textwrap import fill
 
 import numpy as np
 
-from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS, SURE
+from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
 from faultbond.contract.slots import NOISES, plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.synthesis.emit import literal
-from faultbond.types import CheckKind, FaultKind
+from faultbond.types import SURE, CheckKind, FaultKind
 
 _WIDTH = 118  # columns of a line of C
 
