@@ -238,7 +238,7 @@ def test_places_in_the_pages(page: Path) -> None:
     for path, name in re.findall(r"`((?:[\w]+/)*\w+\.(?:py|h|c|c\.in))(?:::(\w+))?`", text):
         file = next((root / path for root in (ROOT, ROOT / "src" / "faultbond") if (root / path).is_file()), None)
         assert file is not None, path
-        defined = rf"def {name}\b" if path.endswith(".py") else rf"^static [\w ]+\b{name}\("
+        defined = rf"def {name}\b" if path.endswith(".py") else rf"^(?:static|FB_OF_\w+) [\w ]+\b{name}\("
         assert re.search(defined, file.read_text(encoding="utf-8"), flags=re.M) if name else True, f"{path}::{name}"
 
 

@@ -100,7 +100,15 @@ def samples_of(data: Grid, asset: int) -> Samples:
 def alone(name: str) -> tuple[tuple[bytes, ...], tuple[AssetEvent, ...]]:
     """What each asset's own monitor remembers at the end, and all that they said, in a fleet's order."""
     found = [watched(built(name)[1], samples_of(grid(name), asset), asset) for asset in range(N_ASSETS)]
-    return tuple(monitor.save().tobytes() for monitor, _ in found), in_order([e for _, said in found for e in said])
+    return tuple(remembered(monitor) for monitor, _ in found), in_order([e for _, said in found for e in said])
+
+
+def remembered(monitor: Monitor) -> bytes:
+    """All that a monitor remembers of use: every field, and the samples of its trail; a fleet keeps no older ones."""
+    index = int(monitor.number("clock.index"))
+    rows = range(max(0, index - monitor.spec.thresholds.history_samples - 2), index)
+    parts = [*map(monitor.numbers, monitor.core.fields), *(part for k in rows for part in monitor.row(k))]
+    return b"".join(part.tobytes() for part in parts)
 
 
 def in_order(events: Sequence[AssetEvent]) -> tuple[AssetEvent, ...]:
@@ -122,9 +130,9 @@ def test_each_asset_gets_what_its_own_monitor_gives(name: str) -> None:
     fleet = Fleet(built(name)[1], N_ASSETS)
     saved, events = alone(name)
     assert repr(taken(fleet, grid(name))) == repr(events)
-    assert [a for a in range(N_ASSETS) if fleet.copy(a).save().tobytes() != saved[a]] == []
+    assert [a for a in range(N_ASSETS) if remembered(fleet.copy(a)) != saved[a]] == []
     assert fleet.in_alarm
-    assert len(fleet.monitors) < N_ASSETS
+    assert len(fleet.monitors) < N_ASSETS or name == "variable"  # there the rows that are absent are losses
 
 
 @given(ends=st.lists(st.integers(1, ROWS - 1), max_size=6, unique=True), threads=st.integers(1, 3))
@@ -135,7 +143,7 @@ def test_neither_blocks_nor_threads_change_anything(ends: list[int], threads: in
     fleet = Fleet(built(name)[1], N_ASSETS, threads=threads)
     saved, events = alone(name)
     assert repr(taken(fleet, grid(name), ends)) == repr(events)
-    assert all(fleet.copy(a).save().tobytes() == saved[a] for a in range(N_ASSETS))
+    assert all(remembered(fleet.copy(a)) == saved[a] for a in range(N_ASSETS))
 
 
 @given(order=st.permutations(range(N_ASSETS)))
@@ -199,7 +207,17 @@ def test_any_number_of_assets_side_by_side(width: int, tmp_path: Path) -> None:
     """The core as one text, for other widths, gives each asset what that text's own monitor gives."""
     spec, text = text_of("dc_motor_current")
     threads = (Path(str(CORE)) / "threads.c").read_text(encoding="utf-8")
-    flags = ("-O1", "-march=native", "-ffp-contract=off", "-shared", "-fPIC", "-w", "-pthread", f"-DFB_LANES={width}")
+    flags = (
+        "-O1",
+        "-march=native",
+        "-ffp-contract=off",
+        "-shared",
+        "-fPIC",
+        "-w",
+        "-pthread",
+        "-DFB_FLEETS",
+        f"-DFB_LANES={width}",
+    )
     library = compiled(f"{text}\n{threads}", tmp_path / "core.so", [*required_compiler(), *flags])
     core = load_core(library, spec, "cc")
     time, u, y = (values[-400:] if values.ndim == 1 else values[:, -400:] for values in grid("dc_motor_current"))
@@ -207,7 +225,7 @@ def test_any_number_of_assets_side_by_side(width: int, tmp_path: Path) -> None:
     events = taken(fleet, (time, u, y))
     own = [watched(core, samples_of((time, u, y), asset), asset) for asset in range(N_ASSETS)]
     assert repr(events) == repr(in_order([event for _, said in own for event in said]))
-    assert all(fleet.copy(a).save().tobytes() == own[a][0].save().tobytes() for a in range(N_ASSETS))
+    assert all(remembered(fleet.copy(a)) == remembered(own[a][0]) for a in range(N_ASSETS))
 
 
 def test_what_a_fleet_refuses() -> None:
