@@ -298,7 +298,6 @@ def told(key: str, change: Callable[[Any], Any]) -> Callable[[dict[str, Any]], N
         told("found.open.signals", lambda _: ["nobody"]),
         told("found.open.time", lambda _: float("inf")),
         told("found.open", lambda _: {}),
-        told("found.sure.hypothesis", lambda _: "C"),
         told("found.accepted", lambda _: [1]),
         told("found", lambda found: found | {"more": 1}),
         told("format", lambda _: 1),

@@ -29,7 +29,7 @@ RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 SOURCE = "int answer(void) { return 42; }\n"
 
-PIECES, PARTS = 2, 3  # calls of a compiler for a library, and for a core: its texts, and what joins them
+PIECES, PARTS = 2, 4  # calls of a compiler for a library, and for a core: its texts, and what joins them
 
 needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
 
