@@ -183,7 +183,8 @@ HOLES: dict[str, Callable[[Sample], Sample]] = {
 
 def is_number(words: FloatArray) -> BoolArray:
     """Which of the words that are remembered are finite numbers; -1 is one of those that are whole."""
-    return np.isfinite(words) | (words.view(np.int64) == -1)
+    finite: BoolArray = np.isfinite(words) | (words.view(np.int64) == -1)
+    return finite
 
 
 AS_READ = {"raw"}  # numbers in which a method keeps readings as they came
