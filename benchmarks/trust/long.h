@@ -6,11 +6,6 @@
 #include <string.h>
 #include <tgmath.h>
 
-/* Samples are counted off by factors as 1.05: what comes out as half a sample as a double is to be one here, too. */
-static inline double whole_of_double(double x) { return (nearbyint)(x); }
-#undef nearbyint
-#define nearbyint(x) whole_of_double((x))
-
 #define LONG
 #define FB_LANES 1
 #define double long double

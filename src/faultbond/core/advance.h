@@ -5,6 +5,8 @@
 
 #include "state.h"
 
+#define FARTHEST_DRIFT 50.0 /* nominals, or changes of what is nominally zero, that a drift is followed over a gap */
+
 /* Memory of the filters, apart from the stack. */
 typedef struct {
     Filter_plain plain;
@@ -28,16 +30,20 @@ static int drifts(const Normal *normal)
     return 0;
 }
 
-/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. */
+/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. None leaves its range, and none becomes less
+   certain than FARTHEST_DRIFT: after a gap without end its variance would be 1e30 and more, of which rounding alone is more
+   than the readings then leave of it, and the covariance would no longer be one. */
 static void drift_on(const Normal *normal, double dt, lanes *lane, int n_joint)
 {
     for (int k = 0; k < N_PARAMETERS; k++) {
         const int i = AT_PARAMETERS + k;
-        lane[i] += normal->rates[k] * dt;
-        if (normal->wander[k] != 0.0) {
-            const double sd = normal->wander[k] * dt;
-            lane[n_joint + IN_TRIANGLE(n_joint, i, i)] += sd * sd;
-        }
+        const double rate = normal->rates[k], fastest = fmax(fabs(rate), normal->wander[k]);
+        if (fastest == 0.0) continue;
+        const double after = fastest * dt > FARTHEST_DRIFT ? FARTHEST_DRIFT / fastest : dt, sd = normal->wander[k] * after;
+        lanes *variance = &lane[n_joint + IN_TRIANGLE(n_joint, i, i)];
+        const lanes room = v_fmax(FARTHEST_DRIFT * FARTHEST_DRIFT - *variance, broadcast(0.0));
+        lane[i] = clamp(lane[i] + rate * after, LOWER[k], UPPER[k]);
+        *variance += v_fmin(broadcast(sd * sd), room);
     }
 }
 

@@ -16,7 +16,7 @@
 enum {
     NO_ALARM = -1,         /* there is nothing to explain */
     NO_SUCH_NUMBER = -2,   /* no hypothesis has it */
-    NOT_LISTED = -3,       /* it is not among the candidates */
+    NOT_LISTED = -3,       /* it is not among the candidates, or nothing is left of its lane that is a number */
     REJECTED_ALREADY = -4, /* alone, or with a set that it contains */
     LAST_ONE = -5,         /* all that are left contain it */
 };
@@ -34,6 +34,16 @@ static int candidate_of(const State *state, int64_t hypothesis, Candidate *candi
             return 0;
         }
     return NOT_LISTED;
+}
+
+/* Whether the numbers of a lane are such; one that ran away cannot go on as the healthy filter. */
+static int is_left(const Bank *bank, int64_t lane)
+{
+    const int64_t count = lane < N_STEPS ? PLAIN_NUMBERS : WIDE_NUMBERS;
+    int found = 1;
+    for (int64_t k = 0; k < count; k++)
+        found &= isfinite(lane < N_STEPS ? of_step(bank, lane, k) : of_slot(bank, lane - N_STEPS, k)) != 0;
+    return found;
 }
 
 /* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
@@ -85,6 +95,7 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     score_all(&state->bank, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
     const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
     double *healthy = state->healthy.lane;
+    if (!is_left(&state->bank, lane)) return NOT_LISTED;
     if (slot < 0) {
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) healthy[k] = of_step(&state->bank, lane, k);
     } else {

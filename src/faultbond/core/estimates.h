@@ -185,7 +185,8 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
         suspect->nominal = 1.0;
         suspect->estimate += 1.0;
     } else if (kind == KIND_NOISE) {
-        const double known = unit * sqrt(state->normal.noise[output] * state->sensors.nis[output]);
+        const double noise = state->normal.noise[output]; /* inf: the sensor is out of use, and shows nothing */
+        const double known = unit * sqrt((isfinite(noise) ? noise : 1.0) * state->sensors.nis[output]);
         suspect->word = WORD_NOISE;
         suspect->nominal = unit;
         find_scatter(bank, lane, known, bank->rejected[SLOT_HYPOTHESIS[lane]] > 0, suspect);

@@ -37,9 +37,10 @@ static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
     const double ratio = is_many ? MANY_RATIO : RATIO;
     int64_t count = 0, last = 0;
     mark(marks, trail, trail->alarm, WANTED);
-    for (int64_t back = 1; back < trail->alarm; back = back < dense ? back + 1 : (int64_t)nearbyint((double)back * ratio)) {
+    for (int64_t back = 1; back < trail->alarm;) {
         mark(marks, trail, trail->alarm - back, ++count % COARSE == 0 ? WANTED : SPARE);
         last = back;
+        back = back < dense ? back + 1 : (int64_t)((double)back * ratio + 0.51); /* multiples of 0.05 and 0.25: none ends in .49 */
     }
     mark(marks, trail, trail->alarm - last, WANTED);
     for (int64_t ahead = last = 1; trail->alarm + ahead < trail->n; ahead *= 2)

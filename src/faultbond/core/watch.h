@@ -181,9 +181,15 @@ static void trail_of(const State *state, Trail *trail)
     find_bursts(trail);
 }
 
-/* The filter lost the plant: it starts anew. Where a lost one believed the plant it has not been. */
+/* The filter lost the plant: it starts anew. Where a lost one believed the plant it has not been. An alarm of which no lane is
+   left has nothing more to tell. */
 static void lose(State *state)
 {
+    if (state->clock.alarm >= 0 && !(leading_of_bank(&state->bank) > LOWEST)) {
+        state->clock.alarm = -1;
+        clear_bank(state);
+        forget_sure(&state->sure);
+    }
     state->clock.begun = -1;
     state->clock.running = 0;
     for (int k = 0; k < N_INPUTS; k++) state->inputs.odd[k] = NAN;

@@ -20,6 +20,7 @@
 #define TELLING 9.0         /* difference of the sums of squares, in sd, that decides between two pasts */
 #define SPIKE_BACK 0.5      /* part of the way that an input may be off after it */
 #define MOST_SAID 20.0      /* sd of an innovation beyond which it counts no more there */
+#define VAGUE 1e4           /* sd that the other past expects of a reading, beyond which one says nothing of it */
 #define ABSURD 100.0        /* sizes of a state beyond which no past is believed to have taken it */
 
 /* What two pasts have each for itself. */
@@ -115,6 +116,14 @@ static double said_for_second(double one, double two)
     return first * first - second * second;
 }
 
+/* Innovation j of a past, in sd; none where that has run away, and is so uncertain beside the other one that it expects
+   any reading. */
+static double score_of(const double *innovations, const double *other, int j)
+{
+    const double variance = innovations[N_OUTPUTS + j], most = VAGUE * VAGUE * other[N_OUTPUTS + j];
+    return variance > most || !isfinite(variance) ? NAN : innovations[j] / sqrt(variance);
+}
+
 /* Take a sample after two pasts, each with its own lane, in place: what the readings that both trust say for the second. */
 static double compare(const Normal *normal, double *one, const double *packed, double *two, const double *other, Filter_plain *work)
 {
@@ -123,7 +132,7 @@ static double compare(const Normal *normal, double *one, const double *packed, d
     advance_one(two, other, normal, second, work);
     for (int j = 0; j < N_OUTPUTS; j++)
         if (is_trusted(packed, j) && is_trusted(other, j))
-            sum += said_for_second(first[j] / sqrt(first[N_OUTPUTS + j]), second[j] / sqrt(second[N_OUTPUTS + j]));
+            sum += said_for_second(score_of(first, second, j), score_of(second, first, j));
     return sum;
 }
 
