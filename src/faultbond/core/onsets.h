@@ -11,10 +11,10 @@
 #include "trail.h"
 
 #define DENSE 40         /* samples before the alarm of which each may be tried as onset; */
-#define RATIO 1.05       /* ratio of their distances further back */
+#define RATIO 20         /* further back each is by one part in so many farther away */
 #define MANY 200000      /* numbers in the covariances of all lanes from which on fewer are: */
 #define MANY_DENSE 8
-#define MANY_RATIO 1.25
+#define MANY_RATIO 4
 #define LARGE_BANK 1000000 /* beyond so many only those near the estimated onset are */
 #define COARSE 4         /* of so many onsets one is tried first */
 #define MATTERS 8.0      /* nats by which an onset may be less likely than the best and still matters */
@@ -30,17 +30,25 @@ static void mark(uint8_t *marks, const Trail *trail, int64_t place, int standing
     if (place >= 1 && place < trail->n && marks[place] < 1 + standing) marks[place] = (uint8_t)(1 + standing);
 }
 
+/* The distance after one, farther by one part in `ratio`, to the nearest sample, of two the even one. In whole numbers:
+   else the last digit would decide what half a sample is. */
+static int64_t farther(int64_t back, int64_t ratio)
+{
+    const int64_t next = back + back / ratio, rest = 2 * (back % ratio);
+    return next + (rest > ratio || (rest == ratio && next % 2));
+}
+
 /* Mark the onsets of a bank of usual size: dense before the alarm, sparse far from it. */
 static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
 {
     const int64_t dense = is_many ? MANY_DENSE : DENSE;
-    const double ratio = is_many ? MANY_RATIO : RATIO;
+    const int64_t ratio = is_many ? MANY_RATIO : RATIO;
     int64_t count = 0, last = 0;
     mark(marks, trail, trail->alarm, WANTED);
     for (int64_t back = 1; back < trail->alarm;) {
         mark(marks, trail, trail->alarm - back, ++count % COARSE == 0 ? WANTED : SPARE);
         last = back;
-        back = back < dense ? back + 1 : (int64_t)((double)back * ratio + 0.51); /* multiples of 0.05 and 0.25: none ends in .49 */
+        back = back < dense ? back + 1 : farther(back, ratio);
     }
     mark(marks, trail, trail->alarm - last, WANTED);
     for (int64_t ahead = last = 1; trail->alarm + ahead < trail->n; ahead *= 2)
