@@ -1,6 +1,6 @@
 """Accepting and rejecting in the core."""
 
-from math import inf
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -150,6 +150,18 @@ def test_what_cannot_be_decided_changes_nothing(state: Diagnosed, what: str) -> 
     before = state.state.copy()
     assert state.decide(what, 0)[0] == NO_ALARM
     assert np.array_equal(before.view(np.int64), state.state.view(np.int64))
+
+
+@pytest.mark.parametrize("what", ["step", "slot"])
+def test_a_lane_that_ran_away_is_not_accepted(state: Diagnosed, what: str) -> None:
+    """Where a number of a lane is none, or without end, it is not made the healthy filter, and the state stays."""
+    lane, hypothesis = (3, SLOTS[3].hypothesis) if what == "slot" else (0, int(STEPS.hypothesis[0]))
+    state.only(lane + state.n_steps * (what == "slot"))
+    for value in (nan, -inf):
+        state.lane(what, lane)[(WIDE if what == "slot" else SPEC).n_joint] = value
+        before = state.state.copy()
+        assert state.decide("accept", hypothesis)[0] == NOT_LISTED
+        assert np.array_equal(before.view(np.int64), state.state.view(np.int64))
 
 
 def test_with_a_set_all_fall_that_contain_it(state: Diagnosed) -> None:

@@ -219,6 +219,15 @@ def test_noise_of_lanes_that_say_nothing_yet() -> None:
         assert suspect.estimate >= 2.0 * SPEC.outputs[0].noise
 
 
+def test_noise_of_a_sensor_that_is_out_of_use() -> None:
+    """What is not read has no noise of its own: the declared one is told, by the factor of the best lane."""
+    count = sum(lane.output == 0 for lane in PLAN.lanes if lane.kind is FaultKind.NOISE)
+    used, state()["normal.noise"][0] = scattering(0, np.full(count, 50.0)), np.inf
+    unused = scattering(0, np.full(count, 50.0))
+    state()["normal.noise"][0] = 1.0
+    assert (unused.estimate, unused.sd) == (used.estimate, used.sd)
+
+
 def test_noise_of_which_too_little_is_known() -> None:
     """Where fewer than three of the noises tried have a likelihood, the smallest is told, as coarse as these lie."""
     tried = [lane.noise for lane in PLAN.lanes if lane.output == 0 and lane.kind is FaultKind.NOISE]

@@ -7,6 +7,7 @@ import pytest
 
 from bare_core import CELL, Bare, bare
 from faultbond.arrays import FloatArray
+from faultbond.contract.spec import covariance_place
 from faultbond.model.text import parse_model
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
@@ -39,6 +40,25 @@ int64_t t_judge(State *state, const double *off, double *packed)
     return judge(&state->clock, &state->sensors, off, packed);
 }
 void t_see(State *state, const double *packed) { see(&state->sensors, packed); }
+int64_t t_alarm(State *state, const double *likelihood)
+{
+    state->clock.alarm = 7;
+    for (int64_t k = 0; k < N_STEPS; k++) *number_of_step(&state->bank, k, PLAIN_LIKELIHOOD) = NAN;
+    for (int64_t k = 0; k < N_SLOT_LANES; k++) *number_of_slot(&state->bank, k, WIDE_LIKELIHOOD) = NAN;
+    *number_of_step(&state->bank, 1, PLAIN_LIKELIHOOD) = *likelihood;
+    lose(state);
+    return state->clock.alarm;
+}
+void t_score(State *state, const double *one, const double *other) { state->inputs.gain = score_of(one, other, 0); }
+void t_drift(State *state, const double *moves, double *found)
+{
+    state->normal.rates[0] = moves[0];
+    state->normal.wander[0] = moves[1];
+    lanes lane[PLAIN_NUMBERS];
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) lane[k] = broadcast(state->healthy.lane[k]);
+    drift_on(&state->normal, moves[2], lane, PLAIN_JOINT);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) found[k] = first_of(lane[k]);
+}
 void t_said(State *state, const double *pair) { state->inputs.gain = said_for_second(pair[0], pair[1]); }
 """
 GRAPH, DT, RANGED = (
@@ -258,3 +278,62 @@ def test_what_the_sensors_show_and_what_surprises() -> None:
         assert core.call("t_is_surprising", packed, np.array([*off, 1.0, 1.0])) == expected
     core["sensors.spent"] = (0.0, 0.02)
     assert core.call("t_is_surprising", packed, np.array([0.0, 0.0, 1.0, 1.0])) == 1
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "score"),
+    [
+        ((6.0, 4.0), (0.0, 1.0), 3.0),
+        ((6.0, 0.9e8), (0.0, 1.0), 6.0 / np.sqrt(0.9e8)),
+        ((6.0, 1.1e8), (0.0, 1.0), NAN),
+        ((6.0, 1.1e8), (0.0, 2.0), 6.0 / np.sqrt(1.1e8)),
+        ((1e162, np.inf), (0.0, 1.0), NAN),
+        ((1e162, np.inf), (0.0, np.inf), NAN),
+        ((NAN, 1.0), (0.0, 1.0), NAN),
+        ((6.0, NAN), (0.0, 1.0), NAN),
+        ((6.0, 4.0), (NAN, NAN), 3.0),
+    ],
+)
+def test_a_past_that_expects_any_reading_is_not_borne_out_by_one(
+    one: tuple[float, float], other: tuple[float, float], score: float
+) -> None:
+    """An innovation is told in sd, unless its past is 10^4 times as uncertain as the other, or without end."""
+    core = bare(CALLS)
+    pairs = [np.array([pair[0], 0.0, pair[1], 1.0]) for pair in (one, other)]
+    core.call("t_score", *pairs)
+    assert core["inputs.gain"][0] == pytest.approx(score, nan_ok=True)
+
+
+def test_an_alarm_of_which_nothing_is_left_ends() -> None:
+    """With the filter all lanes may run away, and then nothing can be told of the alarm any more."""
+    assert bare(CALLS).call("t_alarm", np.array([-12.0])) == 7
+    for likelihood in (NAN, -np.inf):
+        core = bare(CALLS)
+        core["clock.detections"] = 1
+        assert core.call("t_alarm", np.array([likelihood])) == -1
+        assert core["clock.detections"][0] == 1
+        assert not core.lane(1).any()
+
+
+def drifted(rate: float, wander: float, dt: float, start: float = 1.0, sd: float = 0.1) -> tuple[float, float]:
+    """A parameter and its variance after a time in which it drifts."""
+    core = begun()
+    place = core.spec.parameter_slice.start
+    spread = covariance_place(core.spec, place, place)
+    core["healthy.lane"][[place, spread]] = start, sd**2
+    lane = np.zeros(core.spec.n_numbers)
+    core.call("t_drift", np.array([rate, wander, dt]), lane)
+    rest = np.delete(np.arange(len(lane)), [place, spread])
+    assert np.array_equal(lane[rest], core["healthy.lane"][rest])
+    return float(lane[place]), float(lane[spread])
+
+
+def test_a_drift_is_followed_as_far_as_a_parameter_goes() -> None:
+    """Over a sample it moves by its rate, and is less certain by that; over any gap no farther than its range."""
+    assert drifted(1e-3, 5e-4, 0.5) == (1.0 + 1e-3 * 0.5, 0.1**2 + (5e-4 * 0.5) ** 2)
+    assert drifted(-4.0, 2.0, 1e9) == pytest.approx((0.02, 0.1**2 + 25.0**2))
+    assert drifted(4.0, 2.0, 1e9) == pytest.approx((50.0, 0.1**2 + 25.0**2))
+    assert drifted(1e-3, 4.0, 1e9) == pytest.approx((1.0 + 1e-3 * 50.0 / 4.0, 50.0**2))
+    assert drifted(0.0, 0.3, 1e300) == pytest.approx((1.0, 50.0**2))
+    assert drifted(1e-3, 2.0, 0.5, sd=60.0) == (1.0 + 1e-3 * 0.5, 60.0**2)
+    assert drifted(0.0, 0.0, 1e9) == (1.0, 0.1**2)
