@@ -18,10 +18,10 @@ FAULTS = {
     "no input": Fault(parameter="R1", factor=1.7, start=60.0),
     "no state": Fault(parameter="R1", factor=1.7, start=10.0),
 }
-WILD = {  # of each plant, seeds at which a number or a covariance was lost once
-    "tank": (Fault(parameter="K1", factor=3.0, start=230.0), (1, 2)),
-    "three_tank": (Fault(parameter="V1", value=0.3, start=6.0), (1, 2)),
-    "dc_motor_current": (Fault(parameter="K", factor=0.6, start=4.0), (1, 2)),
+WILD = {  # of each plant a fault, and seeds; at those of the last two a number or a covariance was lost once
+    "tank": (Fault(parameter="K1", factor=3.0, start=230.0), (1,)),
+    "three_tank": (Fault(parameter="V1", value=0.3, start=6.0), (2, 3)),
+    "dc_motor_current": (Fault(parameter="K", factor=0.6, start=4.0), (1, 3)),
 }
 CORPUS = [line.split() for line in (Path(__file__).parent / "corpus.txt").read_text(encoding="utf-8").splitlines()]
 

@@ -136,7 +136,8 @@ static double compare(const Normal *normal, double *one, const double *packed, d
     return sum;
 }
 
-/* Let the states be as uncertain, in the sample of the first past, as the two pasts lead them apart. */
+/* Let the states be as uncertain, in the sample of the first past, as the two pasts lead them apart. Where the second leads
+   beyond all sense nothing is doubted: of a state that uncertain a precise reading would leave rounding errors alone. */
 static void doubt_past(const State *state, const Version *real, const double *other, double *packed, Trial *trial, Filter_plain *work)
 {
     double one[FB_ROOM(N_STATES)], two[FB_ROOM(N_STATES)];
@@ -145,7 +146,7 @@ static void doubt_past(const State *state, const Version *real, const double *ot
     for (int i = 0; i < N_STATES; i++) {
         const double most = ABSURD * larger(travelled(&state->healthy, i), fabs(one[i]));
         const double apart = fabs(two[i] - one[i]);
-        packed[SAMPLE_GAP + i] = hypot(packed[SAMPLE_GAP + i], smaller(isnan(apart) ? 0.0 : smaller(apart, FB_LARGEST), most));
+        packed[SAMPLE_GAP + i] = hypot(packed[SAMPLE_GAP + i], apart <= ABSURD * most ? smaller(apart, most) : 0.0);
     }
 }
 

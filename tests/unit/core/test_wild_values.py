@@ -40,6 +40,13 @@ int64_t t_judge(State *state, const double *off, double *packed)
     return judge(&state->clock, &state->sensors, off, packed);
 }
 void t_see(State *state, const double *packed) { see(&state->sensors, packed); }
+void t_doubt(State *state, const double *apart, double *packed)
+{
+    keep_version(state, &memory.real);
+    memory.real.lane[0] += *apart;
+    memcpy(memory.other, packed, sizeof memory.other);
+    doubt_past(state, &memory.real, memory.other, packed, &memory.trial, &filters.plain);
+}
 int64_t t_alarm(State *state, const double *likelihood)
 {
     state->clock.alarm = 7;
@@ -302,6 +309,24 @@ def test_a_past_that_expects_any_reading_is_not_borne_out_by_one(
     pairs = [np.array([pair[0], 0.0, pair[1], 1.0]) for pair in (one, other)]
     core.call("t_score", *pairs)
     assert core["inputs.gain"][0] == pytest.approx(score, nan_ok=True)
+
+
+def test_a_past_beyond_all_sense_leaves_no_doubt() -> None:
+    """States may be where the other past has them, up to a hundred times as far as they go, unless that is absurd."""
+    core = begun()
+    place = core.spec.sample_fields["gap"]
+    core["healthy.travel"], core["healthy.lane"][0] = (0.0, 6.0), 2.0
+
+    def doubted(apart: float) -> float:
+        packed = np.zeros(core.spec.n_sample)
+        core.call("t_doubt", np.array([apart]), packed)
+        return float(packed[place][0])
+
+    assert doubted(5.0) == pytest.approx(5.0, rel=0.1)
+    assert doubted(2e3) == pytest.approx(600.0)
+    assert doubted(5e4) == pytest.approx(600.0)
+    for apart in (7e4, -7e4, 1e67, 1e300, np.inf, NAN):
+        assert doubted(apart) == 0.0
 
 
 def test_an_alarm_of_which_nothing_is_left_ends() -> None:
