@@ -52,7 +52,7 @@ static void absorb_sensor(State *state, int64_t lane, double size, double estima
     case KIND_NOISE: {
         const double ratio = estimate / OUTPUT_NOISE[j], most = MOST_NOISE * BLANK_FACTOR;
         normal->noise[j] = most < ratio * ratio ? most : ratio * ratio;
-        state->sensors.nis[j] = 1.0; /* the noise that was found is what squares are now taken in */
+        state->sensors.nis[j] = state->sensors.run[j] = 1.0; /* the noise that was found is what squares are now taken in */
         break;
     }
     default:
