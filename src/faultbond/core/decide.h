@@ -82,7 +82,7 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
 {
     const int failure = candidate_of(state, hypothesis, candidate, found, memory);
     if (failure) return failure;
-    score_all(&state->bank, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
+    score_all(state, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
     const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
     double *healthy = state->healthy.lane;
     if (slot < 0) {
