@@ -4,7 +4,7 @@
    exp(score) normalised; hypotheses within GROUP_NATS of the best are one group. Source: Magill, IEEE Trans.
    Automatic Control 10 (1965).
 
-   No model is exact. Of n samples since the alarm likelihoods count as of n / (1 + n / COARSE): so that one hypothesis
+   No model is exact. Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY): so that one hypothesis
    fits better by less than 0.1 sd of an innovation at each sample makes it no likelier than what it costs, however long that
    lasts. Source: J. W. Miller, D. B. Dunson, "Robust Bayesian inference via coarsening", J. American Statistical
    Association 114 (2019) 1113. */
@@ -13,8 +13,8 @@
 
 #include "estimates.h"
 
-#define COARSE 1000.0       /* samples that tell as much as ever so many do */
-#define MOST_COARSE 10000.0 /* and how many do at most: what is shown after a day still counts */
+#define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
+#define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
 /* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
@@ -85,8 +85,8 @@ static int is_out(const Bank *bank, int out, int64_t hypothesis)
 /* The part of differences of log-likelihoods that counts, so many samples after the alarm. */
 static inline double share_of_evidence(int64_t n)
 {
-    const double seen = n < 0 ? 0.0 : n < MOST_COARSE ? (double)n : MOST_COARSE;
-    return 1.0 / (1.0 + seen / COARSE);
+    const double seen = n < 0 ? 0.0 : (double)n < MOST_AS_MANY ? (double)n : MOST_AS_MANY;
+    return 1.0 / (1.0 + seen / AS_MANY);
 }
 
 /* The log-likelihood of a lane beside the likeliest one, as far as it counts; that of one that is no number is below all. A
