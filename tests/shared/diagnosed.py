@@ -10,6 +10,7 @@ import numpy as np
 
 from bare_core import compiled, in_c
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
@@ -89,6 +90,12 @@ int64_t decide(int64_t what, State *state, int64_t k, Candidate *candidate, Diag
 def text_of(spec: EngineSpec = SPEC) -> str:
     """Give the core of a specification of the circuit, with the calls that are tested."""
     return core_text(spec, WIDE_MODEL) + in_c(_CALLS)
+
+
+def share_of(n: int) -> float:
+    """The part of differences of log-likelihoods that counts, so many samples after the alarm."""
+    settings = core_settings()
+    return 1.0 / (1.0 + min(n, settings["MOST_AS_MANY"]) / settings["AS_MANY"])
 
 
 class Diagnosed:

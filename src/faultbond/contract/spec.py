@@ -312,7 +312,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis."""
+        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # held since the previous sample
@@ -325,13 +325,14 @@ class EngineSpec:
             "again": 1,  # 1: update a second time, linearised at the first result
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
+            "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
         }
         return _fields(sizes, 0)
 
     @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
-        return int(self.sample_fields["nis"].stop)
+        return int(self.sample_fields["run"].stop)
 
 
 SPEC_CLASSES = (EngineSpec, StateSpec, SlowErrorSpec, ParameterSpec, InputSpec, OutputSpec, CheckSpec, Thresholds)

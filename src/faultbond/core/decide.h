@@ -62,7 +62,7 @@ static void absorb_sensor(State *state, int64_t lane, double size, double estima
     case KIND_NOISE: {
         const double ratio = estimate / OUTPUT_NOISE[j], most = MOST_NOISE * BLANK_FACTOR;
         normal->noise[j] = most < ratio * ratio ? most : ratio * ratio;
-        state->sensors.nis[j] = 1.0; /* the noise that was found is what squares are now taken in */
+        state->sensors.nis[j] = state->sensors.run[j] = 1.0; /* the noise that was found is what squares are now taken in */
         break;
     }
     default:
@@ -92,7 +92,7 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
 {
     const int failure = candidate_of(state, hypothesis, candidate, found, memory);
     if (failure) return failure;
-    score_all(&state->bank, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
+    score_all(state, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
     const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
     double *healthy = state->healthy.lane;
     if (!is_left(&state->bank, lane)) return NOT_LISTED;

@@ -57,10 +57,10 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->signal = -1;
     found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
     if (N_HYPOTHESES == 0 || state->job.kind == BEGINNING) return;
-    score_all(&state->bank, OUT_REJECTED | OUT_UNSTEADY, ranking);
+    score_all(state, OUT_REJECTED | OUT_UNSTEADY, ranking);
     const int64_t steady = leading_hypothesis(ranking), lane = ranking->best[steady];
     const double score = ranking->score[steady];
-    score_all(&state->bank, OUT_REJECTED, ranking);
+    score_all(state, OUT_REJECTED, ranking);
     rank(state, ranking, found);
     find_unexplained(state, lane, ranking->score[leading_hypothesis(ranking)] - score > FOLLOWED, found);
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);

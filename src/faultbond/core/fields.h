@@ -39,7 +39,7 @@ static const Field FIELDS[] = {
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
-    REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), POSITIVE(sensors.cusum),
+    REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
     ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), FINITE(healthy.snapshots),

@@ -251,7 +251,7 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
         }
         const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
         const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
-        const given use = sample[SAMPLE_USE + j], nis = sample[SAMPLE_NIS + j], usual = GIVEN(nis > 0.0, nis, 1.0);
+        const given use = sample[SAMPLE_USE + j];
         const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
         const lanes step = v_fmin(v_fmax(innovation, -most), most);
         for (int i = 0; i < N_JOINT; i++) {
@@ -263,7 +263,9 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
         /* In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit. */
         const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
         const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
-        gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / GIVEN(usual > 1.0, usual, 1.0);
+        const given nis = sample[SAMPLE_NIS + j], usual = GIVEN(nis > 0.0, nis, 1.0), least = GIVEN(usual > 1.0, usual, 1.0);
+        const given run = sample[SAMPLE_RUN + j], temper = GIVEN(run > least, run, least);
+        gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / temper;
     }
     if (!MANY_OUTPUTS && p_next) take_off(lane + AT_COVARIANCE, weight, found->cross, N_OUTPUTS, p_next);
     return gained;

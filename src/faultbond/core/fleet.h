@@ -184,7 +184,7 @@ static mask watch_usually(Watched *watched, const Sample *sample, mask may, Lane
     Sensors *sensors = &watched->sensors;
     lanes noise[N_OUTPUTS], *packed = memory->packed, *innovations = memory->innovations;
     for (int j = 0; j < N_OUTPUTS; j++) noise[j] = broadcast(1.0);
-    const lanes gap = pack_values(sample, 0, sensors->nis, noise, clock, inputs, packed);
+    const lanes gap = pack_values(sample, 0, sensors, noise, clock, inputs, packed);
     packed[SAMPLE_BOUND] = broadcast(LEARNING_BOUND);
     learn_inputs(inputs, sample, gap != 0.0, opposite(has_value(sample)));
     clock->time = broadcast(sample->time);

@@ -46,6 +46,7 @@
 #define SAMPLE_AGAIN (SAMPLE_GAP + N_STATES)      /* 1: update a second time */
 #define SAMPLE_BOUND (SAMPLE_AGAIN + 1)           /* sd up to which innovations count; 0: without bound */
 #define SAMPLE_NIS (SAMPLE_BOUND + 1)             /* usual square of a normalised innovation; 0: as declared, 1 */
-#define N_SAMPLE (SAMPLE_NIS + N_OUTPUTS)
+#define SAMPLE_RUN (SAMPLE_NIS + N_OUTPUTS)       /* and their variance over long runs, for likelihoods; less counts as that */
+#define N_SAMPLE (SAMPLE_RUN + N_OUTPUTS)
 
 #endif

@@ -17,6 +17,8 @@
 #define NIS_MEMORY 10000  /* and over which squares are a mean */
 #define NIS_LEAST 0.25
 #define NIS_MOST 4.0
+#define RUN_LENGTH 100.0    /* samples over which innovations that go together are told, */
+#define RUN_MOST 100.0      /* and what their variance is at most */
 
 /* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
 static double scale_of_fast(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0; }

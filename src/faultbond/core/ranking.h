@@ -2,12 +2,19 @@
 
    score = likelihood averaged over kinds of fault and starts (in logarithm) - cost of the suspects; posterior =
    exp(score) normalised; hypotheses within GROUP_NATS of the best are one group. Source: Magill, IEEE Trans.
-   Automatic Control 10 (1965). */
+   Automatic Control 10 (1965).
+
+   No model is exact. Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY): so that one hypothesis
+   fits better by less than 0.1 sd of an innovation at each sample makes it no likelier than what it costs, however long that
+   lasts. Source: J. W. Miller, D. B. Dunson, "Robust Bayesian inference via coarsening", J. American Statistical
+   Association 114 (2019) 1113. */
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
 #include "estimates.h"
 
+#define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
+#define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
 /* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
@@ -37,6 +44,7 @@ enum { OUT_NONE = 0, OUT_REJECTED = 1, OUT_UNSTEADY = 2 };
 
 /* Scores in logarithm, -inf: without lanes. */
 typedef struct {
+    double most, share;                             /* likelihood of the likeliest lane, and the part that counts of what others lack */
     double weighted[FB_ROOM(N_LANES)];              /* likelihood of each lane with its weight */
     double kinds[FB_ROOM(N_HYPOTHESES)][N_KINDS];   /* of each hypothesis and kind */
     double score[FB_ROOM(N_HYPOTHESES)];            /* of each hypothesis, with its cost */
@@ -74,33 +82,67 @@ static int is_out(const Bank *bank, int out, int64_t hypothesis)
     return (out & OUT_REJECTED) && bank->rejected[hypothesis];
 }
 
-/* The likelihood of each lane with its prior weight; starts of a hypothesis weigh the same. */
-static void weigh_lanes(const Bank *bank, int out, double *weighted)
+/* The part of differences of log-likelihoods that counts, so many samples after the alarm. */
+static inline double share_of_evidence(int64_t n)
 {
+    const double seen = n < 0 ? 0.0 : (double)n < MOST_AS_MANY ? (double)n : MOST_AS_MANY;
+    return 1.0 / (1.0 + seen / AS_MANY);
+}
+
+/* The log-likelihood of a lane beside the likeliest one, as far as it counts; that of one that is no number is below all. A
+   lane that rests has no chance: what it lacks counts whole. */
+static inline double coarse(const Ranking *ranking, double likelihood, int64_t rests)
+{
+    const double known = finite_or_lowest(likelihood);
+    return known > LOWEST ? (known - ranking->most) * (rests ? 1.0 : ranking->share) : LOWEST;
+}
+
+/* The log-likelihood of the likeliest lane. */
+static double most_likely(const Bank *bank)
+{
+    double most = LOWEST;
+    for (int64_t lane = 0; lane < N_STEPS; lane++) {
+        const int empty = lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] < 0;
+        most = larger(most, empty ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD)));
+    }
+    for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
+        most = larger(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
+    return most;
+}
+
+/* The likelihood of each lane with its prior weight, as far as it counts; starts of a hypothesis weigh the same. */
+static void weigh_lanes(const Bank *bank, int out, Ranking *ranking)
+{
+    double *weighted = ranking->weighted;
     for (int64_t set = 0; set < N_SETS; set++) {
         const double weight = -log((double)(FIRST_LANE[set + 1] - FIRST_LANE[set]));
-        for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++)
-            weighted[lane] = weight
-                + (is_out(bank, out, set) ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD)));
+        for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++) {
+            const double likelihood = coarse(ranking, of_step(bank, lane, PLAIN_LIKELIHOOD), bank->rests[lane / GROUP]);
+            weighted[lane] = weight + (is_out(bank, out, set) ? LOWEST : likelihood);
+        }
     }
     for (int64_t lane = N_PLANNED; lane < N_STEPS; lane++) {
         const int is_grown = bank->grown[(lane - N_PLANNED) / PER_SET] >= 0;
-        const double likelihood = finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD));
+        const double likelihood = coarse(ranking, of_step(bank, lane, PLAIN_LIKELIHOOD), bank->rests[lane / GROUP]);
         weighted[lane] = is_out(bank, out, hypothesis_of(bank, lane)) ? LOWEST : likelihood - log((double)PER_SET);
         if (!is_grown) weighted[lane] = -INFINITY;
     }
     for (int64_t lane = 0; lane < N_SLOT_LANES; lane++) {
         const int unsteady = (out & OUT_UNSTEADY) && SLOT_SPAN[lane] > 0.0;
+        const int64_t rests = lane < SWITCHED && bank->rests[BLOCKS(N_STEPS) + lane / GROUP];
+        const double likelihood = coarse(ranking, of_slot(bank, lane, WIDE_LIKELIHOOD), rests);
         const int left_out = unsteady || is_out(bank, out, SLOT_HYPOTHESIS[lane]);
-        const double likelihood = left_out ? LOWEST : finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
-        weighted[N_STEPS + lane] = likelihood + SLOT_WEIGHT[lane];
+        weighted[N_STEPS + lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[lane];
     }
 }
 
 /* The scores of all hypotheses, and their best lanes; of lanes or kinds that are equally likely the first. */
-static void score_all(const Bank *bank, int out, Ranking *ranking)
+static void score_all(const State *state, int out, Ranking *ranking)
 {
-    weigh_lanes(bank, out, ranking->weighted);
+    const Bank *bank = &state->bank;
+    ranking->most = most_likely(bank);
+    ranking->share = share_of_evidence(state->clock.index - state->clock.alarm);
+    weigh_lanes(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         for (int kind = 0; kind < N_KINDS; kind++) ranking->kinds[k][kind] = -INFINITY;
         ranking->leading[k] = 0;

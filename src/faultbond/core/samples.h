@@ -60,7 +60,7 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
 {
     int first = 0, present = 0;
     for (int k = 0; k < N_INPUTS; k++) first |= !isfinite(inputs->held[k]);
-    const double gap = pack_values(sample, first, state->sensors.nis, state->normal.noise, clock, inputs, packed);
+    const double gap = pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
     for (int j = 0; j < N_OUTPUTS; j++) present |= packed[SAMPLE_USE + j] > 0.0;
     if (gap != 0.0 || present) { /* else the states are not looked for */
         wander(&state->healthy, gap, astray);

@@ -156,7 +156,7 @@ static void find_bases(const Bank *bank, int64_t index, Hidden *hidden)
 }
 
 /* What one of the ways from a tested set to one of the reserve says its likelihood (in logarithm) is at most. */
-static double most_by(const Bank *bank, const Hidden *hidden, int64_t extension)
+static double most_by(const Bank *bank, const Ranking *ranking, const Hidden *hidden, int64_t extension)
 {
     const int set = EXTENSION_SET[extension], n = EXTENSION_ROW[extension + 1] - EXTENSION_ROW[extension];
     const int *more = &EXTENSION_MEMBER[EXTENSION_ROW[extension]];
@@ -176,7 +176,8 @@ static double most_by(const Bank *bank, const Hidden *hidden, int64_t extension)
             spread[i][j] = spread[j][i] = of_step(bank, lane, PLAIN_PLACE(low, high)) / (scale[i] * scale[j]);
         }
     }
-    return hidden->likelihood[set] + larger(gain_of_members(n, off, spread, wide), hidden->unexplained[set]);
+    const double most = hidden->likelihood[set] + larger(gain_of_members(n, off, spread, wide), hidden->unexplained[set]);
+    return isfinite(most) ? coarse(ranking, most, 0) : most;
 }
 
 /* Probability that the truth is at most among the sets of the reserve that are left. */
@@ -193,7 +194,7 @@ static double untested_part(const Bank *bank, const Ranking *ranking, int64_t in
     for (int64_t row = 0; row < N_RESERVE; row++) hidden->most[row] = -INFINITY;
     for (int64_t k = 0; k < N_EXTENSIONS; k++) {
         const int row = EXTENSION_RESERVE[k];
-        if (hidden->left[row]) hidden->most[row] = larger(hidden->most[row], most_by(bank, hidden, k));
+        if (hidden->left[row]) hidden->most[row] = larger(hidden->most[row], most_by(bank, ranking, hidden, k));
     }
     for (int64_t row = 0; row < N_RESERVE; row++) {
         if (!hidden->left[row]) continue;

@@ -73,7 +73,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     }
     state->inputs.odd_since = -1;
     for (int j = 0; j < N_OUTPUTS; j++) {
-        state->sensors.nis[j] = state->normal.gain[j] = state->normal.noise[j] = 1.0;
+        state->sensors.nis[j] = state->sensors.run[j] = state->normal.gain[j] = state->normal.noise[j] = 1.0;
     }
     begin_shown(&state->sensors);
     begin_sums(&state->sensors, 0.0);

@@ -37,6 +37,8 @@ typedef struct {
     real shown[2][N_OUTPUTS];            /* least and greatest reading, SI */
     real spent[N_OUTPUTS];               /* patience with wild values that is used up */
     real nis[N_OUTPUTS];                 /* usual square of a normalised innovation while healthy; 1: as declared */
+    real mean[N_OUTPUTS];                /* of the last normalised innovations, */
+    real run[N_OUTPUTS];                 /* and their variance over long runs while healthy; 1: they are white */
     real cusum[2][N_OUTPUTS];            /* slow sums, */
     real cusum_start[2][N_OUTPUTS];      /* and the sample after which each began to grow */
     real fast[2][N_OUTPUTS];             /* sums with the larger drift */

@@ -133,7 +133,7 @@ static inline void kick(const Inputs *inputs, double dt, real *kicks)
 
 /* Pack a sample but for what a gap brings and its bound: hold inputs, blank after steps, kick slow errors, switch off missing
    values. noise: factors on the variances of the sensors. Gives the gap before it, see `gap_before`. */
-static inline real pack_values(const Sample *sample, int first, const real *nis, const real *noise, Clock *clock, Inputs *inputs,
+static inline real pack_values(const Sample *sample, int first, const Sensors *sensors, const real *noise, Clock *clock, Inputs *inputs,
                                real *packed)
 {
     const double dt = first ? 0.0 : sample->dt;
@@ -149,7 +149,8 @@ static inline real pack_values(const Sample *sample, int first, const real *nis,
         packed[SAMPLE_Y + j] = PICK(there, sample->y[j], SAME(0.0));
         packed[SAMPLE_USE + j] = PICK(there, SAME(1.0), SAME(0.0));
         packed[SAMPLE_SCALE + j] = PICK(is_blanked(inputs, sample, j), SAME(BLANK_FACTOR), PICK(there, noise[j], SAME(1.0)));
-        packed[SAMPLE_NIS + j] = nis[j];
+        packed[SAMPLE_NIS + j] = sensors->nis[j];
+        packed[SAMPLE_RUN + j] = sensors->run[j];
     }
     for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = SAME(0.0);
     kick(inputs, dt, packed + SAMPLE_KICK);
@@ -243,6 +244,16 @@ static inline real usual_square(real nis, real score, whole learned)
     return lesser(greater(nis + (score * score - nis) / memory, SAME(NIS_LEAST)), SAME(NIS_MOST));
 }
 
+/* The variance of normalised innovations over long runs after one more, from their exponential mean over RUN_LENGTH samples:
+   of white ones of variance 1 that has a variance of 1 / RUN_LENGTH. What innovations that go together say is not said
+   anew by each of them: where the model is imperfect, likelihoods that take them one by one would be sure of what makes up
+   for it. Source: the spectrum at frequency 0, M. B. Priestley, Spectral Analysis and Time Series (1981), 6.2. */
+static inline real long_run(real run, real mean, whole learned)
+{
+    const real memory = lesser(NIS_TRUST + AS_REAL(learned), SAME(NIS_MEMORY));
+    return lesser(run + (RUN_LENGTH * mean * mean - run) / memory, SAME(RUN_MOST));
+}
+
 /* Take the innovations [2 * N_OUTPUTS] of a packed sample into the sums. Missing and blanked values leave them as they are;
    after a step of an input, and after a gap, the scatter is compared with nothing before. */
 static inline void accumulate(const Clock *clock, const Inputs *inputs, const Healthy *healthy, Sensors *sensors,
@@ -262,6 +273,10 @@ static inline void accumulate(const Clock *clock, const Inputs *inputs, const He
         add_score(sensors, j, score, counts);
         const real nis = usual_square(sensors->nis[j], clip(score), clock->index - clock->begun);
         sensors->nis[j] = PICK(counts & learns, nis, sensors->nis[j]);
+        const real mean = sensors->mean[j] + (clip(score) - sensors->mean[j]) * (2.0 / (RUN_LENGTH + 1.0));
+        sensors->mean[j] = PICK(counts, mean, sensors->mean[j]);
+        const real run = long_run(sensors->run[j], mean, clock->index - clock->begun);
+        sensors->run[j] = PICK(counts & learns, run, sensors->run[j]);
         for (int side = 0; side < 2; side++) {
             real *start = &sensors->cusum_start[side][j];
             *start = PICK(sensors->cusum[side][j] <= 0.0, index, greater(*start, asleep));

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from bare_core import IN_CPP
-from diagnosed import KINDS, RESERVE, SPEC, Diagnosed, slot_of
+from diagnosed import KINDS, RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import MAX_CANDIDATES
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
@@ -52,8 +53,9 @@ def mixed(seed: int, state: Diagnosed, level: float = 0.0, spread: float = 8.0) 
     state["bank.grown"] = np.where(np.arange(len(RESERVE)) < 5, (3 * np.arange(len(RESERVE))) % len(RESERVE), -1)
     state.likelihoods(values)
     total = np.zeros((SPEC.n_hypotheses, len(KINDS)))
+    share = share_of(int(state["clock.index"][0] - state["clock.alarm"][0]))
     for value, (hypothesis, kind, weight) in zip(values, lanes_of(state["bank.grown"]), strict=True):
-        total[hypothesis, kind] += np.exp(value - level + weight) if np.isfinite(value) else 0.0
+        total[hypothesis, kind] += np.exp((value - level) * share + weight) if np.isfinite(value) else 0.0
     return total
 
 
@@ -80,6 +82,40 @@ def test_the_posterior_is_the_weighted_mean_likelihood_by_its_cost(
         order = [int(k) for k in np.argsort(-own, kind="stable") if (row["hypothesis"], k) in tried]
         assert list(row["kinds"][: row["n_kinds"]]) == order
         assert row["shares"][: row["n_kinds"]] == pytest.approx(own[order] / own.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("after", [0, 100, 5000, 10_000, 80_000])
+def test_what_fits_a_little_better_does_so_for_a_while_only(state: Diagnosed, after: int) -> None:
+    """A hypothesis of two that gains 0.01 nats a sample over a part of it does not outweigh its cost, however long."""
+    pair = next(k for k in range(len(SPEC.hypotheses)) if len(SPEC.members(k)) == 2)
+    single = next(k for k in range(len(SPEC.hypotheses)) if SPEC.members(k) == SPEC.members(pair)[:1])
+    values = np.full(state.n_steps + state.n_slots, -1e6)
+    for k, gained in ((single, 0.0), (pair, 0.01 * after)):
+        values[np.flatnonzero(STEPS.hypothesis == k)] = gained
+    state["clock.index"] = state["clock.alarm"] + after
+    state.likelihoods(values)
+    one, two = (state.diagnose()["candidates"][k] for k in (0, 1))
+    gain = 0.01 * after * share_of(after) - SETTINGS.cost_per_suspect
+    first, second = (pair, single) if gain > 0.0 else (single, pair)
+    assert (one["hypothesis"], two["hypothesis"]) == (first, second)
+    assert one["probability"] / two["probability"] == pytest.approx(np.exp(abs(gain)), rel=1e-6)
+
+
+def test_a_lane_that_rests_lacks_all_that_it_lacked(state: Diagnosed) -> None:
+    """A hypothesis whose lanes rest, 100 nats behind, does not come nearer with time."""
+    values = np.full(state.n_steps + state.n_slots, -1e6)
+    behind = STEPS.n_lanes - 1
+    values[0], values[behind] = 0.0, -100.0
+    state["clock.index"] = state["clock.alarm"] + 9000
+    state.likelihoods(values)
+    near = state.diagnose()["candidates"][1].copy()
+    rests = state["bank.rests"].copy()
+    rests[behind // int(core_settings()["GROUP"])] = 1
+    state["bank.rests"] = rests
+    far = state.diagnose()["candidates"][1]
+    assert near["hypothesis"] == far["hypothesis"] == STEPS.hypothesis[behind]
+    assert near["probability"] > 1e-8
+    assert far["probability"] < 1e-40
 
 
 def test_of_what_is_equally_likely_the_first_comes_first(state: Diagnosed) -> None:
@@ -159,8 +195,9 @@ def test_at_most_a_hundred_candidates(first: int) -> None:
     found = diagnosis_of(spec, state.diagnose()).candidates
     others = [k for k in range(len(sets)) if k not in better]
     assert [item.hypothesis for item in found] == [*better, *others[: MAX_CANDIDATES - 10]]
-    total = 10.0 * np.exp(3.0) + len(sets) - 10.0
-    assert [item.probability for item in found] == pytest.approx([np.exp(3.0) / total] * 10 + [1.0 / total] * 90)
+    better_by = np.exp(3.0 * share_of(400))
+    total = 10.0 * better_by + len(sets) - 10.0
+    assert [item.probability for item in found] == pytest.approx([better_by / total] * 10 + [1.0 / total] * 90)
 
 
 def drifting(state: Diagnosed, value: float, rate: float, variances: tuple[float, float]) -> Any:

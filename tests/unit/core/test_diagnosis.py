@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from diagnosed import N_P, RESERVE, SPEC, Diagnosed, slot_of
+from diagnosed import N_P, RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import pack
 from faultbond.types import FaultKind
 
 WIDE, STEPS, SETTINGS = SPEC.slotted, plan_lanes(SPEC), SPEC.thresholds
+SHARE = share_of(400)  # of differences of likelihoods, so many samples after the alarm
 
 
 @pytest.fixture
@@ -87,8 +88,8 @@ def linear(state: Diagnosed, seed: int) -> tuple[float, dict[tuple[int, ...], fl
     for chosen in RESERVE:
         parts = [item for item in SPEC.hypotheses if set(item) < set(chosen)]
         inner = [worth(item)[0] for item in parts if len(item) == max(map(len, parts))]
-        most[chosen] = np.exp(max(worth(chosen)[0], *inner, -np.inf) - SETTINGS.cost_per_suspect * len(chosen))
-    return sum(np.exp(worth(item)[0] - SETTINGS.cost_per_suspect * len(item)) for item in SPEC.hypotheses), most
+        most[chosen] = np.exp(SHARE * max(worth(chosen)[0], *inner, -np.inf) - SETTINGS.cost_per_suspect * len(chosen))
+    return sum(np.exp(SHARE * worth(item)[0] - SETTINGS.cost_per_suspect * len(item)) for item in SPEC.hypotheses), most
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -123,7 +124,7 @@ def test_what_sums_leave_to_explain_counts_for_each_sensor(state: Diagnosed) -> 
     inner = state.lane("step", int(lanes[0]))[SPEC.n_numbers - 1]
     for chosen in most:
         if {0, 1} < set(chosen):
-            most[chosen] = max(most[chosen], np.exp(inner + nats - SETTINGS.cost_per_suspect * len(chosen)))
+            most[chosen] = max(most[chosen], np.exp(SHARE * (inner + nats) - SETTINGS.cost_per_suspect * len(chosen)))
     expected = sum(most.values()) / (sum(most.values()) + tested)
     found = state.diagnose()["untested_probability"]
     assert before < found < 0.5
@@ -166,7 +167,7 @@ def test_a_tested_set_that_is_no_number_bounds_nothing(state: Diagnosed) -> None
     state["bank.grown"][0] = RESERVE.index((0, 2, 3))  # which follows from this one alone
     del most[0, 2, 3]
     lanes = np.flatnonzero(STEPS.hypothesis == SPEC.hypotheses.index((0, 2)))
-    gone = np.exp(state.lane("step", int(lanes[0]))[SPEC.n_numbers - 1] - 2.0 * SETTINGS.cost_per_suspect)
+    gone = np.exp(SHARE * state.lane("step", int(lanes[0]))[SPEC.n_numbers - 1] - 2.0 * SETTINGS.cost_per_suspect)
     for lane in lanes:
         state.write("step", int(lane), np.full(SPEC.n_numbers, np.nan))
     expected = sum(most.values()) / (sum(most.values()) + tested - gone)
