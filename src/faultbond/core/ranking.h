@@ -33,7 +33,7 @@ typedef struct {
 } Diagnosis;
 
 /* Lanes that are left out of a ranking; they count as those whose likelihood is no number. */
-enum { OUT_NONE = 0, OUT_REJECTED = 1, OUT_UNSTEADY = 2 };
+enum { OUT_NONE = 0, OUT_REJECTED = 1 };
 
 /* Scores in logarithm, -inf: without lanes. */
 typedef struct {
@@ -90,8 +90,7 @@ static void weigh_lanes(const Bank *bank, int out, double *weighted)
         if (!is_grown) weighted[lane] = -INFINITY;
     }
     for (int64_t lane = 0; lane < N_SLOT_LANES; lane++) {
-        const int unsteady = (out & OUT_UNSTEADY) && SLOT_SPAN[lane] > 0.0;
-        const int left_out = unsteady || is_out(bank, out, SLOT_HYPOTHESIS[lane]);
+        const int left_out = is_out(bank, out, SLOT_HYPOTHESIS[lane]);
         const double likelihood = left_out ? LOWEST : finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
         weighted[N_STEPS + lane] = likelihood + SLOT_WEIGHT[lane];
     }
