@@ -293,7 +293,7 @@ class EngineSpec:
         """Where the roles of the slot stand in a lane, by name.
 
         theta, input, obeys, reads, gain, bias, noise; ended, took: of a ramp that has come to its end, when it did and
-        after how long, s.
+        after how long, s; returns: of a fault that comes and goes the probability that it has been there and gone.
         """
         n_y = len(self.outputs)
         sizes = {
@@ -306,13 +306,14 @@ class EngineSpec:
             "noise": n_y,
             "ended": 1,
             "took": 1,
+            "returns": 1,
         }
         return _fields(sizes, self.loop_slice.stop) if self.slot else {}
 
     @cached_property
     def n_roles(self) -> int:
         """Number of roles."""
-        return int(self.role_fields["took"].stop - self.loop_slice.stop) if self.slot else 0
+        return int(self.role_fields["returns"].stop - self.loop_slice.stop) if self.slot else 0
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:

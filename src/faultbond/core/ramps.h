@@ -12,6 +12,7 @@
 
 #define ENDING 0.5     /* probability that a ramp ends at a sample, in one over the samples that it has taken, */
 #define ENDS_EARLY 10.0 /* and so many more */
+#define MOVES 2.0        /* of its sd a rate is half sure to be one */
 #define LONGEST_RAMP 1e9 /* s */
 #define N_RAMPS ((SWITCHED - RAMPED) / 2)
 
@@ -19,21 +20,27 @@
 static inline int64_t drift_of(int64_t pair) { return RAMPED + 2 * pair; }
 static inline int64_t stay_of(int64_t pair) { return RAMPED + 2 * pair + 1; }
 
-/* Probability that a ramp ends after so many samples. */
-static double ends_now(int64_t age) { return ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY); }
+/* Probability that a ramp ends after so many samples. What is not known to move cannot come to its end: that would be a
+   step. */
+static double ends_now(int64_t age, double rate, double variance)
+{
+    const double sure = rate * rate / (rate * rate + MOVES * MOVES * variance);
+    return sure > 0.0 ? sure * ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY) : 1e-300;
+}
 
 /* Let what moves end at a moment, s, in the pairs of the memory. age: samples since each began; extra: weight, in logarithm,
    that what moves has beside what stays. */
 static void end_ramps(const int64_t *age, const double *extra, double time, SlotMemory *memory)
 {
     const int size = AT_SLOT, rate = AT_SLOT + 1;
-    double sizes[FB_LANES], rates[FB_LANES];
+    double sizes[FB_LANES], rates[FB_LANES], variances[FB_LANES];
     lanes *gone = memory->gone;
     Exchange by;
     store(sizes, memory->there[size]);
     store(rates, memory->there[rate]);
+    store(variances, memory->there[WIDE_PLACE(rate, rate)]);
     for (int l = 0; l < FB_LANES; l++) {
-        const double ends = ends_now(age[l]), took = sizes[l] / rates[l];
+        const double ends = ends_now(age[l], rates[l], variances[l]), took = sizes[l] / rates[l];
         by.there_stays[l] = log1p(-ends);
         by.there_comes[l] = -INFINITY;
         by.gone_stays[l] = 0.0;
@@ -121,6 +128,7 @@ static void take_slot(const Bank *bank, int64_t lane, int l, double (*to)[FB_LAN
 static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
 {
     const int64_t *onset = bank->onset + N_STEPS;
+    const int rate = AT_SLOT + 1;
     for (int64_t first = 0; first < N_RAMPS; first += FB_LANES) {
         int64_t age[FB_LANES] = {0}, pairs[FB_LANES], n = 0;
         double extra[FB_LANES] = {0.0};
@@ -146,7 +154,9 @@ static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
         }
     }
     for (int64_t lane = 0; lane < SWITCHED; lane++)
-        if (SLOT_KIND[lane] == KIND_DRIFT) *number_of_slot(bank, lane, WIDE_LIKELIHOOD) += log1p(-ends_now(number - onset[lane]));
+        if (SLOT_KIND[lane] == KIND_DRIFT)
+            *number_of_slot(bank, lane, WIDE_LIKELIHOOD) += log1p(-ends_now(
+                number - onset[lane], of_slot(bank, lane, rate), of_slot(bank, lane, WIDE_PLACE(rate, rate))));
 }
 
 #endif

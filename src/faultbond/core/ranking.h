@@ -8,6 +8,8 @@
 
 #include "estimates.h"
 
+#define AT_ONCE 3.0  /* samples in which what moves is a step */
+#define SELDOM 1e-6  /* least probability that counts */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
 /* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
@@ -67,11 +69,26 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
-static int64_t kind_of(int64_t lane) { return lane < N_STEPS ? KIND_STEP : SLOT_KIND[lane - N_STEPS]; }
+/* The kind of fault of a lane. What came to stay within a few samples is a step, of an instrument a bias. */
+static int64_t kind_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_STEPS) return KIND_STEP;
+    const int64_t slot = lane - N_STEPS;
+    if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
+        return SLOT_KIND[slot];
+    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
+}
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
     return (out & OUT_REJECTED) && bank->rejected[hypothesis];
+}
+
+/* Of a fault that comes and goes the probability, in logarithm, that it has done so: one that came and is still there is of
+   another kind. */
+static double log_returns(const Bank *bank, int64_t lane)
+{
+    return SLOT_KIND[lane] == KIND_INTERMITTENT ? log(fmax(of_slot(bank, lane, ROLE_RETURNS), SELDOM)) : 0.0;
 }
 
 /* The likelihood of each lane with its prior weight; starts of a hypothesis weigh the same. */
@@ -92,7 +109,7 @@ static void weigh_lanes(const Bank *bank, int out, double *weighted)
     for (int64_t lane = 0; lane < N_SLOT_LANES; lane++) {
         const int left_out = is_out(bank, out, SLOT_HYPOTHESIS[lane]);
         const double likelihood = left_out ? LOWEST : finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
-        weighted[N_STEPS + lane] = likelihood + SLOT_WEIGHT[lane];
+        weighted[N_STEPS + lane] = likelihood + SLOT_WEIGHT[lane] + log_returns(bank, lane);
     }
 }
 
@@ -106,7 +123,7 @@ static void score_all(const Bank *bank, int out, Ranking *ranking)
         ranking->best[k] = -1;
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
-        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(lane)];
+        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
@@ -121,7 +138,7 @@ static void score_all(const Bank *bank, int out, Ranking *ranking)
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         const int64_t k = hypothesis_of(bank, lane);
         const double before = ranking->best[k] < 0 ? -INFINITY : ranking->weighted[ranking->best[k]];
-        if (kind_of(lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
+        if (kind_of(bank, lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
     }
 }
 

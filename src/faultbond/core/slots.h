@@ -364,15 +364,19 @@ static void mix_modes(const Exchange *by, SlotMemory *memory)
     }
 }
 
-/* Let faults come and go. */
+/* Let faults come and go; what goes has been there. */
 static void interact(SlotMemory *memory)
 {
+    lanes *there = memory->there, *gone = memory->gone;
+    const lanes was_gone = gone[ROLE_RETURNS];
     Exchange by;
     for (int l = 0; l < FB_LANES; l++) {
         by.there_stays[l] = by.gone_stays[l] = log1p(-SWITCHING);
         by.there_comes[l] = by.gone_comes[l] = log(SWITCHING);
     }
     mix_modes(&by, memory);
+    gone[ROLE_RETURNS] = blend(memory->kept[1], was_gone, broadcast(1.0));
+    there[ROLE_RETURNS] = blend(memory->kept[0], there[ROLE_RETURNS], was_gone);
 }
 
 /* Take one sample into a block of pairs that have mixed; leaves their likelihoods before it, and the innovations of both
