@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import log
+from math import hypot, log
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from faultbond.contract.spec import EngineSpec, ParameterSpec
 from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
-FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
+FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
+UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
 STUCK_NOISES = (0.1, 1.0)  # noise variance of a sensor that is stuck, in that declared
@@ -52,7 +53,7 @@ class SlotLane:
     acts : False while a fault that comes and goes is gone
     sticks : whether the sensor does not follow the plant, or the input its record, while its fault is there
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
-    size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
+    size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
         in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
@@ -68,6 +69,7 @@ class SlotLane:
     old: bool = False
     size: float = 0.0
     size_sd: float = 0.0
+    rate: float = 0.0
     rate_sd: float = 0.0
     noise: float = 1.0
     weight: float = 0.0
@@ -140,7 +142,8 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
             lane,
             size=start.value - item.healthy,
             size_sd=start.sd,
-            rate_sd=item.change / OLD,
+            rate=(start.value - item.healthy) / OLD,
+            rate_sd=UNSTEADY * hypot(start.value - item.healthy, start.sd) / OLD,
             old=True,
             weight=DRIFTING - log(2.0 * len(starts)),
         )

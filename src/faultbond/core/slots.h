@@ -166,6 +166,7 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     else size = last_reading(trail, start->n_seen, output) / OUTPUT_NOISE[output];
     block[AT_SLOT][l] = size;
     block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
+    block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / start->step;
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
 }
 
