@@ -197,6 +197,7 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     if (lane >= N_STEPS) {
         candidate->present = SLOT_ACTS[lane - N_STEPS];
         slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
+        if (kind_of(&state->bank, lane) != KIND_RAMP) candidate->suspects[0].began = candidate->suspects[0].ended = NAN;
         return;
     }
     const int *members;
