@@ -81,5 +81,6 @@ class FaultKind(Enum):
     INTERMITTENT = "intermittent"  # another value that comes and goes
     BIAS = "bias"  # of a sensor or input: something is added
     GAIN = "gain"  # of a sensor: the reading is multiplied
-    STUCK = "stuck"  # of a sensor: the reading no longer follows the plant
+    STUCK = "stuck"  # of a sensor: the reading no longer follows the plant; of an input: what acts no longer follows it
     NOISE = "noise"  # of a sensor: it scatters more than declared
+    RAMP = "ramp"  # another value, reached over a while, that stays

@@ -157,8 +157,10 @@ def _candidate(candidate: Candidate) -> Record:
 
 
 def _suspect(suspect: Suspect) -> Record:
-    """Give the value of a suspect; a rate only where it drifts."""
+    """Give the value of a suspect; a rate only where it drifts, times only where it has drifted and stays."""
     value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
+    if suspect.began is not None:
+        value |= {"began": suspect.began, "ended": suspect.ended}
     if suspect.rate is None:
         return value
     forecasts = [_forecast(item) for item in suspect.forecasts]

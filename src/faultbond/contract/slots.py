@@ -1,14 +1,14 @@
-"""Which lanes have a slot, and what each has in it: drifts, faults that come and go, faults of sensors and inputs.
+"""Which lanes have a slot: drifts, ramps that end, faults that come and go, faults of sensors and inputs.
 
 A lane's roles (see `faultbond.contract.spec`) are constants, so faults of all kinds run through the same code. The
 widths and weights of the starts are those of docs/method.md, "Kinds of fault".
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import log
+from math import hypot, log
 
 import numpy as np
 
@@ -18,15 +18,22 @@ from faultbond.contract.spec import EngineSpec, ParameterSpec
 from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
-WANDER = 0.5  # variance that a rate gains in `span` samples, in that at its start: a drift may slow down or stop
-FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`: one that begins now, one under way
+FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
+UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
 STUCK_NOISES = (1.0,)
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
-COMMANDED = log(0.3)  # prior weight of an input's bias, beside the step of a component
+INPUT_STUCK = (0.02, 0.5)  # sd of where an input is stuck about where it was, alike: there, or at an end
+COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step of a component
+INPUT_KINDS = {  # and of each of them
+    FaultKind.BIAS: 1.0,
+    FaultKind.DRIFT: 0.3,
+    FaultKind.STUCK: 0.3,
+    FaultKind.INTERMITTENT: 0.2,
+}
 SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
@@ -44,11 +51,10 @@ class SlotLane:
     hypothesis : index among the hypotheses of the specification
     parameter, input, output : index of what is at fault, or -1
     acts : False while a fault that comes and goes is gone
-    sticks : whether the sensor does not follow the plant while its fault is there
+    sticks : whether the sensor does not follow the plant, or the input its record, while its fault is there
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
-    size, size_sd, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
+    size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
         in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
-    span : samples over which the rate of a drift may become another one; 0: it stays
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -63,15 +69,16 @@ class SlotLane:
     old: bool = False
     size: float = 0.0
     size_sd: float = 0.0
+    rate: float = 0.0
     rate_sd: float = 0.0
-    span: float = 0.0
     noise: float = 1.0
     weight: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotPlan:
-    """Lanes with a slot: first those that begin at an onset, then, from `switched` on, pairs (fault there, fault gone).
+    """Lanes with a slot: those that begin at an onset, from `ramped` on in pairs (it moves, it has come to stay); then,
+    from `switched` on, pairs that need no onset (fault there, fault gone).
 
     roles : (n_roles, n_lanes)
     hypothesis, weight : (n_lanes,)
@@ -81,6 +88,7 @@ class SlotPlan:
     roles: FloatArray
     hypothesis: IntArray
     weight: FloatArray
+    ramped: int
     switched: int
 
     @property
@@ -97,10 +105,12 @@ def plan_slots(spec: EngineSpec) -> SlotPlan:
     found += [lane for k, index in singles for lane in _changes(spec.parameters[index], index, k)]
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
         found += (_sensor_faults if instrument.is_output else _input_faults)(instrument.index, k)
-    from_onset = [lane for lane in found if lane.kind is not FaultKind.INTERMITTENT]
+    moving = _first_drifts(found)
     passing = [lane for lane in found if lane.kind is FaultKind.INTERMITTENT]
+    from_onset = [lane for lane in found if lane not in moving and lane not in passing]
+    ramped = [lane for moves in moving for lane in (moves, replace(moves, kind=FaultKind.RAMP))]
     switched = [lane for there in passing for lane in (there, replace(there, acts=False))]
-    lanes = (*from_onset, *switched)
+    lanes = (*from_onset, *ramped, *switched)
     return SlotPlan(
         lanes=lanes,
         roles=np.stack([_roles(spec, lane) for lane in lanes], axis=1)
@@ -108,22 +118,32 @@ def plan_slots(spec: EngineSpec) -> SlotPlan:
         else np.zeros((spec.slotted.n_roles, 0)),
         hypothesis=np.array([lane.hypothesis for lane in lanes], dtype=np.intp),
         weight=np.array([lane.weight for lane in lanes], dtype=np.float64),
-        switched=len(from_onset),
+        ramped=len(from_onset),
+        switched=len(from_onset) + len(ramped),
     )
+
+
+def _first_drifts(lanes: Sequence[SlotLane]) -> list[SlotLane]:
+    """Give the drift of each hypothesis that begins at the onset: the one that may be found to have come to its end."""
+    first: dict[int, SlotLane] = {}
+    for lane in lanes:
+        if lane.kind is FaultKind.DRIFT:
+            first.setdefault(lane.hypothesis, lane)
+    return list(first.values())
 
 
 def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give a drift that begins at the onset, and drifts that have already gone some way."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
     starts = starts_of(item, 1)
-    rate = 2.0 * item.change / FRESH  # twice, since it may also slow down
-    yield replace(lane, size_sd=item.accuracy, rate_sd=rate, span=FRESH, weight=DRIFTING - log(2.0))
+    yield replace(lane, size_sd=item.accuracy, rate_sd=2.0 * item.change / FRESH, weight=DRIFTING - log(2.0))
     for start in starts:
         yield replace(
             lane,
             size=start.value - item.healthy,
             size_sd=start.sd,
-            rate_sd=item.change / OLD,
+            rate=(start.value - item.healthy) / OLD,
+            rate_sd=UNSTEADY * hypot(start.value - item.healthy, start.sd) / OLD,
             old=True,
             weight=DRIFTING - log(2.0 * len(starts)),
         )
@@ -165,11 +185,18 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
 
 def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of an input."""
-    for sd in INPUT_BIASES:
-        lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index, size_sd=sd)
-        weight = COMMANDED - log(len(INPUT_BIASES))
-        yield replace(lane, weight=weight)
-        yield replace(lane, kind=FaultKind.INTERMITTENT, weight=weight + SWITCHING)
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index)
+    drift, stuck = replace(lane, kind=FaultKind.DRIFT), replace(lane, kind=FaultKind.STUCK, sticks=True)
+    found = [
+        *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
+        replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
+        replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
+        *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
+        *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),
+    ]
+    counts = Counter(item.kind for item in found)
+    for item in found:
+        yield replace(item, weight=COMMANDED + log(INPUT_KINDS[item.kind] / counts[item.kind]))
 
 
 def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
@@ -178,12 +205,13 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     first = wide.loop_slice.stop
     place = {name: where.start - first for name, where in wide.role_fields.items()}
     roles = np.zeros(wide.n_roles)
-    for name in ("reads", "noise"):
-        roles[place[name] : place[name] + len(spec.outputs)] = 1.0
+    for name, n in (("obeys", len(spec.inputs)), ("reads", len(spec.outputs)), ("noise", len(spec.outputs))):
+        roles[place[name] : place[name] + n] = 1.0
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:
         roles[place["input"] + lane.input] = float(lane.acts)
+        roles[place["obeys"] + lane.input] = float(not lane.sticks)
     if lane.output >= 0:
         noise = spec.outputs[lane.output].noise
         roles[place["reads"] + lane.output] = float(not (lane.sticks and lane.acts))
@@ -193,4 +221,4 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     return roles
 
 
-_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK, FaultKind.INTERMITTENT)
+_ADDED = (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.RAMP, FaultKind.STUCK, FaultKind.INTERMITTENT)

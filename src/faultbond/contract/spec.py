@@ -11,7 +11,8 @@ covariance P (row by row), the last solutions of implicit relations, and the log
 A *slot lane* (`EngineSpec.slotted`) has two more coordinates before the input noise, the size `d` of one more fault and
 its rate `r`, d' = d + r dt, and, before the likelihood, roles: constants that say on what d acts.
 
-    theta + theta_role * d        u + input_role * d        y = h * (reads_role + gain_role * d) + bias_role * d
+    theta + theta_role * d        obeys_role * u + input_role * d
+    y = h * (reads_role + gain_role * d) + bias_role * d
 
 The noise variance of each sensor is `noise_role` times that declared. So drifts, faults that come and go, and faults of
 sensors and inputs are data too.
@@ -295,24 +296,28 @@ class EngineSpec:
     def role_fields(self) -> dict[str, slice]:
         """Where the roles of the slot stand in a lane, by name.
 
-        theta, input, reads, gain, bias, noise; wander: variance that the rate of a drift gains per second.
+        theta, input, obeys, reads, gain, bias, noise; ended, took: of a ramp that has come to its end, when it did and
+        after how long, s; returns: of a fault that comes and goes the probability that it has been there and gone.
         """
         n_y = len(self.outputs)
         sizes = {
             "theta": len(self.parameters),
             "input": len(self.inputs),
+            "obeys": len(self.inputs),
             "reads": n_y,
             "gain": n_y,
             "bias": n_y,
             "noise": n_y,
-            "wander": 1,
+            "ended": 1,
+            "took": 1,
+            "returns": 1,
         }
         return _fields(sizes, self.loop_slice.stop) if self.slot else {}
 
     @cached_property
     def n_roles(self) -> int:
         """Number of roles."""
-        return int(self.role_fields["wander"].stop - self.loop_slice.stop) if self.slot else 0
+        return int(self.role_fields["returns"].stop - self.loop_slice.stop) if self.slot else 0
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:

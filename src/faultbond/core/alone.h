@@ -120,7 +120,7 @@ static int is_corrected(const Normal *normal)
 {
     int found = drifts(normal);
     for (int j = 0; j < N_OUTPUTS; j++) found |= normal->gain[j] != 1.0 || normal->offset[j] != 0.0 || normal->noise[j] != 1.0;
-    for (int k = 0; k < N_INPUTS; k++) found |= normal->input_offset[k] != 0.0;
+    for (int k = 0; k < N_INPUTS; k++) found |= normal->input_gain[k] != 1.0 || normal->input_offset[k] != 0.0;
     return found;
 }
 

@@ -54,6 +54,7 @@ static void absorb_sensor(State *state, int64_t lane, double size, double estima
     Normal *normal = &state->normal;
     switch (SLOT_KIND[lane]) {
     case KIND_BIAS:
+    case KIND_RAMP:
         normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
         break;
     case KIND_GAIN:
@@ -79,6 +80,9 @@ static void absorb(State *state, int64_t lane, double estimate)
     if (parameter >= 0 && SLOT_KIND[lane] == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
         state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
+    } else if (input >= 0 && SLOT_STICKS[lane]) {
+        state->normal.input_gain[input] = 0.0;
+        state->normal.input_offset[input] = state->inputs.held[input] = size;
     } else if (input >= 0 && SLOT_ACTS[lane]) {
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */

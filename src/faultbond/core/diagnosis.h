@@ -4,8 +4,6 @@
 
 #include "untested.h"
 
-#define FOLLOWED 10.0 /* nats by which a drift that follows nearly anything fits better: then nothing else fits */
-
 /* Memory of `conclude`. */
 typedef struct {
     Ranking ranking;
@@ -22,9 +20,8 @@ static int is_fresh(const State *state)
     return !is_ready(job) || state->clock.index - job->settled <= (job->renewals < 2 ? 2 * FRESH : FRESH);
 }
 
-/* Tell where the best lane does not fit, if the detector would raise an alarm on it. followed: a drift whose rate
-   may change fits better by far; then this lane does not fit anyhow. */
-static void find_unexplained(const State *state, int64_t lane, int followed, Diagnosis *found)
+/* Tell where the best lane does not fit, if the detector would raise an alarm on it. */
+static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
 {
     const Bank *bank = &state->bank;
     int side = 0, signal = 0;
@@ -35,7 +32,7 @@ static void find_unexplained(const State *state, int64_t lane, int followed, Dia
                 signal = j;
             }
     const double sum = bank->sums[side][signal][lane];
-    if (sum <= CUSUM_LIMIT && !followed) return;
+    if (sum <= CUSUM_LIMIT) return;
     const int64_t length = state->clock.index - (int64_t)bank->since[side][signal][lane];
     const int64_t back = length < DEPTH - 1 ? length : DEPTH - 1;
     found->is_unexplained = 1;
@@ -46,9 +43,7 @@ static void find_unexplained(const State *state, int64_t lane, int followed, Dia
 }
 
 /* Give the diagnosis of now, after a detection; without candidates where nothing is a suspect, or not
-   all lanes have begun. The lane that has to
-   explain the data is the best without drifts whose rate may change: these follow nearly anything, so their fit says
-   little. */
+   all lanes have begun. */
 static void conclude(const State *state, Diagnosis *found, RankingMemory *memory)
 {
     Ranking *ranking = &memory->ranking;
@@ -57,12 +52,9 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->signal = -1;
     found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
     if (N_HYPOTHESES == 0 || state->job.kind == BEGINNING) return;
-    score_all(state, OUT_REJECTED | OUT_UNSTEADY, ranking);
-    const int64_t steady = leading_hypothesis(ranking), lane = ranking->best[steady];
-    const double score = ranking->score[steady];
     score_all(state, OUT_REJECTED, ranking);
     rank(state, ranking, found);
-    find_unexplained(state, lane, ranking->score[leading_hypothesis(ranking)] - score > FOLLOWED, found);
+    find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }

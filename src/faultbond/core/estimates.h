@@ -21,6 +21,7 @@ typedef struct {
     int64_t parameter, input, output, word;
     double nominal, estimate, sd;
     double rate, rate_sd; /* of a drift, per second */
+    double began, ended;  /* s; of a ramp that has come to its end */
     int64_t n_forecasts;
     Forecast forecasts[FB_ROOM(MOST_LIMITS)];
 } Suspect;
@@ -79,7 +80,7 @@ static void no_suspect(Suspect *suspect)
     memset(suspect, 0, sizeof *suspect);
     suspect->parameter = suspect->input = suspect->output = -1;
     suspect->word = WORD_NONE;
-    suspect->nominal = suspect->rate = suspect->rate_sd = NAN;
+    suspect->nominal = suspect->rate = suspect->rate_sd = suspect->began = suspect->ended = NAN;
 }
 
 /* A parameter as a lane of steps has it. */
@@ -174,7 +175,7 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
     suspect->word = WORD_BIAS;
     if (SLOT_STICKS[lane]) {
         suspect->word = WORD_STUCK;
-    } else if (kind == KIND_BIAS || kind == KIND_INTERMITTENT) {
+    } else if (kind == KIND_BIAS || kind == KIND_RAMP || kind == KIND_INTERMITTENT) {
         suspect->nominal = 0.0;
     } else if (kind == KIND_DRIFT) {
         suspect->nominal = 0.0;
@@ -194,7 +195,8 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
 }
 
 /* The suspect of a lane with a slot. While a fault that comes and goes is gone, its size is that which the lane
-   without it remembers: the other one has just been told that the fault is there, and bends the size to that. */
+   without it remembers: the other one has just been told that the fault is there, and bends the size to that. Of a ramp
+   that has come to its end it is told when that began, and when it ended. */
 static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
 {
     if (SLOT_PARAMETER[lane] >= 0) {
@@ -202,6 +204,9 @@ static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
     } else {
         instrument_suspect(state, lane, suspect);
     }
+    if (SLOT_KIND[lane] != KIND_RAMP) return;
+    suspect->ended = of_slot(&state->bank, lane, ROLE_ENDED);
+    suspect->began = suspect->ended - of_slot(&state->bank, lane, ROLE_TOOK);
 }
 
 #endif

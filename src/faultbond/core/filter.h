@@ -44,17 +44,21 @@ FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *F
 #endif
 
 #ifdef FB_HOLDS_FILTERS
-/* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs. */
-static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, lanes *FB_RESTRICT v)
+/* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs: one that
+   does not obey is off by all of what is recorded, u. */
+static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT u,
+                           lanes *FB_RESTRICT v)
 {
     for (int i = 0; i < AT_SLOT; i++) v[i] = z[i];
     for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] = broadcast(0.0);
 #if N_SLOT > 0
     for (int k = 0; k < N_PARAMETERS; k++)
         v[AT_PARAMETERS + k] = clamp(z[AT_PARAMETERS + k] + lane[ROLE_THETA + k] * z[AT_SLOT], LOWER[k], UPPER[k]);
-    for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT];
+    for (int k = 0; k < N_INPUTS; k++)
+        v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT] + (lane[ROLE_OBEYS + k] - 1.0) * u[k];
 #else
     (void)lane;
+    (void)u;
 #endif
     for (int k = 0; k < N_NOISY; k++) v[AT_SLOT + NOISY[k]] += z[AT_NOISE + k];
 }
@@ -131,7 +135,6 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
     for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
     p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
     p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];
-    p[PLACE(rate, rate)] += lane[ROLE_WANDER] * dt;
     lane[size] += dt * lane[rate];
 #endif
     for (int k = 0; k < N_NOISY; k++) {
@@ -146,7 +149,7 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V];
-    joint_to_model(lane, lane, v);
+    joint_to_model(lane, lane, sample + SAMPLE_U_BEFORE, v);
     const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U_BEFORE, v);
     integrate(v, u, SHARED(sample[SAMPLE_DT]), lane + AT_IMPLICIT, &work->step);
     for (int i = 0; i < N_STATES; i++) {
@@ -208,7 +211,7 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
                    lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
 {
     lanes v[N_V], slopes[FB_ROOM(N_READING_SLOPES)];
-    joint_to_model(lane, z, v);
+    joint_to_model(lane, z, sample + SAMPLE_U, v);
     const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U, v);
     solve_implicit(v, u, implicit);
     model_readings(v, u, implicit, found->y, slopes);
@@ -352,7 +355,7 @@ FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double
 FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT u, lanes *FB_RESTRICT values)
 {
     lanes v[N_V], implicit[FB_ROOM(N_IMPLICIT)];
-    joint_to_model(lane, lane, v);
+    joint_to_model(lane, lane, u, v);
     for (int k = 0; k < N_IMPLICIT; k++) implicit[k] = lane[AT_IMPLICIT + k];
     solve_implicit(v, u, implicit);
     model_signals(v, u, implicit, values);

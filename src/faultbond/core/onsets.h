@@ -180,12 +180,14 @@ static int64_t next_onset(const Search *search)
     return -1;
 }
 
-/* Add a group of lanes that began at onset k to the best of the onsets before; likelihoods stand in the last row. */
-static void mix(Search *search, int64_t k, double (*group)[GROUP], int64_t n_numbers, double (*best)[GROUP])
+/* Keep those lanes of a group that began at onset k which are likelier than the best of the onsets before. said: [GROUP],
+   their likelihoods. */
+static void mix(Search *search, int64_t k, const double *said, double (*group)[GROUP], int64_t n_numbers,
+                double (*best)[GROUP])
 {
     search->standing[k] = TRIED;
     for (int l = 0; l < GROUP; l++) {
-        const double likelihood = finite_or_lowest(group[n_numbers - 1][l]);
+        const double likelihood = finite_or_lowest(said[l]);
         search->said[k][l] = likelihood;
         if (!(likelihood > search->most[l])) continue;
         search->most[l] = likelihood;
@@ -203,8 +205,8 @@ static double sum_between(double a, double b, double n)
     return least + (n - 1.0) * step + log(expm1(-(n - 1.0) * step) / expm1(-step));
 }
 
-/* Give the best onset of each lane the mean likelihood over all samples of the trail. */
-static void conclude_mixture(const Search *search, int64_t n_numbers, double (*best)[GROUP])
+/* The mean likelihood of each lane over all samples of the trail as onsets: [GROUP]. */
+static void mean_over_onsets(const Search *search, double *mean)
 {
     for (int l = 0; l < GROUP; l++) {
         int64_t k = tried_after(search, -1), after;
@@ -214,7 +216,7 @@ static void conclude_mixture(const Search *search, int64_t n_numbers, double (*b
             total = log_add(total, sum_between(search->said[k][l], search->said[after][l], n));
             total = log_add(total, search->said[after][l]);
         }
-        best[n_numbers - 1][l] = total - log((double)HISTORY_SAMPLES);
+        mean[l] = total - log((double)HISTORY_SAMPLES);
     }
 }
 

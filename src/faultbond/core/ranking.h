@@ -13,6 +13,8 @@
 
 #include "estimates.h"
 
+#define AT_ONCE 3.0          /* samples in which what moves is a step */
+#define SELDOM 1e-6          /* least probability that counts */
 #define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
 #define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
@@ -40,7 +42,7 @@ typedef struct {
 } Diagnosis;
 
 /* Lanes that are left out of a ranking; they count as those whose likelihood is no number. */
-enum { OUT_NONE = 0, OUT_REJECTED = 1, OUT_UNSTEADY = 2 };
+enum { OUT_NONE = 0, OUT_REJECTED = 1 };
 
 /* Scores in logarithm, -inf: without lanes. */
 typedef struct {
@@ -75,11 +77,26 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
-static int64_t kind_of(int64_t lane) { return lane < N_STEPS ? KIND_STEP : SLOT_KIND[lane - N_STEPS]; }
+/* The kind of fault of a lane. What came to stay within a few samples is a step, of an instrument a bias. */
+static int64_t kind_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_STEPS) return KIND_STEP;
+    const int64_t slot = lane - N_STEPS;
+    if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
+        return SLOT_KIND[slot];
+    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
+}
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
     return (out & OUT_REJECTED) && bank->rejected[hypothesis];
+}
+
+/* Of a fault that comes and goes the probability, in logarithm, that it has done so: one that came and is still there is of
+   another kind. */
+static double log_returns(const Bank *bank, int64_t lane)
+{
+    return SLOT_KIND[lane] == KIND_INTERMITTENT ? log(fmax(of_slot(bank, lane, ROLE_RETURNS), SELDOM)) : 0.0;
 }
 
 /* The part of differences of log-likelihoods that counts, so many samples after the alarm. */
@@ -128,11 +145,10 @@ static void weigh_lanes(const Bank *bank, int out, Ranking *ranking)
         if (!is_grown) weighted[lane] = -INFINITY;
     }
     for (int64_t lane = 0; lane < N_SLOT_LANES; lane++) {
-        const int unsteady = (out & OUT_UNSTEADY) && SLOT_SPAN[lane] > 0.0;
+        const int left_out = is_out(bank, out, SLOT_HYPOTHESIS[lane]);
         const int64_t rests = lane < SWITCHED && bank->rests[BLOCKS(N_STEPS) + lane / GROUP];
         const double likelihood = coarse(ranking, of_slot(bank, lane, WIDE_LIKELIHOOD), rests);
-        const int left_out = unsteady || is_out(bank, out, SLOT_HYPOTHESIS[lane]);
-        weighted[N_STEPS + lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[lane];
+        weighted[N_STEPS + lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[lane] + log_returns(bank, lane);
     }
 }
 
@@ -149,7 +165,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         ranking->best[k] = -1;
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
-        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(lane)];
+        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
@@ -164,7 +180,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         const int64_t k = hypothesis_of(bank, lane);
         const double before = ranking->best[k] < 0 ? -INFINITY : ranking->weighted[ranking->best[k]];
-        if (kind_of(lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
+        if (kind_of(bank, lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
     }
 }
 
@@ -223,6 +239,7 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     if (lane >= N_STEPS) {
         candidate->present = SLOT_ACTS[lane - N_STEPS];
         slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
+        if (kind_of(&state->bank, lane) != KIND_RAMP) candidate->suspects[0].began = candidate->suspects[0].ended = NAN;
         return;
     }
     const int *members;

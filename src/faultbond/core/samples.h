@@ -27,7 +27,7 @@ static void resume(Clock *clock) { clock->silent = GAP_UNKNOWN; }
 /* Take the faults of instruments that were accepted out of a sample; a sensor that is out of use is missing. */
 static void correct(const Normal *normal, Sample *sample)
 {
-    for (int k = 0; k < N_INPUTS; k++) sample->u[k] += normal->input_offset[k];
+    for (int k = 0; k < N_INPUTS; k++) sample->u[k] = normal->input_gain[k] * sample->u[k] + normal->input_offset[k];
     for (int j = 0; j < N_OUTPUTS; j++)
         sample->y[j] = isfinite(normal->noise[j]) ? (sample->y[j] - normal->offset[j]) / normal->gain[j] : NAN;
 }

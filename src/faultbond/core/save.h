@@ -9,7 +9,7 @@
 #include "watch.h"
 
 #define SAVED_MARK 0x657461747362666LL /* "fbstate" */
-#define SAVED_FORMAT 3
+#define SAVED_FORMAT 4
 #define MODEL_WORDS 4 /* of the hash */
 
 /* Why a call was refused. */
@@ -153,6 +153,7 @@ static int is_of_stage(const uint8_t *bytes, int64_t stage, int64_t lane)
 {
     if (stage == PAIRS) return 1; /* is not asked for there */
     if (stage == SLOTS) return lane < SWITCHED;
+    if (stage == RAMPS) return lane >= RAMPED && lane < SWITCHED && (lane - RAMPED) % 2 == 0;
     if (stage != RESERVES) return lane < N_PLANNED;
     return lane >= N_PLANNED && lane < N_STEPS && EACH(bank.grown, (lane - N_PLANNED) / PER_SET) >= 0;
 }

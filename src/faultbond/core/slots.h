@@ -3,7 +3,8 @@
    Drifts and faults of instruments begin at the onsets that are tried. A fault that comes and goes needs no onset: each
    of its pairs of lanes, fault there and fault gone, begins healthy at the oldest sample kept, and before each sample
    every lane of a pair becomes the mixture of both, as likely as the fault is to come or go.
-   Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models).
+   Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models). In the same way
+   what moves comes to stay, but for good: see ramps.h.
 
    When which lanes do stands in work.h. */
 #ifndef FB_SLOTS_H
@@ -13,7 +14,6 @@
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
-#define RATE_WANDER 0.5         /* variance that a rate gains over its span, in that at its start: it may change */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
 
 /* From what lanes begin: the healthy lane at one place, and what was seen up to there. */
@@ -32,10 +32,11 @@ typedef struct {
 /* Memory of these lanes, apart from the stack. */
 typedef struct {
     lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS]; /* pairs side by side */
-    lanes apart[2][WIDE_JOINT], ready[2], found[2][2 * N_OUTPUTS];
+    lanes apart[2][WIDE_JOINT], kept[2], ready[2], found[2][2 * N_OUTPUTS];
     SlotStart start;
-    Renewed renewed[FB_ROOM(N_BEGUN)];
+    Renewed renewed[FB_ROOM(N_BEGUN + N_INPUTS)]; /* of an input biases, and drifts */
     double plain[PLAIN_NUMBERS], sample[N_SAMPLE];
+    double moves[WIDE_NUMBERS][FB_LANES], stays[WIDE_NUMBERS][FB_LANES]; /* see ramps.h */
 } SlotMemory;
 
 /* Where number i of z stands in that of a wide lane. */
@@ -91,8 +92,7 @@ static void unlearned(const double *healthy, const double *old, double *lane)
 /* Whether its size is added to what a sensor reads, or to what that shows while it is stuck. */
 static inline int adds_to_reading(int64_t k)
 {
-    return SLOT_KIND[k] == KIND_BIAS || SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_STUCK ||
-           SLOT_KIND[k] == KIND_INTERMITTENT;
+    return SLOT_KIND[k] != KIND_GAIN && SLOT_KIND[k] != KIND_NOISE;
 }
 
 /* The roles of lane k of the plan: on what its slot acts. */
@@ -100,6 +100,7 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
 {
     for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
+    for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
     if (SLOT_INPUT[k] >= 0) block[ROLE_INPUT + SLOT_INPUT[k]][l] = SLOT_ACTS[k];
     if (SLOT_OUTPUT[k] >= 0) {
@@ -154,24 +155,26 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
 {
     const int parameter = SLOT_PARAMETER[k], input = SLOT_INPUT[k], output = SLOT_OUTPUT[k];
     const double *from = SLOT_OLD[k] ? start->old : start->wide;
-    double unit = 1.0;
+    double unit = 1.0, size;
     if (parameter >= 0 && HEALTHY[parameter] != 0.0) unit = start->healthy[AT_PARAMETERS + parameter];
     else if (input >= 0 && peak[input] != 0.0) unit = peak[input];
     const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / start->step;
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = from[i];
     set_roles(k, block, l);
-    block[AT_SLOT][l] = SLOT_STICKS[k] ? last_reading(trail, start->n_seen, output) / OUTPUT_NOISE[output]
-                                       : SLOT_SIZE[k] * unit;
+    if (!SLOT_STICKS[k]) size = SLOT_SIZE[k] * unit;
+    else if (input >= 0) size = sample_at(trail, start->n_seen > 0 ? start->n_seen - 1 : 0)[SAMPLE_U + input];
+    else size = last_reading(trail, start->n_seen, output) / OUTPUT_NOISE[output];
+    block[AT_SLOT][l] = size;
     block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
+    block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / start->step;
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
-    if (SLOT_SPAN[k] != 0.0) block[ROLE_WANDER][l] = RATE_WANDER * rate_sd * rate_sd / (SLOT_SPAN[k] * start->step);
 }
 
 /* Whether the input of lane k takes a while to settle, and a sensor sees it at once. */
 static int settles_in_sight(int64_t k)
 {
     const int input = SLOT_INPUT[k];
-    if (input < 0 || !(INPUT_SETTLING[input] > 0.0)) return 0;
+    if (input < 0 || SLOT_KIND[k] == KIND_DRIFT || !(INPUT_SETTLING[input] > 0.0)) return 0;
     for (int e = 0; e < DIRECT_ROW[N_OUTPUTS]; e++)
         if (DIRECT_INPUT[e] == input) return 1;
     return 0;
@@ -300,14 +303,15 @@ static inline lanes blend(lanes w, lanes own, lanes other)
     return choose(w > 0.0, w * own, none) + choose(w < 1.0, (1.0 - w) * other, none);
 }
 
-/* Log-likelihood of mixtures of `own` that stays and `other` that comes over, and the weight of the first. */
-static lanes weigh(lanes own, lanes other, double stay, double come, lanes *weight)
+/* Log-likelihood of mixtures of `own` that stays and `other` that comes over, and the weight of the first. stay, come:
+   logarithms of their probabilities. */
+static lanes weigh_each(lanes own, lanes other, const double *stay, const double *come, lanes *weight)
 {
     double a[FB_LANES], b[FB_LANES];
     store(a, own);
     store(b, other);
     for (int l = 0; l < FB_LANES; l++) {
-        const double one = finite_or_lowest(a[l]) + stay, total = log_add(one, finite_or_lowest(b[l]) + come);
+        const double one = finite_or_lowest(a[l]) + stay[l], total = log_add(one, finite_or_lowest(b[l]) + come[l]);
         a[l] = total;
         b[l] = exp(one - total);
     }
@@ -315,15 +319,33 @@ static lanes weigh(lanes own, lanes other, double stay, double come, lanes *weig
     return load(a);
 }
 
-/* Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode, with mean,
-   covariance and likelihood of the mixture. Roles stay. */
-static void interact(SlotMemory *memory)
+/* The same where the probabilities are those of all lanes. */
+static lanes weigh(lanes own, lanes other, double stay, double come, lanes *weight)
 {
-    const double stay = log1p(-SWITCHING), come = log(SWITCHING);
+    double stays[FB_LANES], comes[FB_LANES];
+    for (int l = 0; l < FB_LANES; l++) {
+        stays[l] = stay;
+        comes[l] = come;
+    }
+    return weigh_each(own, other, stays, comes, weight);
+}
+
+/* Probabilities, in logarithm, that a lane of a pair stays in its mode, and comes over to it from the other. */
+typedef struct {
+    double there_stays[FB_LANES], there_comes[FB_LANES], gone_stays[FB_LANES], gone_comes[FB_LANES];
+} Exchange;
+
+/* Let the two lanes of each pair mix: each becomes what both say of a plant that is now in its mode, with mean,
+   covariance and likelihood of the mixture. Roles stay. What each keeps of its own is left in the memory. */
+static void mix_modes(const Exchange *by, SlotMemory *memory)
+{
     const lanes none = broadcast(0.0);
     lanes *there = memory->there, *gone = memory->gone, *one = memory->apart[0], *two = memory->apart[1], w, v;
-    const lanes likelihood = weigh(there[WIDE_LIKELIHOOD], gone[WIDE_LIKELIHOOD], stay, come, &w);
-    gone[WIDE_LIKELIHOOD] = weigh(gone[WIDE_LIKELIHOOD], there[WIDE_LIKELIHOOD], stay, come, &v);
+    const lanes likelihood =
+        weigh_each(there[WIDE_LIKELIHOOD], gone[WIDE_LIKELIHOOD], by->there_stays, by->there_comes, &w);
+    gone[WIDE_LIKELIHOOD] = weigh_each(gone[WIDE_LIKELIHOOD], there[WIDE_LIKELIHOOD], by->gone_stays, by->gone_comes, &v);
+    memory->kept[0] = w;
+    memory->kept[1] = v;
     there[WIDE_LIKELIHOOD] = likelihood;
     for (int i = 0; i < WIDE_JOINT; i++) {
         one[i] = choose((w > 0.0) & (w < 1.0), there[i] - gone[i], none);
@@ -343,10 +365,25 @@ static void interact(SlotMemory *memory)
     }
 }
 
-/* Take one sample into a block of pairs; leaves their likelihoods before it, and the innovations of both halves. */
-static void step_pairs(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+/* Let faults come and go; what goes has been there. */
+static void interact(SlotMemory *memory)
 {
-    interact(memory);
+    lanes *there = memory->there, *gone = memory->gone;
+    const lanes was_gone = gone[ROLE_RETURNS];
+    Exchange by;
+    for (int l = 0; l < FB_LANES; l++) {
+        by.there_stays[l] = by.gone_stays[l] = log1p(-SWITCHING);
+        by.there_comes[l] = by.gone_comes[l] = log(SWITCHING);
+    }
+    mix_modes(&by, memory);
+    gone[ROLE_RETURNS] = blend(memory->kept[1], was_gone, broadcast(1.0));
+    there[ROLE_RETURNS] = blend(memory->kept[0], there[ROLE_RETURNS], was_gone);
+}
+
+/* Take one sample into a block of pairs that have mixed; leaves their likelihoods before it, and the innovations of both
+   halves. */
+static void step_both(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
     memory->ready[0] = memory->there[WIDE_LIKELIHOOD];
     memory->ready[1] = memory->gone[WIDE_LIKELIHOOD];
     bank_sample(packed, memory->sample);
@@ -354,6 +391,13 @@ static void step_pairs(const double *packed, const Normal *normal, Filter_wide *
     memcpy(memory->found[0], filter->innovations, sizeof memory->found[0]);
     step_wide(memory->gone, memory->sample, normal, filter);
     memcpy(memory->found[1], filter->innovations, sizeof memory->found[1]);
+}
+
+/* The same of faults that come and go. */
+static void step_pairs(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
+    interact(memory);
+    step_both(packed, normal, filter, memory);
 }
 
 /* Put the innovations of the mixture of each pair in found[0]: with them both its lanes are judged, since while the
@@ -449,10 +493,10 @@ static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, con
     fill_up_slots(bank);
 }
 
-/* Whether lanes of this fault are begun again: drifts of parameters, and biases of inputs. */
+/* Whether lanes of this fault are begun again: drifts of parameters and inputs, and biases of inputs. */
 static inline int is_renewed(int64_t k)
 {
-    return SLOT_INPUT[k] >= 0 || (SLOT_KIND[k] == KIND_DRIFT && SLOT_PARAMETER[k] >= 0);
+    return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS);
 }
 
 /* The log-likelihood of a lane; that of one that is no number is below all others. */
@@ -462,22 +506,25 @@ static inline double likelihood_of_slot(Bank *bank, int64_t lane)
     return isnan(likelihood) ? -INFINITY : likelihood;
 }
 
-/* Find the lanes of each fault that are begun again; those of one fault stand one after the other. The spread is that
-   of the least likely of them, or, of a bias, the widest: else what was found would count twice. */
+/* Find the lanes of each fault that are begun again. The spread is that of the least likely of them, or, of a bias, the
+   widest: else what was found would count twice. */
 static int64_t find_renewed(Bank *bank, Renewed *renewed)
 {
-    int64_t n = 0, last = -1;
+    int64_t n = 0;
     for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        int64_t at = 0;
         if (!is_renewed(lane)) continue;
-        if (n == 0 || SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[last]) {
+        while (at < n && (SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[renewed[at].best] ||
+                          SLOT_KIND[lane] != SLOT_KIND[renewed[at].best]))
+            at++;
+        if (at == n) {
             const Renewed alone = {lane, lane, lane};
             renewed[n++] = alone;
         }
-        Renewed *group = &renewed[n - 1];
-        last = lane;
+        Renewed *group = &renewed[at];
         if (likelihood_of_slot(bank, lane) > likelihood_of_slot(bank, group->best)) group->best = lane;
         if (likelihood_of_slot(bank, lane) < likelihood_of_slot(bank, group->worst)) group->worst = lane;
-        if (SLOT_INPUT[lane] < 0) group->spread = group->worst;
+        if (SLOT_KIND[lane] == KIND_DRIFT) group->spread = group->worst;
         else if (SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[group->spread]) group->spread = lane;
     }
     return n;

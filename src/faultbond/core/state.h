@@ -101,18 +101,19 @@ typedef struct {
     double found[GROUP][FOUND]; /* and what they have found, where they begin again */
     Walk walk;
     Search search;
-    WideBlock run, best;       /* lanes that begin at an onset, and those of the best onset so far */
+    WideBlock run, best;       /* lanes that begin at an onset, and those of the best onset so far; */
+    WideBlock stays, best_stays; /* where they are drifts in pairs, what has come to stay of each */
     PlainBlock before;         /* those that began from farther away, */
     double before_most[GROUP]; /* and the log-likelihood of their best onset */
 } Job;
 
 /* What was accepted as the new normal. A sensor reads `gain` times the truth plus `offset`, with `noise` times the variance
-   declared (inf: it is no longer used); `input_offset` is added to an input, and parameters move on at `rates` (factors
+   declared (inf: it is no longer used); an input acts `input_gain` times what is recorded plus `input_offset`, and parameters move on at `rates` (factors
    per second), give or take `wander`. */
 typedef struct {
     double lane[PLAIN_NUMBERS]; /* that which was accepted last */
     double gain[N_OUTPUTS], offset[N_OUTPUTS], noise[N_OUTPUTS];
-    double input_offset[FB_ROOM(N_INPUTS)];
+    double input_gain[FB_ROOM(N_INPUTS)], input_offset[FB_ROOM(N_INPUTS)];
     double rates[FB_ROOM(N_PARAMETERS)], wander[FB_ROOM(N_PARAMETERS)];
 } Normal;
 

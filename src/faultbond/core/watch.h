@@ -69,7 +69,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
         inputs->held[k] = inputs->earlier[k] = inputs->odd[k] = NAN;
         inputs->lowest[k] = inputs->since_step[k] = INFINITY;
         inputs->highest[k] = -INFINITY;
-        inputs->habit[k] = 1.0;
+        inputs->habit[k] = state->normal.input_gain[k] = 1.0;
     }
     state->inputs.odd_since = -1;
     for (int j = 0; j < N_OUTPUTS; j++) {

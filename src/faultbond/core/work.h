@@ -10,7 +10,7 @@
 #define FB_WORK_H
 
 #include "growing.h"
-#include "slots.h"
+#include "ramps.h"
 
 /* Samples after the alarm at which the bank begins again from what it has found, at the earliest. */
 #define FIRST_RENEWAL 30
@@ -28,7 +28,7 @@
 #define TO_BEGIN 8     /* of beginning a group at an onset, in that of a sample */
 
 enum { IDLE, BEGINNING, RENEWING, RENEWING_ALL };             /* kinds of work, */
-enum { SINGLES, SETS, RESERVES, SLOTS, PAIRS, N_STAGES };     /* which lanes it is at, */
+enum { SINGLES, SETS, RESERVES, SLOTS, RAMPS, PAIRS, N_STAGES }; /* which lanes it is at, */
 enum { OPENING, NEAR_ONSETS, CLOSER, CATCHING_UP };           /* and what is done with a group of them */
 
 typedef struct {
@@ -50,7 +50,8 @@ static int64_t lanes_of_stage(Bank *bank, const Job *job, int64_t stage, SlotMem
     if (stage == SINGLES) return job->n_singles;
     if (stage == SETS) return job->n_wanted - job->n_singles;
     if (stage == RESERVES) return begins ? 0 : N_LATER;
-    if (stage == SLOTS) return begins ? SWITCHED : find_renewed(bank, memory->renewed);
+    if (stage == SLOTS) return begins ? RAMPED : find_renewed(bank, memory->renewed);
+    if (stage == RAMPS) return begins ? N_RAMPS : 0;
     return begins ? N_PAIRS : 0;
 }
 
@@ -252,7 +253,8 @@ static void open_group(State *state, const Trail *trail, BankMemory *memory)
     }
     if (job->stage == RESERVES && first == 0) choose_reserve(bank, state->clock.index, job->factors, memory->steps.best);
     for (int64_t l = 0; l < GROUP; l++)
-        job->lane[l] = lane_of_stage(job, first + l < n ? first + l : first, renewed);
+        job->lane[l] = job->stage == RAMPS ? drift_of(first + l < n ? first + l : first)
+                                           : lane_of_stage(job, first + l < n ? first + l : first, renewed);
     if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, renewed + first, n - first);
     else if (job->kind != BEGINNING) note_steps(state, trail, &memory->steps);
     open_search(job, trail);
@@ -263,7 +265,9 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
 {
     Job *job = &state->job;
     const int64_t place = job->search.place[k];
-    if (job->stage == SLOTS) {
+    if (job->stage == RAMPS) {
+        begin_ramps(job->group * GROUP, trail, place, job->peak, job->run, job->stays, &memory->slots);
+    } else if (job->stage == SLOTS) {
         begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
                     &memory->slots);
     } else {
@@ -274,7 +278,7 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     job->next = job->oldest + place;
 }
 
-static inline int64_t numbers_of_group(const Job *job) { return job->stage == SLOTS ? WIDE_NUMBERS : PLAIN_NUMBERS; }
+static inline int64_t numbers_of_group(const Job *job) { return job->stage >= SLOTS ? WIDE_NUMBERS : PLAIN_NUMBERS; }
 
 /* Whether lanes of the group are to begin a second time, from what they then know: a jump that is tied to its factor says much
    and is linearised. */
@@ -282,7 +286,7 @@ static int begins_closer(const State *state, const Trail *trail, StepMemory *mem
 {
     const Job *job = &state->job;
     int jumping = 0;
-    if (job->kind == BEGINNING || job->stage == SLOTS || job->pass == CLOSER) return 0;
+    if (job->kind == BEGINNING || job->stage >= SLOTS || job->pass == CLOSER) return 0;
     for (int64_t l = 0; l < GROUP; l++) {
         planned_or_chosen(state, trail, l, &memory->starts[l]);
         jumping |= any_jump(&memory->starts[l]);
@@ -305,11 +309,41 @@ static void take_back(State *state, const Trail *trail, StepMemory *memory)
     }
 }
 
+/* Give the lanes of the group the likelihood of the mixture over onsets; of pairs, in the shares that both lanes have. */
+static void conclude_mixture(Job *job)
+{
+    double mean[GROUP];
+    mean_over_onsets(&job->search, mean);
+    for (int l = 0; l < GROUP; l++) {
+        if (job->stage != RAMPS) {
+            job->best[numbers_of_group(job) - 1][l] = mean[l];
+            continue;
+        }
+        job->best[WIDE_LIKELIHOOD][l] += mean[l] - job->search.most[l];
+        job->best_stays[WIDE_LIKELIHOOD][l] += mean[l] - job->search.most[l];
+    }
+}
+
+/* The group has taken the trail from an onset on: keep it where that is the best so far. */
+static void hear_onset(Job *job)
+{
+    const double *said = job->run[numbers_of_group(job) - 1];
+    double both[GROUP];
+    if (job->stage == RAMPS) {
+        join_ramps(job->run, job->stays, both);
+        said = both;
+    }
+    mix(&job->search, job->onset, said, job->run, numbers_of_group(job), job->best);
+    for (int l = 0; l < GROUP && job->stage == RAMPS; l++)
+        for (int64_t i = 0; i < WIDE_NUMBERS && job->search.best[l] == job->onset; i++)
+            job->best_stays[i][l] = job->stays[i][l];
+}
+
 /* All onsets of the group were tried: it begins from closer, or goes on with the best of them. */
 static void close_search(State *state, const Trail *trail, BankMemory *memory)
 {
     Job *job = &state->job;
-    conclude_mixture(&job->search, numbers_of_group(job), job->best);
+    conclude_mixture(job);
     memcpy(job->began, job->begins, sizeof job->began);
     for (int l = 0; l < GROUP; l++) job->begins[l] = job->oldest + job->search.place[job->search.best[l]];
     for (int l = 0; l < GROUP; l++) job->most = fmax(job->most, job->search.most[l]);
@@ -324,6 +358,7 @@ static void close_search(State *state, const Trail *trail, BankMemory *memory)
     }
     if (job->pass == CLOSER) take_back(state, trail, &memory->steps);
     memcpy(job->run, job->best, sizeof job->run);
+    if (job->stage == RAMPS) memcpy(job->stays, job->best_stays, sizeof job->stays);
     job->pass = CATCHING_UP;
     job->next = job->end + 1;
 }
@@ -344,6 +379,10 @@ static void put_first(State *state, int64_t l)
     if (job->stage == PAIRS) {
         put_slot(bank, pair, job->run, l);
         put_slot(bank, pair + 1, job->best, l);
+    } else if (job->stage == RAMPS) {
+        put_slot(bank, lane, job->run, l);
+        put_slot(bank, lane + 1, job->stays, l);
+        bank->onset[N_STEPS + lane] = bank->onset[N_STEPS + lane + 1] = job->begins[l];
     } else if (job->stage == SLOTS) {
         put_slot(bank, lane, job->run, l);
         bank->onset[N_STEPS + lane] = job->begins[l];
@@ -433,7 +472,7 @@ static void next_group(State *state, SlotMemory *memory)
 /* What a sample costs that the group takes. */
 static inline int64_t cost_of_group(const Job *job)
 {
-    return job->stage == PAIRS ? 2 * WIDE_COST : job->stage == SLOTS ? WIDE_COST : 1;
+    return job->stage > SLOTS ? 2 * WIDE_COST : job->stage == SLOTS ? WIDE_COST : 1;
 }
 
 /* Let the lanes that run take samples, of a cost of up to `most`; gives what they took. */
@@ -444,7 +483,11 @@ static int64_t run_group(State *state, const Trail *trail, int64_t most, BankMem
     const int64_t last = job->pass == CATCHING_UP ? state->clock.index : job->end, left = last + 1 - job->next;
     const int64_t n = left <= most / cost ? left : most / cost + 1, from = job->next - job->oldest;
     const int64_t onset = job->pass == CATCHING_UP ? 0 : job->search.place[job->onset];
-    if (job->stage == PAIRS)
+    int64_t begun[GROUP];
+    for (int l = 0; l < GROUP; l++) begun[l] = job->pass == CATCHING_UP ? job->begins[l] : job->oldest + onset;
+    if (job->stage == RAMPS)
+        run_ramps(job->run, job->stays, trail, from, from + n, begun, &state->normal, &filters->wide, &memory->slots);
+    else if (job->stage == PAIRS)
         run_pairs(job->run, job->best, trail, from, from + n, &state->normal, &filters->wide, &memory->slots);
     else if (job->stage == SLOTS)
         run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk, &state->normal,
@@ -476,7 +519,7 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
         job->group++;
         job->pass = OPENING;
     } else if (job->pass != CATCHING_UP && job->next > job->end) {
-        mix(&job->search, job->onset, job->run, numbers_of_group(job), job->best);
+        hear_onset(job);
         job->onset = -1;
     }
     return n;
@@ -486,6 +529,7 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
 static inline int64_t share_of(const Job *job, int64_t stage)
 {
     if (stage == SLOTS) return (job->kind == BEGINNING ? 4 : 1) * WIDE_COST;
+    if (stage == RAMPS) return 8 * WIDE_COST;
     return job->kind == BEGINNING && stage != SETS ? 4 : 1;
 }
 

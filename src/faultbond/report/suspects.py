@@ -29,8 +29,9 @@ KIND_WORDS = {
     FaultKind.INTERMITTENT: "a fault that comes and goes",
     FaultKind.BIAS: "a bias",
     FaultKind.GAIN: "a wrong gain",
-    FaultKind.STUCK: "a stuck sensor",
+    FaultKind.STUCK: "one that is stuck",
     FaultKind.NOISE: "a sensor that scatters",
+    FaultKind.RAMP: "a ramp that has ended",
 }
 
 
@@ -149,7 +150,14 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
         return f"{name} is {estimate}{bracket} instead of {healthy}{passing}"
     if not _is_off(suspect):
         return unclear
-    return f"{name} {'rose' if suspect.estimate > nominal else 'fell'} from {healthy} to {estimate}{bracket}"
+    text = f"{name} {'rose' if suspect.estimate > nominal else 'fell'} from {healthy} to {estimate}{bracket}"
+    return f"{text} {_course(suspect)}" if suspect.began is not None else text
+
+
+def _course(suspect: Suspect) -> str:
+    """Say over which time a ramp went, and that it has ended."""
+    began, ended = suspect.began or 0.0, suspect.ended or 0.0
+    return f"in {duration_text(max(ended - began, 0.0), digits=2)} up to {coarse_clock_text(ended, max(ended - began, 1e-9))}, and has stayed there since"
 
 
 def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
@@ -173,6 +181,8 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
         text = f"it acts {size} {'above' if high else 'below'} what is recorded"
     else:
         text = f"it reads {size} too {'high' if high else 'low'}"
+    if suspect.began is not None:
+        return f"{text} (bias); it came to that {_course(suspect)}"
     if suspect.rate is None:
         return f"{text} (bias)"
     if abs(suspect.rate) < SIGNIFICANT * (suspect.rate_sd or 0.0):

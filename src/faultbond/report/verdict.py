@@ -226,7 +226,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         off = unexplained_sentence(diagnosis.unexplained)
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
-        changed = "a change" if best.kind is FaultKind.STEP and not _has_instrument(best) else "a fault"
+        changed = "a change" if best.kind in (FaultKind.STEP, FaultKind.RAMP) and not _has_instrument(best) else "a fault"
         what = "a drift" if best.kind is FaultKind.DRIFT else changed
         return f"{off} Nearest comes {what} of {owners}: {changes}."
     if len(group) > 1:
@@ -239,8 +239,8 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
     if best.kind is FaultKind.INTERMITTENT:
         event = f"a fault of {owners} comes and goes"
-    elif best.kind in (FaultKind.STEP, FaultKind.DRIFT) and not _has_instrument(best):
-        event = f"{owners} " + ("changed" if best.kind is FaultKind.STEP else "drifts" if one else "drift")
+    elif best.kind in (FaultKind.STEP, FaultKind.RAMP, FaultKind.DRIFT) and not _has_instrument(best):
+        event = f"{owners} " + ("changed" if best.kind is not FaultKind.DRIFT else "drifts" if one else "drift")
     else:
         event = f"{owners} {'is' if one else 'are'} at fault"
     return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
@@ -342,7 +342,12 @@ def _has_instrument(candidate: Candidate) -> bool:
 
 def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:
     """Name a candidate, and its kind of fault where that is not a step: `pipe K1 drifting`."""
-    words = {FaultKind.STEP: "", FaultKind.DRIFT: " drifting", FaultKind.INTERMITTENT: " coming and going"}
+    words = {
+        FaultKind.STEP: "",
+        FaultKind.DRIFT: " drifting",
+        FaultKind.RAMP: " changed over a while",
+        FaultKind.INTERMITTENT: " coming and going",
+    }
     return set_name(graph, candidate) + words.get(candidate.kind, f" {candidate.kind.value}")
 
 

@@ -92,6 +92,8 @@ def _suspect(spec: EngineSpec, found: Any) -> Suspect:
         sd=float(found["sd"]),
         rate=_number(found["rate"]),
         rate_sd=_number(found["rate_sd"]),
+        began=_number(found["began"]),
+        ended=_number(found["ended"]),
         forecasts=tuple(
             Forecast(
                 limit=float(item["limit"]),

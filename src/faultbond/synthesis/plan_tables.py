@@ -38,6 +38,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "N_PLANNED": plan_lanes(spec).n_lanes,
         "N_SINGLE_LANES": int(np.sum(plan_lanes(spec).sizes[plan_lanes(spec).hypothesis] == 1)),
         "N_SLOT_LANES": plan_slots(spec).n_lanes,
+        "RAMPED": plan_slots(spec).ramped,
         "SWITCHED": plan_slots(spec).switched,
         "SAMPLE_TIME": literal(spec.sample_time or 0.0),
         "CUSUM_DRIFT": literal(settings.cusum_drift),
@@ -129,7 +130,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
     for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "old"):
         yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
-    for name in ("size", "size_sd", "rate_sd", "span", "noise", "weight"):
+    for name in ("size", "size_sd", "rate", "rate_sd", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
 
 

@@ -1,0 +1,162 @@
+/* Faults that move on for a while and then stay: a valve that closes in a minute, a sensor that has drifted away.
+
+   What moves is a drift. Each hypothesis with one has a lane for what has come to stay, too, which begins with the first of
+   its drifts. Before each sample the likeliest drift hands on to it what it knows, as likely as it is to end now, less its
+   rate; nothing goes back. A ramp may take seconds or hours: after n samples it ends with a probability that falls as 1 / n,
+   so that all lengths of it are alike, in logarithm.
+   Source: as of slots.h, with modes that only go one way. */
+#ifndef FB_RAMPS_H
+#define FB_RAMPS_H
+
+#include "slots.h"
+
+#define ENDING 0.5     /* probability that a ramp ends at a sample, in one over the samples that it has taken, */
+#define ENDS_EARLY 10.0 /* and so many more */
+#define MOVES 2.0        /* of its sd a rate is half sure to be one */
+#define LONGEST_RAMP 1e9 /* s */
+#define N_RAMPS ((SWITCHED - RAMPED) / 2)
+
+/* The drift of a pair, and what has come to stay. */
+static inline int64_t drift_of(int64_t pair) { return RAMPED + 2 * pair; }
+static inline int64_t stay_of(int64_t pair) { return RAMPED + 2 * pair + 1; }
+
+/* Probability that a ramp ends after so many samples. What is not known to move cannot come to its end: that would be a
+   step. */
+static double ends_now(int64_t age, double rate, double variance)
+{
+    const double sure = rate * rate / (rate * rate + MOVES * MOVES * variance);
+    return sure > 0.0 ? sure * ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY) : 1e-300;
+}
+
+/* Let what moves end at a moment, s, in the pairs of the memory. age: samples since each began; extra: weight, in logarithm,
+   that what moves has beside what stays. */
+static void end_ramps(const int64_t *age, const double *extra, double time, SlotMemory *memory)
+{
+    const int size = AT_SLOT, rate = AT_SLOT + 1;
+    double sizes[FB_LANES], rates[FB_LANES], variances[FB_LANES];
+    lanes *gone = memory->gone;
+    Exchange by;
+    store(sizes, memory->there[size]);
+    store(rates, memory->there[rate]);
+    store(variances, memory->there[WIDE_PLACE(rate, rate)]);
+    for (int l = 0; l < FB_LANES; l++) {
+        const double ends = ends_now(age[l], rates[l], variances[l]), took = sizes[l] / rates[l];
+        by.there_stays[l] = log1p(-ends);
+        by.there_comes[l] = -INFINITY;
+        by.gone_stays[l] = 0.0;
+        by.gone_comes[l] = log(ends) + extra[l];
+        sizes[l] = took > 0.0 && took < LONGEST_RAMP ? took : 0.0;
+    }
+    mix_modes(&by, memory);
+    gone[ROLE_ENDED] = blend(memory->kept[1], gone[ROLE_ENDED], broadcast(time));
+    gone[ROLE_TOOK] = blend(memory->kept[1], gone[ROLE_TOOK], load(sizes));
+    gone[rate] = broadcast(0.0);
+    for (int i = 0; i < WIDE_JOINT; i++) gone[i < rate ? WIDE_PLACE(i, rate) : WIDE_PLACE(rate, i)] = broadcast(0.0);
+}
+
+/* Begin a group of pairs at an onset: they move. */
+static void begin_ramps(int64_t first, const Trail *trail, int64_t onset, const double *peak, double (*moves)[GROUP],
+                        double (*stays)[GROUP], SlotMemory *memory)
+{
+    const int64_t n = in_group(first, N_RAMPS);
+    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
+    for (int l = 0; l < GROUP; l++) {
+        const int64_t pair = first + (l < n ? l : 0);
+        begin_slot(drift_of(pair), trail, peak, &memory->start, moves, l);
+        begin_slot(stay_of(pair), trail, peak, &memory->start, stays, l);
+        stays[WIDE_LIKELIHOOD][l] = LOWEST; /* none has ended yet */
+    }
+}
+
+/* Take samples of the trail, or after it, from one place up to another into a group of pairs. onset: sample at which each
+   began. */
+static void run_ramps(double (*moves)[GROUP], double (*stays)[GROUP], const Trail *trail, int64_t from, int64_t end,
+                      const int64_t *onset, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+{
+    static const double none[FB_LANES] = {0.0};
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            memory->there[i] = load(moves[i] + part);
+            memory->gone[i] = load(stays[i] + part);
+        }
+        for (int64_t place = from; place < end; place++) {
+            int64_t age[FB_LANES];
+            for (int l = 0; l < FB_LANES; l++) age[l] = trail->oldest + place - onset[part + l];
+            end_ramps(age, none, trail->past->rows[(trail->oldest + place) % N_ROWS].time, memory);
+            step_both(sample_at(trail, place), normal, filter, memory);
+        }
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            store(moves[i] + part, memory->there[i]);
+            store(stays[i] + part, memory->gone[i]);
+        }
+    }
+}
+
+/* Log-likelihoods of a group of pairs, both their lanes together. */
+static void join_ramps(double (*moves)[GROUP], double (*stays)[GROUP], double *both)
+{
+    for (int l = 0; l < GROUP; l++)
+        both[l] = log_add(finite_or_lowest(moves[WIDE_LIKELIHOOD][l]), finite_or_lowest(stays[WIDE_LIKELIHOOD][l]));
+}
+
+/* Whether a lane that begins at the onset rests. */
+static inline int rests(const Bank *bank, int64_t lane) { return bank->rests[BLOCKS(N_STEPS) + lane / GROUP] != 0; }
+
+/* The likeliest drift of the hypothesis of a pair, that does not rest; -1: none. */
+static int64_t likeliest_drift(Bank *bank, int64_t pair)
+{
+    int64_t best = -1;
+    double most = -INFINITY;
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        if (SLOT_KIND[lane] != KIND_DRIFT || SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[stay_of(pair)]) continue;
+        const double likelihood = likelihood_of_slot(bank, lane) + SLOT_WEIGHT[lane];
+        if (rests(bank, lane) || !(likelihood > most)) continue;
+        most = likelihood;
+        best = lane;
+    }
+    return best;
+}
+
+/* Put one lane of the bank into vectors, and back. */
+static void take_slot(const Bank *bank, int64_t lane, int l, double (*to)[FB_LANES])
+{
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i][l] = of_slot(bank, lane, i);
+}
+
+/* Let what moves come to stay before a sample, `number`, at a time, s; `onset`: sample at which each lane with a slot
+   began. */
+static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
+{
+    const int64_t *onset = bank->onset + N_STEPS;
+    const int rate = AT_SLOT + 1;
+    for (int64_t first = 0; first < N_RAMPS; first += FB_LANES) {
+        int64_t age[FB_LANES] = {0}, pairs[FB_LANES], n = 0;
+        double extra[FB_LANES] = {0.0};
+        for (int64_t pair = first; pair < N_RAMPS && pair < first + FB_LANES; pair++) {
+            const int64_t drift = likeliest_drift(bank, pair);
+            if (drift < 0 || rests(bank, stay_of(pair))) continue;
+            take_slot(bank, drift, (int)n, memory->moves);
+            take_slot(bank, stay_of(pair), (int)n, memory->stays);
+            age[n] = number - onset[drift];
+            extra[n] = SLOT_WEIGHT[drift] - SLOT_WEIGHT[stay_of(pair)];
+            pairs[n++] = pair;
+        }
+        if (n == 0) continue;
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            for (int64_t l = n; l < FB_LANES; l++) memory->moves[i][l] = memory->moves[i][0], memory->stays[i][l] = memory->stays[i][0];
+            memory->there[i] = load(memory->moves[i]);
+            memory->gone[i] = load(memory->stays[i]);
+        }
+        end_ramps(age, extra, time, memory);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
+            store(memory->stays[i], memory->gone[i]);
+            for (int64_t l = 0; l < n; l++) *number_of_slot(bank, stay_of(pairs[l]), i) = memory->stays[i][l];
+        }
+    }
+    for (int64_t lane = 0; lane < SWITCHED; lane++)
+        if (SLOT_KIND[lane] == KIND_DRIFT)
+            *number_of_slot(bank, lane, WIDE_LIKELIHOOD) += log1p(-ends_now(
+                number - onset[lane], of_slot(bank, lane, rate), of_slot(bank, lane, WIDE_PLACE(rate, rate))));
+}
+
+#endif
