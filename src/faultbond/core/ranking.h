@@ -54,24 +54,56 @@ static int members_of(int64_t hypothesis, const int **members)
     *members = RESERVE_MEMBER;
     if (hypothesis < N_BEGUN) return 0;
     const int64_t row = hypothesis - N_BEGUN;
+    if (row >= N_RESERVE) { /* couples with an instrument are the first */
+        *members = &COUPLE_PARAMETER[row - N_RESERVE];
+        return 1;
+    }
     *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
     return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
+}
+
+/* The instrument of a hypothesis; -1: it has parameters only. */
+static int64_t instrument_of(int64_t hypothesis)
+{
+    if (hypothesis >= N_BEGUN + N_RESERVE) return COUPLE_SLOT[hypothesis - N_BEGUN - N_RESERVE] - N_SETS;
+    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis - N_SETS : -1;
 }
 
 /* The hypothesis of a lane, steps first. */
 static int64_t hypothesis_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_PLANNED) return LANE_HYPOTHESIS[lane];
+    if (lane >= N_STEPS + N_SLOT_LANES) {
+        const int64_t couple = couple_of(bank, lane - N_STEPS);
+        return couple < 0 ? 0 : COUPLE_HYPOTHESIS[couple];
+    }
     if (lane >= N_STEPS) return SLOT_HYPOTHESIS[lane - N_STEPS];
     const int64_t set = bank->grown[(lane - N_PLANNED) / PER_SET];
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
-static int64_t kind_of(int64_t lane) { return lane < N_STEPS ? KIND_STEP : SLOT_KIND[lane - N_STEPS]; }
+static int64_t kind_of(const Bank *bank, int64_t lane)
+{
+    return lane < N_STEPS ? KIND_STEP : SLOT_KIND[plan_of(bank, lane - N_STEPS)];
+}
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
     return (out & OUT_REJECTED) && bank->rejected[hypothesis];
+}
+
+/* The same of the lanes of couples: the slot has its weight, and lanes of a couple weigh the same. */
+static void weigh_couples(const Bank *bank, int out, double *weighted)
+{
+    for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) {
+        const int64_t slot = bank->base[lane];
+        weighted[lane] = -INFINITY;
+        if (slot < 0) continue;
+        const int unsteady = (out & OUT_UNSTEADY) && SLOT_SPAN[slot] > 0.0;
+        const int left_out = unsteady || is_out(bank, out, hypothesis_of(bank, N_STEPS + N_SLOT_LANES + lane));
+        const double likelihood = left_out ? LOWEST : finite_or_lowest(of_slot(bank, N_SLOT_LANES + lane, WIDE_LIKELIHOOD));
+        weighted[lane] = likelihood + SLOT_WEIGHT[slot] - log((double)PER_COUPLE);
+    }
 }
 
 /* The likelihood of each lane with its prior weight; starts of a hypothesis weigh the same. */
@@ -95,6 +127,7 @@ static void weigh_lanes(const Bank *bank, int out, double *weighted)
         const double likelihood = left_out ? LOWEST : finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
         weighted[N_STEPS + lane] = likelihood + SLOT_WEIGHT[lane];
     }
+    weigh_couples(bank, out, weighted + N_STEPS + N_SLOT_LANES);
 }
 
 /* The scores of all hypotheses, and their best lanes; of lanes or kinds that are equally likely the first. */
@@ -107,7 +140,7 @@ static void score_all(const Bank *bank, int out, Ranking *ranking)
         ranking->best[k] = -1;
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
-        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(lane)];
+        double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
@@ -122,7 +155,7 @@ static void score_all(const Bank *bank, int out, Ranking *ranking)
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         const int64_t k = hypothesis_of(bank, lane);
         const double before = ranking->best[k] < 0 ? -INFINITY : ranking->weighted[ranking->best[k]];
-        if (kind_of(lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
+        if (kind_of(bank, lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
     }
 }
 
@@ -179,8 +212,12 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     candidate->present = 1;
     candidate->n_suspects = 1;
     if (lane >= N_STEPS) {
-        candidate->present = SLOT_ACTS[lane - N_STEPS];
+        const int64_t couple = couple_of(&state->bank, lane - N_STEPS);
+        candidate->present = SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
         slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
+        if (couple < 0) return;
+        candidate->n_suspects = 2;
+        suspect_beside(&state->bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &candidate->suspects[1]);
         return;
     }
     const int *members;

@@ -1,0 +1,274 @@
+/* Couples: a fault with a slot and a parameter that changed beside it, as a sensor that is off and a valve that sticks, or a
+   pipe that fouls and a pump that lost head at once.
+
+   A lane with a slot has all parameters too, each with its narrow prior. So the closed form of growing.h holds for it: what it
+   would gain if one of them were a suspect as well. That tells which couples are tested, at the times at which sets of the
+   reserve are chosen anew. A lane of a couple has the slot of a lane of the plan, its `base`, and a wide start of the
+   parameter. Not the kinds that scatter or come and go.
+
+   Lanes of a couple: the likeliest base with the parameter where the closed form has it; the same with the parameter at its
+   healthy value; the likeliest base of another kind of fault. A lane that is begun again keeps what is likelier. */
+#ifndef FB_COUPLES_H
+#define FB_COUPLES_H
+
+#include "growing.h"
+#include "slots.h"
+
+enum { LIKELIEST, NEUTRAL, OTHER_KIND };
+
+/* A couple that may be tested: its likelihood by the closed form, or by its lanes, its cost taken off; and, of the likeliest
+   base and of that of another kind (-1: none), where the parameter begins. */
+typedef struct {
+    int64_t couple, row, base[2];
+    double score, said[2], value[2];
+} Match;
+
+/* The couple that a lane is of; -1: it is one of the plan, or none has it. The lane of the plan whose slot it has. */
+static inline int64_t couple_of(const Bank *bank, int64_t lane)
+{
+    return lane < N_SLOT_LANES ? -1 : bank->coupled[(lane - N_SLOT_LANES) / PER_COUPLE];
+}
+
+static inline int64_t plan_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_SLOT_LANES) return lane;
+    return bank->base[lane - N_SLOT_LANES] < 0 ? 0 : bank->base[lane - N_SLOT_LANES];
+}
+
+/* What lane k of the plan would say with one more suspect, and where that begins. old: see `Trail`, or NULL. */
+static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
+{
+    const int64_t place = AT_PARAMETERS + index;
+    const double *healthy = SLOT_OLD[k] && old ? old : bank->healthy;
+    double change;
+    const double gain = gain_from(healthy, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
+    *value = healthy[place] + change;
+    return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
+}
+
+/* The best two bases of a couple, of two kinds of fault. */
+static void find_bases_of(Bank *bank, const double *old, Match *match)
+{
+    match->base[0] = match->base[1] = -1;
+    match->said[0] = match->said[1] = -INFINITY;
+    for (int64_t k = 0; k < SWITCHED; k++) {
+        double value;
+        if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || SLOT_KIND[k] == KIND_NOISE) continue;
+        const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
+        const int alike = match->base[0] >= 0 && SLOT_KIND[match->base[0]] == SLOT_KIND[k];
+        const int first = said > match->said[0];
+        if (!first && (alike || !(said > match->said[1]))) continue;
+        if (first && !alike) {
+            match->base[1] = match->base[0];
+            match->said[1] = match->said[0];
+            match->value[1] = match->value[0];
+        }
+        match->base[!first] = k;
+        match->said[!first] = said;
+        match->value[!first] = value;
+    }
+}
+
+/* Likelihood of a lane of a couple with the weight of its slot; -inf: it has not begun, or says nothing. */
+static double said_by_couple(Bank *bank, int64_t lane)
+{
+    const double likelihood = bank->base[lane] < 0 ? -INFINITY : likelihood_of_slot(bank, N_SLOT_LANES + lane);
+    return isfinite(likelihood) ? likelihood + SLOT_WEIGHT[bank->base[lane]] : -INFINITY;
+}
+
+/* The likeliest lane of a row. */
+static int64_t likeliest_of_couple(Bank *bank, int64_t row)
+{
+    int64_t best = row * PER_COUPLE;
+    for (int64_t lane = best + 1; lane < (row + 1) * PER_COUPLE; lane++)
+        if (said_by_couple(bank, lane) > said_by_couple(bank, best)) best = lane;
+    return best;
+}
+
+/* The row of a couple that has lanes which say something; -1: none. */
+static int64_t row_of_couple(Bank *bank, int64_t couple)
+{
+    for (int64_t row = 0; row < N_COUPLED; row++)
+        if (bank->coupled[row] == couple && said_by_couple(bank, likeliest_of_couple(bank, row)) > -INFINITY) return row;
+    return -1;
+}
+
+/* The likeliest couples that are not rejected, costs taken off, up to N_COUPLED; gives how many. */
+static int64_t match_couples(Bank *bank, const double *old, Match *chosen)
+{
+    int64_t n = 0;
+    for (int64_t couple = 0; couple < N_COUPLES; couple++) {
+        Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
+        if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
+        find_bases_of(bank, old, &match);
+        match.row = row_of_couple(bank, couple);
+        const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
+        match.score = said - COST[COUPLE_HYPOTHESIS[couple]];
+        if (!(match.score > -INFINITY)) continue;
+        int64_t at = n;
+        while (at > 0 && match.score > chosen[at - 1].score) at--;
+        if (at == N_COUPLED) continue;
+        if (n < N_COUPLED) n++;
+        for (int64_t k = n - 1; k > at; k--) chosen[k] = chosen[k - 1];
+        chosen[at] = match;
+    }
+    return n;
+}
+
+/* Say what lanes of a couple begin: of one that has lanes, the likeliest from what it has found. */
+static void plan_match(Bank *bank, const Match *match, Job *job)
+{
+    const int index = COUPLE_PARAMETER[match->couple];
+    const int64_t first = match->row * PER_COUPLE, best = likeliest_of_couple(bank, match->row);
+    int64_t *bases = &job->bases[first];
+    double *values = &job->values[first];
+    const int known = bank->base[best] >= 0;
+    bases[LIKELIEST] = known ? bank->base[best] : match->base[0];
+    values[LIKELIEST] = known ? of_slot(bank, N_SLOT_LANES + best, AT_PARAMETERS + index) : match->value[0];
+    bases[NEUTRAL] = known ? -1 : match->base[0];
+    values[NEUTRAL] = bank->healthy[AT_PARAMETERS + index];
+    const int other = known && match->base[0] >= 0 && SLOT_KIND[match->base[0]] != SLOT_KIND[bases[LIKELIEST]] ? 0 : 1;
+    bases[OTHER_KIND] = match->base[other];
+    values[OTHER_KIND] = match->value[other];
+}
+
+/* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
+static void choose_couples(Bank *bank, const double *old, Job *job)
+{
+    Match chosen[FB_ROOM(N_COUPLED)];
+    const int64_t n = match_couples(bank, old, chosen);
+    for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
+    for (int64_t row = 0; row < N_COUPLED; row++) {
+        int is_kept = 0;
+        for (int64_t k = 0; k < n; k++) is_kept |= chosen[k].row == row;
+        if (is_kept) continue;
+        bank->coupled[row] = -1;
+        for (int64_t part = 0; part < PER_COUPLE; part++) bank->base[row * PER_COUPLE + part] = -1;
+    }
+    for (int64_t k = 0; k < n; k++) {
+        for (int64_t row = 0; chosen[k].row < 0 && row < N_COUPLED; row++)
+            if (bank->coupled[row] < 0) chosen[k].row = row;
+        bank->coupled[chosen[k].row] = chosen[k].couple;
+        plan_match(bank, &chosen[k], job);
+    }
+}
+
+/* List the lanes of a group that begin; others repeat the first of these. Gives how many do. */
+static int64_t list_couples(int64_t first, Job *job)
+{
+    int64_t n = 0, one = -1;
+    for (int64_t lane = first; lane < first + GROUP && lane < N_COUPLE_LANES; lane++) {
+        if (job->bases[lane] < 0) continue;
+        if (one < 0) one = lane;
+        n++;
+    }
+    for (int64_t l = 0; l < GROUP; l++)
+        job->lane[l] = first + l < N_COUPLE_LANES && job->bases[first + l] >= 0 ? first + l : one;
+    return n;
+}
+
+/* The onset at which the best step of a single parameter began; where that is not tested, another one. */
+static int64_t onset_of_single(Bank *bank, int index, int64_t other)
+{
+    for (int64_t set = 0; set < N_SETS; set++)
+        if (SET_ROW[set + 1] - SET_ROW[set] == 1 && SET_MEMBER[SET_ROW[set]] == index) return bank->onset[likeliest_lane(bank, set)];
+    return other;
+}
+
+/* Note from which onsets the lanes of a group begin, near those of the slot or of the parameter by itself, and what the slots
+   that begin again have found, as it was `elapsed` seconds ago. */
+static void note_couples(Bank *bank, double elapsed, Job *job)
+{
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t lane = job->lane[l], base = job->bases[lane], part = lane % PER_COUPLE;
+        const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
+        job->begins[l] = bank->onset[N_STEPS + from];
+        if (part == NEUTRAL)
+            job->begins[l] = onset_of_single(bank, COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], job->begins[l]);
+        job->found[l][1] = of_slot(bank, from, AT_SLOT + 1);
+        job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
+    }
+}
+
+/* Let a parameter be a suspect in lane l of a group; healthy: plain lane to which the start is relative. */
+static void suspect_too(int index, double factor, int64_t part, const double *healthy, double (*group)[GROUP], int64_t l)
+{
+    const int k = AT_PARAMETERS + index, additive = HEALTHY[index] == 0.0;
+    double value, sd;
+    start_about(index, factor, part == NEUTRAL ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
+    const double spread = sd * (additive ? 1.0 : fabs(healthy[k]));
+    for (int j = 0; j < WIDE_JOINT; j++) group[j <= k ? WIDE_PLACE(j, k) : WIDE_PLACE(k, j)][l] = 0.0;
+    group[WIDE_PLACE(k, k)][l] = spread * spread;
+    group[k][l] = bounded(additive ? healthy[k] + value : healthy[k] * value, LOWER[index], UPPER[index]);
+}
+
+/* Begin a group of lanes of couples at an onset. */
+static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, Job *job, SlotMemory *memory)
+{
+    double elapsed = 0.0; /* to the end of the trail */
+    for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
+    memset(&job->walk, 0, sizeof job->walk);
+    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
+    for (int l = 0; l < GROUP; l++) {
+        const int64_t lane = job->lane[l], base = job->bases[lane];
+        begin_slot(base, trail, job->peak, &memory->start, job->run, l);
+        suspect_too(COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], job->values[lane], lane % PER_COUPLE,
+                    memory->start.healthy, job->run, l);
+        if (!is_renewed(base)) continue;
+        job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
+        job->run[AT_SLOT + 1][l] = job->found[l][1];
+    }
+}
+
+/* Put lane l of a group into the bank, if it is likelier than what is there; gives the lane of the bank, -1: it is not. */
+static int64_t put_couple(Bank *bank, Job *job, int64_t l)
+{
+    const int64_t lane = job->lane[l], base = job->bases[lane];
+    const double said = job->run[WIDE_LIKELIHOOD][l] + SLOT_WEIGHT[base];
+    if (!isfinite(said) || !(said > said_by_couple(bank, lane))) return -1;
+    put_slot(bank, N_SLOT_LANES + lane, job->run, l);
+    bank->base[lane] = base;
+    return N_SLOT_LANES + lane;
+}
+
+/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
+static void fill_up_couples(Bank *bank)
+{
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        int64_t one = -1;
+        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
+            if (bank->base[first + l] >= 0) one = l;
+        for (int64_t l = 0; l < GROUP && one >= 0; l++)
+            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
+                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
+    }
+}
+
+/* Whether any lane of a block has begun. */
+static int any_couple(const Bank *bank, int64_t block)
+{
+    for (int64_t lane = block * GROUP; lane < N_COUPLE_LANES && lane < (block + 1) * GROUP; lane++)
+        if (bank->base[lane] >= 0) return 1;
+    return 0;
+}
+
+/* Take one more packed sample into the lanes of couples; innovations: as of `advance_slots`, 0 and 1 of those that have not
+   begun, or rest. */
+static void advance_couples(Bank *bank, const double *packed, const Normal *normal, double *innovations, int64_t stride,
+                            Filter_wide *filter, SlotMemory *memory)
+{
+    bank_sample(packed, memory->sample);
+    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++)
+        for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) innovations[i * stride + lane] = i < N_OUTPUTS ? 0.0 : 1.0;
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += FB_LANES) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        if (bank->rests[FIRST_COUPLES + first / GROUP] || !any_couple(bank, first / GROUP)) continue;
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + first % GROUP);
+        step_wide(filter->lane, memory->sample, normal, filter);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i] + first % GROUP, filter->lane[i]);
+        put_innovations(filter->innovations, first, 1, in_block(first, N_COUPLE_LANES), innovations, stride);
+    }
+}
+
+#endif
