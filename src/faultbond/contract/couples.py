@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from faultbond.contract.spec import EngineSpec
 
-COUPLED = 8  # couples that are tested
-PER_COUPLE = 3  # lanes of each: as the closed form has it, from healthy values, and with the next kind of fault
+MIXED, DRIFTING = 24, 4  # couples that are tested: with an instrument, and of a drift beside a step
+PER_COUPLE = 2  # lanes of each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +48,6 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
     return (*with_instrument, *both_steps)
 
 
-def n_coupled(spec: EngineSpec) -> int:
-    """Give the number of couples that can be tested."""
-    return min(COUPLED, len(plan_couples(spec)))
+def n_coupled(spec: EngineSpec) -> tuple[int, int]:
+    """Give how many couples can be tested: with an instrument, and of a drift beside a step."""
+    return min(MIXED, len(spec.mixed)), min(DRIFTING, len(plan_couples(spec)) - len(spec.mixed))

@@ -6,15 +6,17 @@
    reserve are chosen anew. A lane of a couple has the slot of a lane of the plan, its `base`, and a wide start of the
    parameter. Not the kinds that scatter or come and go.
 
-   Lanes of a couple: the likeliest base with the parameter where the closed form has it; the same with the parameter at its
-   healthy value; the likeliest base of another kind of fault. A lane that is begun again keeps what is likelier. */
+   Lanes of a couple: the likeliest base with the parameter where the closed form has it; and the likeliest base of another
+   kind of fault, since a sensor that reads too much may look stuck while nothing moves; where there is none, the first again
+   with the parameter at its healthy value. A lane that is begun again keeps what is likelier. Rows are kept for couples with an instrument, MOST_MIXED of them, others for drifts beside a
+   step: else those of one fault would take them all. */
 #ifndef FB_COUPLES_H
 #define FB_COUPLES_H
 
 #include "growing.h"
 #include "slots.h"
 
-enum { LIKELIEST, NEUTRAL, OTHER_KIND };
+enum { LIKELIEST, SECOND };
 
 /* A couple that may be tested: its likelihood by the closed form, or by its lanes, its cost taken off; and, of the likeliest
    base and of that of another kind (-1: none), where the parameter begins. */
@@ -93,22 +95,32 @@ static int64_t row_of_couple(Bank *bank, int64_t couple)
     return -1;
 }
 
-/* The likeliest couples that are not rejected, costs taken off, up to N_COUPLED; gives how many. */
-static int64_t match_couples(Bank *bank, const double *old, Match *chosen)
+/* What steps of both parameters say, where a drift of one of them beside the other is a couple. */
+static double said_by_steps(Bank *bank, int64_t couple)
+{
+    const int64_t set = COUPLE_HYPOTHESIS[couple];
+    if (set < N_SETS) return likelihood_of(bank, likeliest_lane(bank, set));
+    const int64_t row = set < N_BEGUN + N_RESERVE ? row_of_set(bank, set - N_BEGUN) : -1;
+    return row < 0 ? -INFINITY : likelihood_or_none(bank, likeliest_of_row(bank, row));
+}
+
+/* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. A drift beside a step
+   is left out where steps of both say more. */
+static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, Match *chosen)
 {
     int64_t n = 0;
-    for (int64_t couple = 0; couple < N_COUPLES; couple++) {
+    for (int64_t couple = first; couple < end; couple++) {
         Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
         if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
         find_bases_of(bank, old, &match);
         match.row = row_of_couple(bank, couple);
         const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
         match.score = said - COST[COUPLE_HYPOTHESIS[couple]];
-        if (!(match.score > -INFINITY)) continue;
+        if (!(match.score > -INFINITY) || (match.row < 0 && said_by_steps(bank, couple) > said)) continue;
         int64_t at = n;
         while (at > 0 && match.score > chosen[at - 1].score) at--;
-        if (at == N_COUPLED) continue;
-        if (n < N_COUPLED) n++;
+        if (at == most) continue;
+        if (n < most) n++;
         for (int64_t k = n - 1; k > at; k--) chosen[k] = chosen[k - 1];
         chosen[at] = match;
     }
@@ -125,18 +137,18 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
     const int known = bank->base[best] >= 0;
     bases[LIKELIEST] = known ? bank->base[best] : match->base[0];
     values[LIKELIEST] = known ? of_slot(bank, N_SLOT_LANES + best, AT_PARAMETERS + index) : match->value[0];
-    bases[NEUTRAL] = known ? -1 : match->base[0];
-    values[NEUTRAL] = bank->healthy[AT_PARAMETERS + index];
     const int other = known && match->base[0] >= 0 && SLOT_KIND[match->base[0]] != SLOT_KIND[bases[LIKELIEST]] ? 0 : 1;
-    bases[OTHER_KIND] = match->base[other];
-    values[OTHER_KIND] = match->value[other];
+    const int is_alone = match->base[other] < 0;
+    bases[SECOND] = is_alone ? bases[LIKELIEST] : match->base[other];
+    values[SECOND] = is_alone ? bank->healthy[AT_PARAMETERS + index] : match->value[other];
 }
 
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
 static void choose_couples(Bank *bank, const double *old, Job *job)
 {
     Match chosen[FB_ROOM(N_COUPLED)];
-    const int64_t n = match_couples(bank, old, chosen);
+    const int64_t n_mixed = match_couples(bank, 0, N_MIXED, MOST_MIXED, old, chosen);
+    const int64_t n = n_mixed + match_couples(bank, N_MIXED, N_COUPLES, N_COUPLED - MOST_MIXED, old, chosen + n_mixed);
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
     for (int64_t row = 0; row < N_COUPLED; row++) {
         int is_kept = 0;
@@ -180,22 +192,29 @@ static int64_t onset_of_single(Bank *bank, int index, int64_t other)
 static void note_couples(Bank *bank, double elapsed, Job *job)
 {
     for (int64_t l = 0; l < GROUP; l++) {
-        const int64_t lane = job->lane[l], base = job->bases[lane], part = lane % PER_COUPLE;
+        const int64_t lane = job->lane[l], base = job->bases[lane];
         const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
         job->begins[l] = bank->onset[N_STEPS + from];
-        if (part == NEUTRAL)
+        if (lane % PER_COUPLE == SECOND)
             job->begins[l] = onset_of_single(bank, COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], job->begins[l]);
         job->found[l][1] = of_slot(bank, from, AT_SLOT + 1);
         job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
     }
 }
 
-/* Let a parameter be a suspect in lane l of a group; healthy: plain lane to which the start is relative. */
-static void suspect_too(int index, double factor, int64_t part, const double *healthy, double (*group)[GROUP], int64_t l)
+/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
+static int is_neutral(const Job *job, int64_t lane)
 {
+    return lane % PER_COUPLE == SECOND && job->bases[lane] == job->bases[lane - SECOND];
+}
+
+/* Let the parameter of a lane of couples be a suspect, in lane l of a group; healthy: plain lane to which starts are relative. */
+static void suspect_too(int64_t lane, int index, const double *healthy, Job *job, int l)
+{
+    double (*group)[GROUP] = job->run;
     const int k = AT_PARAMETERS + index, additive = HEALTHY[index] == 0.0;
     double value, sd;
-    start_about(index, factor, part == NEUTRAL ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
+    start_about(index, job->values[lane], is_neutral(job, lane) ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
     const double spread = sd * (additive ? 1.0 : fabs(healthy[k]));
     for (int j = 0; j < WIDE_JOINT; j++) group[j <= k ? WIDE_PLACE(j, k) : WIDE_PLACE(k, j)][l] = 0.0;
     group[WIDE_PLACE(k, k)][l] = spread * spread;
@@ -212,8 +231,7 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
         begin_slot(base, trail, job->peak, &memory->start, job->run, l);
-        suspect_too(COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], job->values[lane], lane % PER_COUPLE,
-                    memory->start.healthy, job->run, l);
+        suspect_too(lane, COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], memory->start.healthy, job, l);
         if (!is_renewed(base)) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
         job->run[AT_SLOT + 1][l] = job->found[l][1];
