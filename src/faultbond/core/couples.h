@@ -127,20 +127,20 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
     return n;
 }
 
-/* Say what lanes of a couple begin: of one that has lanes, the likeliest from what it has found. */
+/* Say what lanes of a couple begin: of one that has lanes, the likeliest from what it has found, where it is, and another kind
+   in the place of the other. */
 static void plan_match(Bank *bank, const Match *match, Job *job)
 {
-    const int index = COUPLE_PARAMETER[match->couple];
-    const int64_t first = match->row * PER_COUPLE, best = likeliest_of_couple(bank, match->row);
+    const int64_t first = match->row * PER_COUPLE, best = likeliest_of_couple(bank, match->row), own = bank->base[best];
+    const int64_t at = own < 0 ? LIKELIEST : best - first, place = AT_PARAMETERS + COUPLE_PARAMETER[match->couple];
     int64_t *bases = &job->bases[first];
     double *values = &job->values[first];
-    const int known = bank->base[best] >= 0;
-    bases[LIKELIEST] = known ? bank->base[best] : match->base[0];
-    values[LIKELIEST] = known ? of_slot(bank, N_SLOT_LANES + best, AT_PARAMETERS + index) : match->value[0];
-    const int other = known && match->base[0] >= 0 && SLOT_KIND[match->base[0]] != SLOT_KIND[bases[LIKELIEST]] ? 0 : 1;
+    bases[at] = own < 0 ? match->base[0] : own;
+    values[at] = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
+    const int other = match->base[0] >= 0 && SLOT_KIND[match->base[0]] != SLOT_KIND[bases[at]] ? 0 : 1;
     const int is_alone = match->base[other] < 0;
-    bases[SECOND] = is_alone ? bases[LIKELIEST] : match->base[other];
-    values[SECOND] = is_alone ? bank->healthy[AT_PARAMETERS + index] : match->value[other];
+    bases[SECOND - at] = is_alone ? bases[at] : match->base[other];
+    values[SECOND - at] = is_alone ? bank->healthy[place] : match->value[other];
 }
 
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
@@ -203,18 +203,21 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
 }
 
 /* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
-static int is_neutral(const Job *job, int64_t lane)
+static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 {
-    return lane % PER_COUPLE == SECOND && job->bases[lane] == job->bases[lane - SECOND];
+    const int64_t first = lane / PER_COUPLE * PER_COUPLE;
+    return job->bases[first] == job->bases[first + SECOND] &&
+           job->values[lane] == bank->healthy[AT_PARAMETERS + COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]]];
 }
 
 /* Let the parameter of a lane of couples be a suspect, in lane l of a group; healthy: plain lane to which starts are relative. */
-static void suspect_too(int64_t lane, int index, const double *healthy, Job *job, int l)
+static void suspect_too(const Bank *bank, int64_t lane, const double *healthy, Job *job, int l)
 {
     double (*group)[GROUP] = job->run;
+    const int index = COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]];
     const int k = AT_PARAMETERS + index, additive = HEALTHY[index] == 0.0;
     double value, sd;
-    start_about(index, job->values[lane], is_neutral(job, lane) ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
+    start_about(index, job->values[lane], is_neutral(bank, job, lane) ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
     const double spread = sd * (additive ? 1.0 : fabs(healthy[k]));
     for (int j = 0; j < WIDE_JOINT; j++) group[j <= k ? WIDE_PLACE(j, k) : WIDE_PLACE(k, j)][l] = 0.0;
     group[WIDE_PLACE(k, k)][l] = spread * spread;
@@ -231,7 +234,7 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
         begin_slot(base, trail, job->peak, &memory->start, job->run, l);
-        suspect_too(lane, COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], memory->start.healthy, job, l);
+        suspect_too(bank, lane, memory->start.healthy, job, l);
         if (!is_renewed(base)) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
         job->run[AT_SLOT + 1][l] = job->found[l][1];
