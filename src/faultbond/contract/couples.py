@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from faultbond.contract.spec import EngineSpec
 
 MIXED, DRIFTING = 24, 4  # couples that are tested: with an instrument, and of a drift beside a step
-PER_COUPLE = 2  # lanes of each
+PER_COUPLE = 3  # lanes of each; the third, in which a store keeps its content, is one of stores only
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

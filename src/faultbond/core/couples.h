@@ -2,39 +2,55 @@
    pipe that fouls and a pump that lost head at once.
 
    A lane with a slot has all parameters too, each with its narrow prior. So the closed form of growing.h holds for it: what it
-   would gain if one of them were a suspect as well. That tells which couples are tested, at the times at which sets of the
-   reserve are chosen anew. A lane of a couple has the slot of a lane of the plan, its `base`, and a wide start of the
-   parameter. Not the kinds that scatter or come and go.
+   would gain if one of them were a suspect as well. That tells which couples with an instrument are tested, MOST_MIXED of
+   them, at the times at which sets of the reserve are chosen anew. Of drifts beside a step those are tested whose parameters
+   explain most as steps: so they first look. A lane of a couple has the slot of a lane of the plan, its `base`, and a wide
+   start of the parameter. Not the kinds that scatter or come and go.
 
-   Lanes of a couple: the likeliest base with the parameter where the closed form has it; and the likeliest base of another
-   kind of fault, since a sensor that reads too much may look stuck while nothing moves; where there is none, the first again
-   with the parameter at its healthy value. A lane that is begun again keeps what is likelier. Rows are kept for couples with an instrument, MOST_MIXED of them, others for drifts beside a
-   step: else those of one fault would take them all. */
+   Lanes of a couple: the likeliest base; the likeliest base of another kind of fault, since a sensor that reads too much may
+   look stuck while nothing moves, or where there is none the first again, with the parameter at its healthy value; and of a
+   store the first again, with its content going on. A lane that is begun again keeps what is likelier. */
 #ifndef FB_COUPLES_H
 #define FB_COUPLES_H
 
 #include "growing.h"
 #include "slots.h"
 
-enum { LIKELIEST, SECOND };
+enum { LIKELIEST, SECOND, JUMPING };
 
-/* A couple that may be tested: its likelihood by the closed form, or by its lanes, its cost taken off; and, of the likeliest
-   base and of that of another kind (-1: none), where the parameter begins. */
+/* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
+   base and another one (-1: none), what these say, and where the parameter begins. */
 typedef struct {
     int64_t couple, row, base[2];
     double score, said[2], value[2];
 } Match;
 
+/* Lane of a row, and the row of a lane, of couples. */
+static inline int64_t lane_of_couple(int64_t row, int64_t part) { return part * N_COUPLED + row; }
+static inline int64_t row_of_lane(int64_t lane) { return lane % FB_ROOM(N_COUPLED); }
+static inline int64_t part_of_lane(int64_t lane) { return lane / FB_ROOM(N_COUPLED); }
+
 /* The couple that a lane is of; -1: it is one of the plan, or none has it. The lane of the plan whose slot it has. */
 static inline int64_t couple_of(const Bank *bank, int64_t lane)
 {
-    return lane < N_SLOT_LANES ? -1 : bank->coupled[(lane - N_SLOT_LANES) / PER_COUPLE];
+    return lane < N_SLOT_LANES ? -1 : bank->coupled[row_of_lane(lane - N_SLOT_LANES)];
 }
 
 static inline int64_t plan_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_SLOT_LANES) return lane;
     return bank->base[lane - N_SLOT_LANES] < 0 ? 0 : bank->base[lane - N_SLOT_LANES];
+}
+
+/* The parameter beside the slot of a lane of couples. */
+static inline int parameter_of(const Bank *bank, int64_t lane) { return COUPLE_PARAMETER[bank->coupled[row_of_lane(lane)]]; }
+
+/* Whether a parameter is one of a store, whose content may go on where it changes. */
+static int is_of_store(int index)
+{
+    for (int64_t e = 0; e < JUMP_ROW[N_STATES]; e++)
+        if (JUMP_PARAMETER[e] == index && HEALTHY[index] != 0.0) return 1;
+    return 0;
 }
 
 /* What lane k of the plan would say with one more suspect, and where that begins. old: see `Trail`, or NULL. */
@@ -48,7 +64,7 @@ static double said_with(Bank *bank, int64_t k, int index, const double *old, dou
     return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
 }
 
-/* The best two bases of a couple, of two kinds of fault. */
+/* The best two bases of a couple; with an instrument, of two kinds of fault. */
 static void find_bases_of(Bank *bank, const double *old, Match *match)
 {
     match->base[0] = match->base[1] = -1;
@@ -57,7 +73,7 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
         double value;
         if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || SLOT_KIND[k] == KIND_NOISE) continue;
         const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
-        const int alike = match->base[0] >= 0 && SLOT_KIND[match->base[0]] == SLOT_KIND[k];
+        const int alike = match->couple < N_MIXED && match->base[0] >= 0 && SLOT_KIND[match->base[0]] == SLOT_KIND[k];
         const int first = said > match->said[0];
         if (!first && (alike || !(said > match->said[1]))) continue;
         if (first && !alike) {
@@ -81,9 +97,9 @@ static double said_by_couple(Bank *bank, int64_t lane)
 /* The likeliest lane of a row. */
 static int64_t likeliest_of_couple(Bank *bank, int64_t row)
 {
-    int64_t best = row * PER_COUPLE;
-    for (int64_t lane = best + 1; lane < (row + 1) * PER_COUPLE; lane++)
-        if (said_by_couple(bank, lane) > said_by_couple(bank, best)) best = lane;
+    int64_t best = lane_of_couple(row, 0);
+    for (int64_t part = 1; part < PER_COUPLE; part++)
+        if (said_by_couple(bank, lane_of_couple(row, part)) > said_by_couple(bank, best)) best = lane_of_couple(row, part);
     return best;
 }
 
@@ -95,17 +111,25 @@ static int64_t row_of_couple(Bank *bank, int64_t couple)
     return -1;
 }
 
-/* What steps of both parameters say, where a drift of one of them beside the other is a couple. */
-static double said_by_steps(Bank *bank, int64_t couple)
+/* The likeliest lane of steps of both parameters, of a drift beside a step; -1: none is tested. */
+static int64_t lane_of_steps(Bank *bank, int64_t couple)
 {
     const int64_t set = COUPLE_HYPOTHESIS[couple];
-    if (set < N_SETS) return likelihood_of(bank, likeliest_lane(bank, set));
+    if (set < N_SETS) return likeliest_lane(bank, set);
     const int64_t row = set < N_BEGUN + N_RESERVE ? row_of_set(bank, set - N_BEGUN) : -1;
-    return row < 0 ? -INFINITY : likelihood_or_none(bank, likeliest_of_row(bank, row));
+    return row < 0 ? -1 : likeliest_of_row(bank, row);
 }
 
-/* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. A drift beside a step
-   is left out where steps of both say more. */
+/* Let a drift beside a step count by what both say as steps, if that is more, and the step begin where these are. */
+static void match_steps(Bank *bank, Match *match)
+{
+    const int64_t lane = lane_of_steps(bank, match->couple);
+    if (lane < 0 || match->base[0] < 0 || !(likelihood_or_none(bank, lane) > match->said[0])) return;
+    match->said[0] = likelihood_or_none(bank, lane);
+    match->value[0] = match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
+}
+
+/* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. */
 static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, Match *chosen)
 {
     int64_t n = 0;
@@ -113,10 +137,11 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
         Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
         if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
         find_bases_of(bank, old, &match);
+        match_steps(bank, &match);
         match.row = row_of_couple(bank, couple);
         const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
         match.score = said - COST[COUPLE_HYPOTHESIS[couple]];
-        if (!(match.score > -INFINITY) || (match.row < 0 && said_by_steps(bank, couple) > said)) continue;
+        if (!(match.score > -INFINITY)) continue;
         int64_t at = n;
         while (at > 0 && match.score > chosen[at - 1].score) at--;
         if (at == most) continue;
@@ -131,16 +156,21 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
    in the place of the other. */
 static void plan_match(Bank *bank, const Match *match, Job *job)
 {
-    const int64_t first = match->row * PER_COUPLE, best = likeliest_of_couple(bank, match->row), own = bank->base[best];
-    const int64_t at = own < 0 ? LIKELIEST : best - first, place = AT_PARAMETERS + COUPLE_PARAMETER[match->couple];
-    int64_t *bases = &job->bases[first];
-    double *values = &job->values[first];
-    bases[at] = own < 0 ? match->base[0] : own;
-    values[at] = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
-    const int other = match->base[0] >= 0 && SLOT_KIND[match->base[0]] != SLOT_KIND[bases[at]] ? 0 : 1;
-    const int is_alone = match->base[other] < 0;
-    bases[SECOND - at] = is_alone ? bases[at] : match->base[other];
-    values[SECOND - at] = is_alone ? bank->healthy[place] : match->value[other];
+    const int64_t best = likeliest_of_couple(bank, match->row), own = bank->base[best], part = part_of_lane(best);
+    const int place = AT_PARAMETERS + COUPLE_PARAMETER[match->couple];
+    const int64_t base = own < 0 ? match->base[0] : own;
+    const double value = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
+    const int other = match->base[0] >= 0 && match->base[0] != base && SLOT_KIND[match->base[0]] != SLOT_KIND[base] ? 0 : 1;
+    const int is_alone = match->base[other] < 0 || match->base[other] == base;
+    for (int64_t k = LIKELIEST; k <= SECOND; k++) {
+        const int64_t lane = lane_of_couple(match->row, k);
+        const int is_first = own < 0 || part == JUMPING ? k == LIKELIEST : k == part;
+        job->bases[lane] = is_first || is_alone ? base : match->base[other];
+        job->values[lane] = is_first ? value : is_alone ? bank->healthy[place] : match->value[other];
+    }
+    if (!is_of_store(COUPLE_PARAMETER[match->couple])) return;
+    job->bases[lane_of_couple(match->row, JUMPING)] = base;
+    job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
 
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
@@ -155,7 +185,7 @@ static void choose_couples(Bank *bank, const double *old, Job *job)
         for (int64_t k = 0; k < n; k++) is_kept |= chosen[k].row == row;
         if (is_kept) continue;
         bank->coupled[row] = -1;
-        for (int64_t part = 0; part < PER_COUPLE; part++) bank->base[row * PER_COUPLE + part] = -1;
+        for (int64_t part = 0; part < PER_COUPLE; part++) bank->base[lane_of_couple(row, part)] = -1;
     }
     for (int64_t k = 0; k < n; k++) {
         for (int64_t row = 0; chosen[k].row < 0 && row < N_COUPLED; row++)
@@ -195,8 +225,7 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
         const int64_t lane = job->lane[l], base = job->bases[lane];
         const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
         job->begins[l] = bank->onset[N_STEPS + from];
-        if (lane % PER_COUPLE == SECOND)
-            job->begins[l] = onset_of_single(bank, COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]], job->begins[l]);
+        if (part_of_lane(lane) != LIKELIEST) job->begins[l] = onset_of_single(bank, parameter_of(bank, lane), job->begins[l]);
         job->found[l][1] = of_slot(bank, from, AT_SLOT + 1);
         job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
     }
@@ -205,37 +234,48 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
 /* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
 static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 {
-    const int64_t first = lane / PER_COUPLE * PER_COUPLE;
-    return job->bases[first] == job->bases[first + SECOND] &&
-           job->values[lane] == bank->healthy[AT_PARAMETERS + COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]]];
+    const int64_t row = row_of_lane(lane);
+    return part_of_lane(lane) != JUMPING && job->bases[lane_of_couple(row, LIKELIEST)] == job->bases[lane_of_couple(row, SECOND)] &&
+           job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
 }
 
-/* Let the parameter of a lane of couples be a suspect, in lane l of a group; healthy: plain lane to which starts are relative. */
-static void suspect_too(const Bank *bank, int64_t lane, const double *healthy, Job *job, int l)
+/* Whether a lane begins again with the slot that it has. */
+static int is_again(const Bank *bank, const Job *job, int64_t lane) { return bank->base[lane] == job->bases[lane]; }
+
+/* Let the parameter of a lane be a suspect in a plain lane; healthy: that to which starts are relative. */
+static void suspect_too(const Bank *bank, const Job *job, int64_t lane, const double *healthy, double *plain, double *to)
 {
-    double (*group)[GROUP] = job->run;
-    const int index = COUPLE_PARAMETER[bank->coupled[lane / PER_COUPLE]];
-    const int k = AT_PARAMETERS + index, additive = HEALTHY[index] == 0.0;
-    double value, sd;
-    start_about(index, job->values[lane], is_neutral(bank, job, lane) ? FROM_HEALTHY : AS_FOUND, healthy, &value, &sd);
-    const double spread = sd * (additive ? 1.0 : fabs(healthy[k]));
-    for (int j = 0; j < WIDE_JOINT; j++) group[j <= k ? WIDE_PLACE(j, k) : WIDE_PLACE(k, j)][l] = 0.0;
-    group[WIDE_PLACE(k, k)][l] = spread * spread;
-    group[k][l] = bounded(additive ? healthy[k] + value : healthy[k] * value, LOWER[index], UPPER[index]);
+    Start start;
+    start.n = 1;
+    start.parameter[0] = parameter_of(bank, lane);
+    start.tied = is_again(bank, job, lane);
+    start_about(start.parameter[0], job->values[lane], is_neutral(bank, job, lane) ? FROM_HEALTHY : AS_FOUND, healthy,
+                &start.value[0], &start.sd[0]);
+    for (int i = 0; i < N_STATES; i++) {
+        start.jumps[i] = 0;
+        for (int e = JUMP_ROW[i]; part_of_lane(lane) == JUMPING && e < JUMP_ROW[i + 1]; e++)
+            start.jumps[i] |= JUMP_PARAMETER[e] == start.parameter[0];
+    }
+    suspect_lane(&start, plain, to);
 }
 
 /* Begin a group of lanes of couples at an onset. */
-static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, Job *job, SlotMemory *memory)
+static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, Job *job, double *lane_of_old, double *plain,
+                          SlotMemory *memory)
 {
+    SlotStart *start = &memory->start;
     double elapsed = 0.0; /* to the end of the trail */
     for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
     memset(&job->walk, 0, sizeof job->walk);
-    prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
+    prepare_slots(trail, before_onset(trail, onset), onset, NULL, memory);
+    if (trail->old) unlearned(start->healthy, trail->old, lane_of_old);
+    else memcpy(lane_of_old, start->healthy, sizeof start->healthy);
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
-        begin_slot(base, trail, job->peak, &memory->start, job->run, l);
-        suspect_too(bank, lane, memory->start.healthy, job, l);
-        if (!is_renewed(base)) continue;
+        suspect_too(bank, job, lane, start->healthy, SLOT_OLD[base] ? lane_of_old : start->healthy, plain);
+        widen(plain, SLOT_OLD[base] ? start->old : start->wide);
+        begin_slot(base, trail, job->peak, start, job->run, l);
+        if (!is_renewed(base) || !is_again(bank, job, lane)) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
         job->run[AT_SLOT + 1][l] = job->found[l][1];
     }

@@ -153,7 +153,7 @@ static int is_of_stage(const uint8_t *bytes, int64_t stage, int64_t lane)
 {
     if (stage == PAIRS) return 1; /* is not asked for there */
     if (stage == SLOTS) return lane < SWITCHED;
-    if (stage == COUPLES) return lane < N_COUPLE_LANES && EACH(job.bases, lane) >= 0 && EACH(bank.coupled, lane / PER_COUPLE) >= 0;
+    if (stage == COUPLES) return lane < N_COUPLE_LANES && EACH(job.bases, lane) >= 0 && EACH(bank.coupled, row_of_lane(lane)) >= 0;
     if (stage != RESERVES) return lane < N_PLANNED;
     return lane >= N_PLANNED && lane < N_STEPS && EACH(bank.grown, (lane - N_PLANNED) / PER_SET) >= 0;
 }

@@ -289,7 +289,7 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     Job *job = &state->job;
     const int64_t place = job->search.place[k];
     if (job->stage == COUPLES) {
-        begin_couples(&state->bank, trail, place, job, &memory->slots);
+        begin_couples(&state->bank, trail, place, job, memory->steps.later, memory->steps.lane, &memory->slots);
     } else if (job->stage == SLOTS) {
         begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
                     &memory->slots);
