@@ -175,6 +175,7 @@ class EngineSpec:
     reserve: tuple[tuple[int, ...], ...] = ()  # testable sets, too many to be tested at once; the likeliest are, later
     checks: tuple[CheckSpec, ...] = ()
     slot: bool = False  # whether lanes have the slot for one more fault
+    coupled: bool = False  # whether faults of instruments, and drifts, are tested beside a parameter that changed
 
     def __hash__(self) -> int:
         return self._hash
@@ -203,8 +204,16 @@ class EngineSpec:
 
     @property
     def n_hypotheses(self) -> int:
-        """All hypotheses: those tested from the alarm on, then those in reserve."""
-        return self.n_begun + len(self.reserve)
+        """All hypotheses: those tested from the alarm on, then those in reserve, then instruments with a parameter."""
+        return self.n_begun + len(self.reserve) + len(self.mixed)
+
+    @cached_property
+    def mixed(self) -> tuple[tuple[int, int], ...]:
+        """Instrument, among `instruments`, and parameter that may be at fault together."""
+        if not self.coupled:
+            return ()
+        suspects = sorted({index for chosen in (*self.hypotheses, *self.reserve) for index in chosen})
+        return tuple((k, index) for k in range(len(self.instruments)) for index in suspects)
 
     @cached_property
     def reserve_costs(self) -> FloatArray:
@@ -227,7 +236,17 @@ class EngineSpec:
         """Give the parameters of a hypothesis; none of an instrument."""
         if hypothesis < len(self.hypotheses):
             return self.hypotheses[hypothesis]
-        return () if hypothesis < self.n_begun else self.reserve[hypothesis - self.n_begun]
+        if hypothesis < self.n_begun:
+            return ()
+        row = hypothesis - self.n_begun
+        return self.reserve[row] if row < len(self.reserve) else (self.mixed[row - len(self.reserve)][1],)
+
+    def instrument_in(self, hypothesis: int) -> Instrument | None:
+        """Give the sensor or input of a hypothesis; None where it has parameters only."""
+        mixed = hypothesis - self.n_begun - len(self.reserve)
+        if mixed >= 0:
+            return self.instruments[self.mixed[mixed][0]]
+        return self.instruments[hypothesis - len(self.hypotheses)] if not self.members(hypothesis) else None
 
     @cached_property
     def n_joint(self) -> int:

@@ -10,6 +10,8 @@ static void clear_bank(State *state)
 {
     memset(&state->bank, 0, sizeof state->bank);
     for (int k = 0; k < FB_ROOM(N_GROWN); k++) state->bank.grown[k] = -1;
+    for (int k = 0; k < FB_ROOM(N_COUPLED); k++) state->bank.coupled[k] = -1;
+    for (int k = 0; k < FB_ROOM(N_COUPLE_LANES); k++) state->bank.base[k] = -1;
     clear_job(&state->job);
 }
 
@@ -55,12 +57,14 @@ static void advance_bank(State *state, const double *packed, BankMemory *memory,
 {
     Bank *bank = &state->bank;
     int64_t resting = 0;
-    for (int64_t group = 0; group < BLOCKS(N_STEPS) + BLOCKS(SWITCHED); group++) resting += bank->rests[group];
+    for (int64_t group = 0; group < N_RESTING; group++) resting += bank->rests[group];
     const double before = resting ? leading_of_bank(bank) : 0.0;
     advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
     if (slots_begun(&state->job) >= SWITCHED) hand_on(bank, state->clock.index, state->clock.time, &memory->slots);
     advance_slots(bank, slots_begun(&state->job), packed, &state->normal, memory->innovations[0] + N_STEPS,
                   FB_ROOM(N_LANES), &filters->wide, &memory->slots);
+    advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,
+                    &memory->slots);
     if (resting) keep_distance(bank, leading_of_bank(bank) - before);
     if (is_ready(&state->job)) add_misfit(bank, &state->inputs, packed, memory->innovations, state->clock.index);
 }

@@ -48,11 +48,11 @@ static int is_left(const Bank *bank, int64_t lane)
 
 /* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
    diagnosis tells of it, SI. */
-static void absorb_sensor(State *state, int64_t lane, double size, double estimate)
+static void absorb_sensor(State *state, int64_t slot, double size, double estimate)
 {
-    const int j = SLOT_OUTPUT[lane];
+    const int j = SLOT_OUTPUT[slot];
     Normal *normal = &state->normal;
-    switch (SLOT_KIND[lane]) {
+    switch (SLOT_KIND[slot]) {
     case KIND_BIAS:
     case KIND_RAMP:
         normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
@@ -76,18 +76,19 @@ static void absorb_sensor(State *state, int64_t lane, double size, double estima
 static void absorb(State *state, int64_t lane, double estimate)
 {
     const double size = of_slot(&state->bank, lane, AT_SLOT), rate = of_slot(&state->bank, lane, AT_SLOT + 1);
-    const int parameter = SLOT_PARAMETER[lane], input = SLOT_INPUT[lane];
-    if (parameter >= 0 && SLOT_KIND[lane] == KIND_DRIFT) {
+    const int64_t slot = plan_of(&state->bank, lane);
+    const int parameter = SLOT_PARAMETER[slot], input = SLOT_INPUT[slot];
+    if (parameter >= 0 && SLOT_KIND[slot] == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
         state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
-    } else if (input >= 0 && SLOT_STICKS[lane]) {
+    } else if (input >= 0 && SLOT_STICKS[slot]) {
         state->normal.input_gain[input] = 0.0;
         state->normal.input_offset[input] = state->inputs.held[input] = size;
-    } else if (input >= 0 && SLOT_ACTS[lane]) {
+    } else if (input >= 0 && SLOT_ACTS[slot]) {
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
-    } else if (parameter < 0 && SLOT_ACTS[lane]) {
-        absorb_sensor(state, lane, size, estimate);
+    } else if (parameter < 0 && SLOT_ACTS[slot]) {
+        absorb_sensor(state, slot, size, estimate);
     }
 }
 
@@ -105,7 +106,8 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     } else {
         absorb(state, slot, candidate->suspects[0].estimate);
         for (int64_t k = 0; k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
-        narrow(memory->wide, SLOT_ACTS[slot], SLOT_PARAMETER[slot], healthy);
+        const int64_t of_plan = plan_of(&state->bank, slot);
+        narrow(memory->wide, SLOT_ACTS[of_plan], SLOT_PARAMETER[of_plan], healthy);
     }
     memcpy(state->normal.lane, healthy, sizeof state->normal.lane);
     memcpy(row_of(&state->past, last)->lane, healthy, sizeof state->normal.lane);
@@ -117,13 +119,12 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     return 0;
 }
 
-/* Whether a hypothesis is out once another one is rejected: it is that, or contains it. An instrument is in no set
-   but its own. */
+/* Whether a hypothesis is out once another one is rejected: it is that, or contains it. */
 static int falls_with(int64_t hypothesis, int64_t rejected)
 {
     const int *chosen, *members;
     const int n = members_of(rejected, &chosen), n_members = members_of(hypothesis, &members);
-    if (n == 0) return hypothesis == rejected;
+    if (instrument_of(rejected) >= 0 && instrument_of(hypothesis) != instrument_of(rejected)) return 0;
     for (int i = 0; i < n; i++) {
         int is_there = 0;
         for (int k = 0; k < n_members; k++) is_there |= members[k] == chosen[i];

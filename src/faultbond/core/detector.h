@@ -92,7 +92,7 @@ static void add_misfit(Bank *bank, const Inputs *inputs, const double *packed, d
             for (int side = 0; side < 2; side++) {
                 const double before = bank->sums[side][j][lane];
                 double sum = counts ? positive(before + ((side ? -score : score) - CUSUM_DRIFT)) : before;
-                if (lane >= N_STEPS + SWITCHED && before > CUSUM_LIMIT) sum = fmax(sum, before);
+                if (lane >= N_STEPS + SWITCHED && lane < N_STEPS + N_SLOT_LANES && before > CUSUM_LIMIT) sum = fmax(sum, before);
                 bank->sums[side][j][lane] = sum;
                 if (sum <= 0.0) bank->since[side][j][lane] = (double)index;
             }

@@ -94,11 +94,22 @@ static void step_suspect(const Bank *bank, int64_t lane, int parameter, Suspect 
     suspect->sd = fabs(SCALE[parameter]) * root_of(of_step(bank, lane, PLAIN_PLACE(k, k)));
 }
 
+/* A parameter beside the slot of a lane, as it has it. */
+static void suspect_beside(const Bank *bank, int64_t lane, int parameter, Suspect *suspect)
+{
+    const int k = AT_PARAMETERS + parameter;
+    no_suspect(suspect);
+    suspect->parameter = parameter;
+    suspect->nominal = NOMINAL[parameter];
+    suspect->estimate = SCALE[parameter] * of_slot(bank, lane, k);
+    suspect->sd = fabs(SCALE[parameter]) * root_of(of_slot(bank, lane, WIDE_PLACE(k, k)));
+}
+
 /* A parameter that is its healthy value and what the slot adds. */
 static void moved_suspect(const State *state, int64_t lane, Suspect *suspect)
 {
     const Bank *bank = &state->bank;
-    const int parameter = SLOT_PARAMETER[lane], k = AT_PARAMETERS + parameter, size = AT_SLOT, rate = AT_SLOT + 1;
+    const int parameter = SLOT_PARAMETER[plan_of(bank, lane)], k = AT_PARAMETERS + parameter, size = AT_SLOT, rate = AT_SLOT + 1;
     const double scale = SCALE[parameter];
     double value = of_slot(bank, lane, k) + of_slot(bank, lane, size);
     if (LOWER[parameter] > value) value = LOWER[parameter]; /* the filter itself lets the sum act up to the ends only */
@@ -110,7 +121,7 @@ static void moved_suspect(const State *state, int64_t lane, Suspect *suspect)
     suspect->nominal = NOMINAL[parameter];
     suspect->estimate = scale * value;
     suspect->sd = fabs(scale) * root_of(variance);
-    if (SLOT_KIND[lane] != KIND_DRIFT) return;
+    if (SLOT_KIND[plan_of(bank, lane)] != KIND_DRIFT) return;
     const double both = of_slot(bank, lane, WIDE_PLACE(k, rate)) + of_slot(bank, lane, WIDE_PLACE(size, rate));
     const double rate_variance = of_slot(bank, lane, WIDE_PLACE(rate, rate)), square = scale * scale;
     const double covariance[3] = {variance * square, both * square, rate_variance * square};
@@ -165,15 +176,16 @@ static void find_scatter(const Bank *bank, int64_t lane, double known, int is_ou
 static void instrument_suspect(const State *state, int64_t lane, Suspect *suspect)
 {
     const Bank *bank = &state->bank;
-    const int output = SLOT_OUTPUT[lane], kind = SLOT_KIND[lane];
-    const double unit = SLOT_INPUT[lane] >= 0 || kind == KIND_GAIN ? 1.0 : OUTPUT_NOISE[output];
+    const int64_t slot = plan_of(bank, lane);
+    const int output = SLOT_OUTPUT[slot], kind = SLOT_KIND[slot];
+    const double unit = SLOT_INPUT[slot] >= 0 || kind == KIND_GAIN ? 1.0 : OUTPUT_NOISE[output];
     no_suspect(suspect);
-    suspect->input = SLOT_INPUT[lane];
+    suspect->input = SLOT_INPUT[slot];
     suspect->output = output;
     suspect->estimate = unit * of_slot(bank, lane, AT_SLOT);
     suspect->sd = unit * root_of(of_slot(bank, lane, WIDE_PLACE(AT_SLOT, AT_SLOT)));
     suspect->word = WORD_BIAS;
-    if (SLOT_STICKS[lane]) {
+    if (SLOT_STICKS[slot]) {
         suspect->word = WORD_STUCK;
     } else if (kind == KIND_BIAS || kind == KIND_RAMP || kind == KIND_INTERMITTENT) {
         suspect->nominal = 0.0;
@@ -199,7 +211,7 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
    that has come to its end it is told when that began, and when it ended. */
 static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
 {
-    if (SLOT_PARAMETER[lane] >= 0) {
+    if (SLOT_PARAMETER[plan_of(&state->bank, lane)] >= 0) {
         moved_suspect(state, lane, suspect);
     } else {
         instrument_suspect(state, lane, suspect);

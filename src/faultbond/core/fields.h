@@ -7,7 +7,7 @@
 
 #include "state.h"
 
-#define MOST_GROUPS (BLOCKS(N_STEPS) + BLOCKS(N_SLOT_LANES) + 1.0)
+#define MOST_GROUPS (BLOCKS(N_STEPS) + BLOCKS(N_SLOT_LANES) + BLOCKS(N_COUPLE_LANES) + 1.0)
 #define LARGEST_COUNT 4503599627370496.0 /* 2^52: whole numbers up to it, and their sums, are exact */
 
 typedef struct {
@@ -45,14 +45,16 @@ static const Field FIELDS[] = {
     ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), FINITE(healthy.snapshots),
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
+    WHOLE(bank.coupled, -1.0, N_COUPLES > 0 ? N_COUPLES - 1.0 : 0.0), WHOLE(bank.base, -1.0, FB_ROOM(SWITCHED) - 1.0),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
     COUNT(job.end), WHOLE(job.old, -1.0, SNAPSHOTS - 1.0), WHOLE(job.change, -LARGEST_COUNT, LARGEST_COUNT),
     ENDLESS(job.peak), COUNT(job.spent), WHOLE(job.stage, 0.0, 6.0), WHOLE(job.group, 0.0, MOST_GROUPS),
     WHOLE(job.pass, 0.0, 3.0), WHOLE(job.onset, -1.0, MOST_ONSETS - 1.0), COUNT(job.next),
     WHOLE(job.n_wanted, 0.0, N_STEPS), WHOLE(job.n_singles, 0.0, N_STEPS),
     WHOLE(job.wanted, 0.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0),
-    WHOLE(job.stands_for, -1.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0), ANYTHING(job.factors), ANYTHING(job.most), ANYTHING(job.heard),
-    WHOLE(job.lane, 0.0, FB_ROOM(N_STEPS > N_SLOT_LANES ? N_STEPS : N_SLOT_LANES) - 1.0), COUNT(job.begins), COUNT(job.began), ANYTHING(job.found),
+    WHOLE(job.stands_for, -1.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0), ANYTHING(job.factors),
+    WHOLE(job.bases, -1.0, FB_ROOM(SWITCHED) - 1.0), ANYTHING(job.values), ANYTHING(job.most), ANYTHING(job.heard),
+    WHOLE(job.lane, 0.0, FB_ROOM(N_STEPS > N_WIDE ? N_STEPS : N_WIDE) - 1.0), COUNT(job.begins), COUNT(job.began), ANYTHING(job.found),
     COUNT(job.walk.samples), COUNT(job.walk.steps), ANYTHING(job.walk.variance),
     WHOLE(job.search.n, 0.0, MOST_ONSETS), WHOLE(job.search.place, 0.0, DEPTH - 1.0),
     WHOLE(job.search.standing, 0.0, 3.0), WHOLE(job.search.best, 0.0, MOST_ONSETS - 1.0), ANYTHING(job.search.said), ANYTHING(job.search.most), ANYTHING(job.search.least), FLAG(job.search.fixed),

@@ -33,19 +33,26 @@ typedef struct {
     double value[FB_ROOM(LARGEST_SET)]; /* factors of its members to begin at */
 } Choice;
 
-/* What one more suspect would add to the likelihood of a tested set, and its change, by the best lane of that set. */
-static double gain_of(Bank *bank, int64_t lane, int index, double *change)
+/* What one more suspect would add to the likelihood of a lane, and its change. healthy: the plain lane whose narrow prior it
+   has; found, after: mean and variance that it has in the lane. */
+static double gain_from(const double *healthy, double found, double after, int index, double *change)
 {
     const int64_t k = AT_PARAMETERS + index;
-    const double mean = bank->healthy[k], variance = bank->healthy[PLAIN_PLACE(k, k)];
+    const double mean = healthy[k], variance = healthy[PLAIN_PLACE(k, k)], least = LEAST_INFORMATION / variance;
     const double size = (HEALTHY[index] != 0.0 ? fabs(mean) : 1.0) * CHANGE[index], wide = size * size;
-    const double after = *number_of_step(bank, lane, PLAIN_PLACE(k, k)), least = LEAST_INFORMATION / variance;
     const double told = 1.0 / after - 1.0 / variance, information = told < least ? least : told;
-    const double off = (*number_of_step(bank, lane, k) - mean) / (after * information);
+    const double off = (found - mean) / (after * information);
     const double narrow = 1.0 + information * variance, broad = 1.0 + information * wide;
     const double gain = 0.5 * (log(narrow) - log(broad) + off * off * information * (1.0 / narrow - 1.0 / broad));
     *change = bounded(off, -sqrt(wide), sqrt(wide));
     return isnan(gain) ? -INFINITY : bounded(gain, -FB_LARGEST, FB_LARGEST);
+}
+
+/* The same of a tested set, by its best lane. */
+static double gain_of(Bank *bank, int64_t lane, int index, double *change)
+{
+    const int64_t k = AT_PARAMETERS + index;
+    return gain_from(bank->healthy, *number_of_step(bank, lane, k), *number_of_step(bank, lane, PLAIN_PLACE(k, k)), index, change);
 }
 
 /* A set of the reserve as a tested one with one more suspect, from the best of those it may come from; gives its
@@ -169,6 +176,21 @@ static void order_rows(Bank *bank, const Choice *chosen, int64_t index)
     }
 }
 
+/* The start of a suspect at a factor, or, of lanes that begin there, at the healthy one. */
+static void start_about(int index, double factor, int64_t part, const double *healthy, double *value, double *sd)
+{
+    const double reference = healthy[AT_PARAMETERS + index];
+    const int additive = HEALTHY[index] == 0.0;
+    if (part == FROM_HEALTHY) {
+        *value = additive ? 0.0 : 1.0;
+        *sd = additive || CHANGE[index] < NEUTRAL_SD ? CHANGE[index] : NEUTRAL_SD;
+    } else {
+        *value = additive ? factor - reference : factor / (reference == 0.0 ? 1.0 : reference);
+        const double spread = FOUND_SPREAD * fabs(*value);
+        *sd = spread < LEAST_SD ? LEAST_SD : spread;
+    }
+}
+
 /* The start of one of the lanes of a set of the reserve at these factors; `healthy`: lane of the healthy plant. */
 static void start_of_choice(int64_t set, const double *factors, int64_t part, const double *healthy, Start *start)
 {
@@ -177,17 +199,8 @@ static void start_of_choice(int64_t set, const double *factors, int64_t part, co
     start->tied = 0;
     for (int64_t s = 0; s < start->n; s++) {
         const int index = RESERVE_MEMBER[first + s];
-        const double reference = healthy[AT_PARAMETERS + index], factor = factors[s];
-        const int additive = HEALTHY[index] == 0.0;
         start->parameter[s] = index;
-        if (part == FROM_HEALTHY) {
-            start->value[s] = additive ? 0.0 : 1.0;
-            start->sd[s] = additive || CHANGE[index] < NEUTRAL_SD ? CHANGE[index] : NEUTRAL_SD;
-        } else {
-            start->value[s] = additive ? factor - reference : factor / (reference == 0.0 ? 1.0 : reference);
-            const double sd = FOUND_SPREAD * fabs(start->value[s]);
-            start->sd[s] = sd < LEAST_SD ? LEAST_SD : sd;
-        }
+        start_about(index, factors[s], part, healthy, &start->value[s], &start->sd[s]);
     }
     for (int64_t i = 0; i < N_STATES; i++) {
         start->jumps[i] = 0;

@@ -64,14 +64,29 @@ static int members_of(int64_t hypothesis, const int **members)
     *members = RESERVE_MEMBER;
     if (hypothesis < N_BEGUN) return 0;
     const int64_t row = hypothesis - N_BEGUN;
+    if (row >= N_RESERVE) { /* couples with an instrument are the first */
+        *members = &COUPLE_PARAMETER[row - N_RESERVE];
+        return 1;
+    }
     *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
     return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
+}
+
+/* The instrument of a hypothesis; -1: it has parameters only. */
+static int64_t instrument_of(int64_t hypothesis)
+{
+    if (hypothesis >= N_BEGUN + N_RESERVE) return COUPLE_SLOT[hypothesis - N_BEGUN - N_RESERVE] - N_SETS;
+    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis - N_SETS : -1;
 }
 
 /* The hypothesis of a lane, steps first. */
 static int64_t hypothesis_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_PLANNED) return LANE_HYPOTHESIS[lane];
+    if (lane >= N_STEPS + N_SLOT_LANES) {
+        const int64_t couple = couple_of(bank, lane - N_STEPS);
+        return couple < 0 ? 0 : COUPLE_HYPOTHESIS[couple];
+    }
     if (lane >= N_STEPS) return SLOT_HYPOTHESIS[lane - N_STEPS];
     const int64_t set = bank->grown[(lane - N_PLANNED) / PER_SET];
     return N_BEGUN + (set < 0 ? 0 : set);
@@ -81,7 +96,7 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
 static int64_t kind_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_STEPS) return KIND_STEP;
-    const int64_t slot = lane - N_STEPS;
+    const int64_t slot = plan_of(bank, lane - N_STEPS);
     if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
         return SLOT_KIND[slot];
     return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
@@ -122,9 +137,23 @@ static double most_likely(const Bank *bank)
         const int empty = lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] < 0;
         most = larger(most, empty ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD)));
     }
-    for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
-        most = larger(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
+    for (int64_t lane = 0; lane < N_WIDE; lane++)
+        if (lane < N_SLOT_LANES || bank->base[lane - N_SLOT_LANES] >= 0)
+            most = larger(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
     return most;
+}
+
+/* The likelihood of each lane of couples with its prior weight: the slot has its own, and lanes of a couple weigh the same. */
+static void weigh_couples(const Bank *bank, int out, const Ranking *ranking, double *weighted)
+{
+    for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) {
+        const int64_t slot = bank->base[lane], rests = bank->rests[FIRST_COUPLES + lane / GROUP];
+        weighted[lane] = -INFINITY;
+        if (slot < 0) continue;
+        const double likelihood = coarse(ranking, of_slot(bank, N_SLOT_LANES + lane, WIDE_LIKELIHOOD), rests);
+        const int left_out = is_out(bank, out, hypothesis_of(bank, N_STEPS + N_SLOT_LANES + lane));
+        weighted[lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[slot] - log((double)PER_COUPLE);
+    }
 }
 
 /* The likelihood of each lane with its prior weight, as far as it counts; starts of a hypothesis weigh the same. */
@@ -150,6 +179,7 @@ static void weigh_lanes(const Bank *bank, int out, Ranking *ranking)
         const double likelihood = coarse(ranking, of_slot(bank, lane, WIDE_LIKELIHOOD), rests);
         weighted[N_STEPS + lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[lane] + log_returns(bank, lane);
     }
+    weigh_couples(bank, out, ranking, weighted + N_STEPS + N_SLOT_LANES);
 }
 
 /* The scores of all hypotheses, and their best lanes; of lanes or kinds that are equally likely the first. */
@@ -237,9 +267,13 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     candidate->present = 1;
     candidate->n_suspects = 1;
     if (lane >= N_STEPS) {
-        candidate->present = SLOT_ACTS[lane - N_STEPS];
+        const int64_t couple = couple_of(&state->bank, lane - N_STEPS);
+        candidate->present = SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
         slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
         if (kind_of(&state->bank, lane) != KIND_RAMP) candidate->suspects[0].began = candidate->suspects[0].ended = NAN;
+        if (couple < 0) return;
+        candidate->n_suspects = 2;
+        suspect_beside(&state->bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &candidate->suspects[1]);
         return;
     }
     const int *members;

@@ -1,5 +1,8 @@
 /* Lanes that cannot win any more rest: a group of which each lane is far behind the leading one, once no lane begins again. It
-   keeps its distance from then on. What rests goes on where a person rules a hypothesis out. */
+   keeps its distance from then on. What rests goes on where a person rules a hypothesis out.
+
+   A sensor that sticks does not lead here: while nothing moves it explains whatever is quiet, far better than any other lane,
+   and once the plant moves it is out; what rested by then would not come back. */
 #ifndef FB_REST_H
 #define FB_REST_H
 
@@ -7,16 +10,29 @@
 
 #define TO_REST 100.0 /* nats by which all lanes of a group are less likely than the leading one */
 
-/* Log-likelihood of the likeliest lane of a group that goes on; groups of steps come first, then those of slots. */
-static double most_of_group(Bank *bank, int64_t group)
+/* Log-likelihood of the likeliest of some lanes with a slot; `leading`: without those whose sensor sticks. */
+static double most_of_slots(const Bank *bank, int64_t first, int64_t end, int leading)
 {
     double most = LOWEST;
-    const int64_t slots = group - BLOCKS(N_STEPS), first = (slots < 0 ? group : slots) * GROUP;
-    const int64_t end = slots < 0 ? N_STEPS : SWITCHED;
-    for (int64_t lane = first; lane < first + GROUP && lane < end; lane++) {
-        if (slots < 0 && lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] < 0) continue;
-        most = fmax(most, slots < 0 ? likelihood_of(bank, lane) : finite_or_lowest(*number_of_slot(bank, lane, WIDE_LIKELIHOOD)));
+    for (int64_t lane = first; lane < end; lane++) {
+        if (lane >= N_SLOT_LANES && bank->base[lane - N_SLOT_LANES] < 0) continue;
+        if (leading && SLOT_STICKS[plan_of(bank, lane)]) continue;
+        most = fmax(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
     }
+    return most;
+}
+
+/* The same of a group that may rest; groups of steps come first, then those of slots, then those of couples. */
+static double most_of_group(Bank *bank, int64_t group, int leading)
+{
+    double most = LOWEST;
+    const int64_t slots = group - BLOCKS(N_STEPS), couples = group - FIRST_COUPLES;
+    const int64_t first = (slots < 0 ? group : couples < 0 ? slots : couples) * GROUP;
+    const int64_t all = slots < 0 ? N_STEPS : couples < 0 ? SWITCHED : N_COUPLE_LANES;
+    const int64_t end = first + GROUP < all ? first + GROUP : all, before = couples < 0 ? 0 : N_SLOT_LANES;
+    if (slots >= 0) return most_of_slots(bank, before + first, before + end, leading);
+    for (int64_t lane = first; lane < end; lane++)
+        if (lane < N_PLANNED || bank->grown[(lane - N_PLANNED) / PER_SET] >= 0) most = fmax(most, likelihood_of(bank, lane));
     return most;
 }
 
@@ -24,29 +40,28 @@ static double most_of_group(Bank *bank, int64_t group)
 static double leading_of_bank(Bank *bank)
 {
     double most = LOWEST;
-    for (int64_t group = 0; group < BLOCKS(N_STEPS) + BLOCKS(SWITCHED); group++)
-        if (!bank->rests[group]) most = fmax(most, most_of_group(bank, group));
-    for (int64_t lane = SWITCHED; lane < N_SLOT_LANES; lane++)
-        most = fmax(most, finite_or_lowest(*number_of_slot(bank, lane, WIDE_LIKELIHOOD)));
-    return most;
+    for (int64_t group = 0; group < N_RESTING; group++)
+        if (!bank->rests[group]) most = fmax(most, most_of_group(bank, group, 1));
+    return fmax(most, most_of_slots(bank, SWITCHED, N_SLOT_LANES, 1));
 }
 
 /* Put groups to rest that are far behind. */
 static void put_to_rest(Bank *bank)
 {
     const double least = leading_of_bank(bank) - TO_REST;
-    for (int64_t group = 0; group < BLOCKS(N_STEPS) + BLOCKS(SWITCHED); group++)
-        if (most_of_group(bank, group) < least) bank->rests[group] = 1;
+    for (int64_t group = 0; group < N_RESTING; group++)
+        if (most_of_group(bank, group, 0) < least) bank->rests[group] = 1;
 }
 
 /* Let lanes that rest keep their distance where the leading one has moved on. */
 static void keep_distance(Bank *bank, double moved)
 {
-    for (int64_t group = 0; group < BLOCKS(N_STEPS) + BLOCKS(SWITCHED); group++) {
-        const int64_t slots = group - BLOCKS(N_STEPS);
-        double *of = slots < 0 ? bank->steps[group][PLAIN_LIKELIHOOD] : bank->slots[slots][WIDE_LIKELIHOOD];
+    for (int64_t group = 0; group < N_RESTING; group++) {
+        const int64_t slots = group - BLOCKS(N_STEPS), couples = group - FIRST_COUPLES;
+        double *of = slots < 0 ? bank->steps[group][PLAIN_LIKELIHOOD]
+                   : couples < 0 ? bank->slots[slots][WIDE_LIKELIHOOD] : bank->couples[couples][WIDE_LIKELIHOOD];
         for (int64_t l = 0; l < GROUP && bank->rests[group]; l++)
-            if (slots < 0 || slots * GROUP + l < SWITCHED) of[l] += moved;
+            if (slots < 0 || couples >= 0 || slots * GROUP + l < SWITCHED) of[l] += moved;
     }
 }
 

@@ -102,7 +102,7 @@ static void pass_state(Tape *tape, State *state)
     }
     for (int64_t lane = 0; lane < N_STEPS; lane++)
         pass_numbers(tape, &anything, number_of_step(&state->bank, lane, 0), PLAIN_NUMBERS, GROUP);
-    for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
+    for (int64_t lane = 0; lane < N_WIDE; lane++)
         pass_numbers(tape, &anything, number_of_slot(&state->bank, lane, 0), WIDE_NUMBERS, GROUP);
 }
 
@@ -110,7 +110,7 @@ static void pass_state(Tape *tape, State *state)
 static int64_t saved_size(void)
 {
     int64_t words = 2 + MODEL_WORDS + (int64_t)(sizeof(Past) / 8) + N_STEPS * (int64_t)PLAIN_NUMBERS;
-    words += N_SLOT_LANES * (int64_t)WIDE_NUMBERS + 1;
+    words += N_WIDE * (int64_t)WIDE_NUMBERS + 1;
     for (int64_t k = 0; k < N_FIELDS; k++) words += FIELDS[k].count;
     return 8 * words;
 }
@@ -154,6 +154,7 @@ static int is_of_stage(const uint8_t *bytes, int64_t stage, int64_t lane)
     if (stage == PAIRS) return 1; /* is not asked for there */
     if (stage == SLOTS) return lane < SWITCHED;
     if (stage == RAMPS) return lane >= RAMPED && lane < SWITCHED && (lane - RAMPED) % 2 == 0;
+    if (stage == COUPLES) return lane < N_COUPLE_LANES && EACH(job.bases, lane) >= 0 && EACH(bank.coupled, row_of_lane(lane)) >= 0;
     if (stage != RESERVES) return lane < N_PLANNED;
     return lane >= N_PLANNED && lane < N_STEPS && EACH(bank.grown, (lane - N_PLANNED) / PER_SET) >= 0;
 }
@@ -218,6 +219,7 @@ static int restore_state(State *state, const uint8_t *bytes, int64_t n)
     pass_state(&tape, state);
     fill_last_block(&state->bank);
     fill_up_slots(&state->bank);
+    fill_up_couples(&state->bank);
     return FB_GOOD;
 }
 

@@ -243,9 +243,10 @@ static void run_slots(double (*block)[GROUP], const Trail *trail, int64_t from, 
 /* Let the lanes that fill up the last block repeat its first. */
 static void fill_up_slots(Bank *bank)
 {
-    const int64_t first = (BLOCKS(N_SLOT_LANES) - 1) * GROUP;
-    for (int64_t lane = N_SLOT_LANES; N_SLOT_LANES > 0 && lane < first + GROUP; lane++)
-        for (int64_t i = 0; i < WIDE_NUMBERS; i++) *number_of_slot(bank, lane, i) = *number_of_slot(bank, first, i);
+    if (N_SLOT_LANES == 0) return;
+    double (*block)[GROUP] = bank->slots[(N_SLOT_LANES - 1) / GROUP];
+    for (int64_t l = (N_SLOT_LANES - 1) % GROUP + 1; l < GROUP; l++)
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][0];
 }
 
 /* Put some lanes of vectors into their places in the bank: lane l becomes lane first + l * apart. */

@@ -17,10 +17,14 @@
 
 #define N_LATER (PER_SET * N_GROWN)           /* lanes for sets taken from the reserve */
 #define N_STEPS (N_PLANNED + N_LATER)         /* plain lanes of the bank: steps of parameters, */
-#define N_LANES (N_STEPS + N_SLOT_LANES)      /* then wide ones: all other kinds of fault */
+#define N_COUPLE_LANES (PER_COUPLE * N_COUPLED) /* lanes for couples, see couples.h */
+#define N_WIDE (N_SLOT_LANES + N_COUPLE_LANES)  /* then wide ones: all other kinds of fault, alone and in couples */
+#define N_LANES (N_STEPS + N_WIDE)
 #define N_BEGUN (N_SETS + N_INSTRUMENTS)      /* hypotheses that are tested from the alarm on, */
-#define N_HYPOTHESES (N_BEGUN + N_RESERVE)    /* then those in reserve */
+#define N_HYPOTHESES (N_BEGUN + N_RESERVE + N_MIXED) /* then those in reserve, then instruments with a parameter */
 #define BLOCKS(n) (((n) + GROUP - 1) / GROUP)
+#define FIRST_COUPLES (BLOCKS(N_STEPS) + BLOCKS(SWITCHED))     /* of the groups that may rest, that of the first couples, */
+#define N_RESTING (FIRST_COUPLES + BLOCKS(N_COUPLE_LANES))      /* and how many there are */
 
 #define real double
 #define whole int64_t
@@ -42,17 +46,20 @@ typedef struct {
 typedef double PlainBlock[PLAIN_NUMBERS][GROUP];
 typedef double WideBlock[WIDE_NUMBERS][GROUP];
 
-/* All lanes: of steps (N_PLANNED, then PER_SET of each set that is taken from the reserve), then those with a slot. Lanes
-   that fill up the last block repeat its first. */
+/* All lanes: of steps (N_PLANNED, then PER_SET of each set that is taken from the reserve), then those with a slot (of the
+   plan, then PER_COUPLE of each couple). Lanes that fill up the last block repeat its first. */
 typedef struct {
     PlainBlock steps[FB_ROOM(BLOCKS(N_STEPS))];
     WideBlock slots[FB_ROOM(BLOCKS(N_SLOT_LANES))];
+    WideBlock couples[FB_ROOM(BLOCKS(N_COUPLE_LANES))];
     double sums[2][N_OUTPUTS][FB_ROOM(N_LANES)];  /* of the innovations of each lane, */
     double since[2][N_OUTPUTS][FB_ROOM(N_LANES)]; /* and the sample after which each began */
     double healthy[PLAIN_NUMBERS];                /* the healthy lane before the fault, where there is a reserve */
-    int64_t rests[FB_ROOM(BLOCKS(N_STEPS) + BLOCKS(SWITCHED))]; /* 1: groups of steps, then with a slot, that do not go on */
+    int64_t rests[FB_ROOM(N_RESTING)];            /* 1: groups of steps, with a slot, of couples, that do not go on */
     int64_t onset[FB_ROOM(N_LANES)];              /* sample at which each began */
     int64_t grown[FB_ROOM(N_GROWN)];              /* which sets of the reserve have lanes; -1: not yet */
+    int64_t coupled[FB_ROOM(N_COUPLED)];          /* the same of couples, */
+    int64_t base[FB_ROOM(N_COUPLE_LANES)];        /* and the lane of the plan whose slot each has; -1: it has not begun */
     int64_t rejected[FB_ROOM(N_HYPOTHESES)];      /* 1 where a person has ruled it out */
 } Bank;
 
@@ -93,6 +100,8 @@ typedef struct {
     int64_t wanted[FB_ROOM(N_STEPS)];
     int64_t stands_for[FB_ROOM(N_PLANNED)]; /* lane whose new beginning is that of each; NOT_AGAIN: none */
     double factors[FB_ROOM(N_GROWN)][FB_ROOM(LARGEST_SET)]; /* at which sets of the reserve begin */
+    int64_t bases[FB_ROOM(N_COUPLE_LANES)]; /* lanes of the plan whose slots those of couples get; -1: it does not begin, */
+    double values[FB_ROOM(N_COUPLE_LANES)]; /* and at which factors their parameters begin */
     double most;               /* log-likelihood of the likeliest lane that was begun */
     double heard[MOST_ONSETS]; /* log-likelihood of the likeliest single parameter at each onset; LOWEST: not tried */
     int64_t lane[GROUP];       /* the lanes of the group, */
@@ -150,7 +159,9 @@ static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k)
 
 static inline double *number_of_slot(Bank *bank, int64_t lane, int64_t k)
 {
-    return &bank->slots[lane / GROUP][k][lane % GROUP];
+    WideBlock *blocks = lane < N_SLOT_LANES ? bank->slots : bank->couples;
+    const int64_t at = lane < N_SLOT_LANES ? lane : lane - N_SLOT_LANES;
+    return &blocks[at / GROUP][k][at % GROUP];
 }
 
 static inline double of_step(const Bank *bank, int64_t lane, int64_t k) { return *number_of_step((Bank *)bank, lane, k); }

@@ -9,7 +9,7 @@
 #ifndef FB_WORK_H
 #define FB_WORK_H
 
-#include "growing.h"
+#include "couples.h"
 #include "ramps.h"
 
 /* Samples after the alarm at which the bank begins again from what it has found, at the earliest. */
@@ -28,7 +28,7 @@
 #define TO_BEGIN 8     /* of beginning a group at an onset, in that of a sample */
 
 enum { IDLE, BEGINNING, RENEWING, RENEWING_ALL };             /* kinds of work, */
-enum { SINGLES, SETS, RESERVES, SLOTS, RAMPS, PAIRS, N_STAGES }; /* which lanes it is at, */
+enum { SINGLES, SETS, RESERVES, SLOTS, RAMPS, PAIRS, COUPLES, N_STAGES }; /* which lanes it is at, */
 enum { OPENING, NEAR_ONSETS, CLOSER, CATCHING_UP };           /* and what is done with a group of them */
 
 typedef struct {
@@ -52,7 +52,8 @@ static int64_t lanes_of_stage(Bank *bank, const Job *job, int64_t stage, SlotMem
     if (stage == RESERVES) return begins ? 0 : N_LATER;
     if (stage == SLOTS) return begins ? RAMPED : find_renewed(bank, memory->renewed);
     if (stage == RAMPS) return begins ? N_RAMPS : 0;
-    return begins ? N_PAIRS : 0;
+    if (stage == PAIRS) return begins ? N_PAIRS : 0;
+    return begins ? 0 : N_COUPLE_LANES;
 }
 
 /* Lane number k of the stage, of steps or with a slot, which the group begins; `renewed`: where slots begin again. */
@@ -97,7 +98,7 @@ static void begin_all(State *state, const Trail *trail, int64_t change)
     job->n_singles = N_SINGLE_LANES;
     job->n_wanted = N_PLANNED;
     for (int64_t lane = 0; lane < N_PLANNED; lane++) job->wanted[lane] = lane;
-    for (int64_t k = 0; N_RESERVE > 0 && k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
+    for (int64_t k = 0; N_RESERVE + N_COUPLES > 0 && k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
 }
 
 /* Leave out what lies long before the onsets of all lanes: the work then may take as much longer. */
@@ -222,19 +223,40 @@ static void note_steps(State *state, const Trail *trail, StepMemory *memory)
     }
 }
 
+/* Time since the end of the trail, s. */
+static double since_trail(State *state)
+{
+    double elapsed = 0.0;
+    for (int64_t number = state->job.end + 1; number <= state->clock.index; number++)
+        elapsed += row_of(&state->past, number)->sample[SAMPLE_DT];
+    return elapsed;
+}
+
 /* Note size and rate that the best lanes of some faults have found, as they were at the end of the trail. */
 static void note_slots(State *state, const Renewed *renewed, int64_t n)
 {
     Job *job = &state->job;
-    double elapsed = 0.0; /* since then */
-    for (int64_t number = job->end + 1; number <= state->clock.index; number++)
-        elapsed += row_of(&state->past, number)->sample[SAMPLE_DT];
+    const double elapsed = since_trail(state);
     for (int64_t l = 0; l < GROUP; l++) {
         const int64_t best = renewed[l < n ? l : 0].best;
         job->begins[l] = state->bank.onset[N_STEPS + best];
         job->found[l][1] = *number_of_slot(&state->bank, best, AT_SLOT + 1);
         job->found[l][0] = *number_of_slot(&state->bank, best, AT_SLOT) - job->found[l][1] * elapsed;
     }
+}
+
+/* The same of a group of couples, with the first of which they are chosen; one of which none begins is passed over. */
+static void open_couples(State *state, const Trail *trail, int64_t first)
+{
+    Job *job = &state->job;
+    if (first == 0) choose_couples(&state->bank, trail->old, job);
+    if (list_couples(first, job) == 0) {
+        job->pass = OPENING;
+        job->group++;
+        return;
+    }
+    note_couples(&state->bank, since_trail(state), job);
+    open_search(job, trail);
 }
 
 /* Say which lanes the group has, and let them try onsets. */
@@ -252,6 +274,10 @@ static void open_group(State *state, const Trail *trail, BankMemory *memory)
         return;
     }
     if (job->stage == RESERVES && first == 0) choose_reserve(bank, state->clock.index, job->factors, memory->steps.best);
+    if (job->stage == COUPLES) {
+        open_couples(state, trail, first);
+        return;
+    }
     for (int64_t l = 0; l < GROUP; l++)
         job->lane[l] = job->stage == RAMPS ? drift_of(first + l < n ? first + l : first)
                                            : lane_of_stage(job, first + l < n ? first + l : first, renewed);
@@ -267,6 +293,8 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     const int64_t place = job->search.place[k];
     if (job->stage == RAMPS) {
         begin_ramps(job->group * GROUP, trail, place, job->peak, job->run, job->stays, &memory->slots);
+    } else if (job->stage == COUPLES) {
+        begin_couples(&state->bank, trail, place, job, memory->steps.later, memory->steps.lane, &memory->slots);
     } else if (job->stage == SLOTS) {
         begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
                     &memory->slots);
@@ -278,7 +306,9 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     job->next = job->oldest + place;
 }
 
-static inline int64_t numbers_of_group(const Job *job) { return job->stage >= SLOTS ? WIDE_NUMBERS : PLAIN_NUMBERS; }
+/* Whether the group, which is none of pairs, has slots. */
+static inline int is_wide(const Job *job) { return job->stage == SLOTS || job->stage == RAMPS || job->stage == COUPLES; }
+static inline int64_t numbers_of_group(const Job *job) { return is_wide(job) ? WIDE_NUMBERS : PLAIN_NUMBERS; }
 
 /* Whether lanes of the group are to begin a second time, from what they then know: a jump that is tied to its factor says much
    and is linearised. */
@@ -286,7 +316,7 @@ static int begins_closer(const State *state, const Trail *trail, StepMemory *mem
 {
     const Job *job = &state->job;
     int jumping = 0;
-    if (job->kind == BEGINNING || job->stage >= SLOTS || job->pass == CLOSER) return 0;
+    if (job->kind == BEGINNING || is_wide(job) || job->pass == CLOSER) return 0;
     for (int64_t l = 0; l < GROUP; l++) {
         planned_or_chosen(state, trail, l, &memory->starts[l]);
         jumping |= any_jump(&memory->starts[l]);
@@ -412,10 +442,11 @@ static void put_again(State *state, int64_t l, const Renewed *renewed)
     Job *job = &state->job;
     int64_t changed = -1;
     if (job->stage == RESERVES) changed = replace_grown(bank, job->lane[l], job->run, l) ? job->lane[l] : -1;
+    else if (job->stage == COUPLES) changed = put_couple(bank, job, l);
     else if (job->stage == SLOTS) changed = replace_worst_slot(bank, &renewed[l], job->run, l);
     else if (job->kind == RENEWING) changed = replace_worst(bank, LANE_HYPOTHESIS[job->lane[l]], job->run, l);
     else put_leading(state, l);
-    if (changed >= 0) note_change(state, (job->stage == SLOTS ? N_STEPS : 0) + changed, l);
+    if (changed >= 0) note_change(state, (is_wide(job) ? N_STEPS : 0) + changed, l);
 }
 
 /* Put the group, which is at the sample of now, into the bank. */
@@ -425,11 +456,13 @@ static void put_group(State *state, SlotMemory *memory)
     Bank *bank = &state->bank;
     const int64_t first = job->group * GROUP, n = lanes_of_stage(bank, job, job->stage, memory);
     for (int64_t l = 0; l < in_group(first, n); l++) {
+        if (job->stage == COUPLES && job->lane[l] != first + l) continue; /* repeats another one */
         if (job->kind == BEGINNING) put_first(state, l);
         else put_again(state, l, memory->renewed + first);
     }
     fill_last_block(bank);
     fill_up_slots(bank);
+    fill_up_couples(bank);
 }
 
 /* After all that may come to lead have begun again, the others go on from the best of their hypothesis, as little likely as they
@@ -472,7 +505,8 @@ static void next_group(State *state, SlotMemory *memory)
 /* What a sample costs that the group takes. */
 static inline int64_t cost_of_group(const Job *job)
 {
-    return job->stage > SLOTS ? 2 * WIDE_COST : job->stage == SLOTS ? WIDE_COST : 1;
+    if (job->stage == PAIRS || job->stage == RAMPS) return 2 * WIDE_COST;
+    return is_wide(job) ? WIDE_COST : 1;
 }
 
 /* Let the lanes that run take samples, of a cost of up to `most`; gives what they took. */
@@ -489,7 +523,7 @@ static int64_t run_group(State *state, const Trail *trail, int64_t most, BankMem
         run_ramps(job->run, job->stays, trail, from, from + n, begun, &state->normal, &filters->wide, &memory->slots);
     else if (job->stage == PAIRS)
         run_pairs(job->run, job->best, trail, from, from + n, &state->normal, &filters->wide, &memory->slots);
-    else if (job->stage == SLOTS)
+    else if (is_wide(job))
         run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk, &state->normal,
                   memory->slots.sample, &filters->wide);
     else
@@ -528,7 +562,7 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
 /* What a group is likely to cost, in that of one that is told where to look. */
 static inline int64_t share_of(const Job *job, int64_t stage)
 {
-    if (stage == SLOTS) return (job->kind == BEGINNING ? 4 : 1) * WIDE_COST;
+    if (stage == SLOTS || stage == COUPLES) return (job->kind == BEGINNING ? 4 : 1) * WIDE_COST;
     if (stage == RAMPS) return 8 * WIDE_COST;
     return job->kind == BEGINNING && stage != SETS ? 4 : 1;
 }

@@ -16,16 +16,11 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
         Where there is none, or several.
     """
     wanted = frozenset(components)
-    found = [
-        k
-        for k, chosen in enumerate(map(spec.members, range(spec.n_hypotheses)))
-        if wanted
-        in (
-            frozenset(spec.parameters[i].component for i in chosen),
-            frozenset(spec.parameters[i].name for i in chosen),
-        )
-    ]
-    found += [k for k, item in enumerate(spec.instruments, len(spec.hypotheses)) if wanted == {item.name}]
+    found = []
+    for k in range(spec.n_hypotheses):
+        owners = frozenset(spec.parameters[i].component for i in spec.members(k)) | _instrument(spec, k)
+        if wanted in (owners, hypothesis_names(spec, k)):
+            found.append(k)
     if len(found) == 1:
         return found[0]
     words = ", ".join(components)
@@ -37,15 +32,17 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
 
 
 def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
-    """Give the parameters of a hypothesis, or its sensor or input."""
-    members = spec.members(hypothesis)
-    if members:
-        return frozenset(spec.parameters[i].name for i in members)
-    return frozenset({spec.instruments[hypothesis - len(spec.hypotheses)].name})
+    """Give the parameters of a hypothesis, and its sensor or input."""
+    return frozenset(spec.parameters[i].name for i in spec.members(hypothesis)) | _instrument(spec, hypothesis)
+
+
+def _instrument(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
+    instrument = spec.instrument_in(hypothesis)
+    return frozenset() if instrument is None else frozenset({instrument.name})
 
 
 def candidate_names(candidate: Candidate) -> frozenset[str]:
-    """Give the parameters of a candidate, or its sensor or input."""
+    """Give the parameters of a candidate, and its sensor or input."""
     return frozenset(name.partition(".")[0] for name in candidate.parameters)
 
 

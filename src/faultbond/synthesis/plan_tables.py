@@ -8,6 +8,7 @@ from textwrap import fill
 
 import numpy as np
 
+from faultbond.contract.couples import PER_COUPLE, n_coupled, plan_couples
 from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
@@ -33,7 +34,12 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "N_RESERVE": len(spec.reserve),
         "N_GROWN": n_grown(spec),
         "PER_SET": PER_SET,
-        "LARGEST_SET": max(map(len, (*spec.hypotheses, *spec.reserve)), default=1),
+        "N_MIXED": len(spec.mixed),
+        "N_COUPLES": len(plan_couples(spec)),
+        "MOST_MIXED": n_coupled(spec)[0],
+        "N_COUPLED": sum(n_coupled(spec)),
+        "PER_COUPLE": PER_COUPLE,
+        "LARGEST_SET": max(map(len, (*spec.hypotheses, *spec.reserve, *spec.mixed)), default=1),
         "MOST_LIMITS": max((len(item.limits) for item in spec.parameters), default=0),
         "N_PLANNED": plan_lanes(spec).n_lanes,
         "N_SINGLE_LANES": int(np.sum(plan_lanes(spec).sizes[plan_lanes(spec).hypothesis] == 1)),
@@ -69,6 +75,7 @@ def plan_tables(spec: EngineSpec) -> Iterable[str]:
     yield from _hypothesis_tables(spec)
     yield from _lane_tables(spec)
     yield from _slot_tables(spec)
+    yield from _couple_tables(spec)
     yield from _check_tables(spec)
 
 
@@ -105,7 +112,8 @@ def _hypothesis_tables(spec: EngineSpec) -> Iterable[str]:
     yield from ragged_table("RESERVE", spec.reserve, "MEMBER")
     own = [settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments]
     sizes = [settings.cost_per_suspect * len(chosen) for chosen in spec.hypotheses]
-    yield numbers("COST", [*sizes, *own, *spec.reserve_costs])
+    mixed = [settings.cost_per_suspect + own[instrument] for instrument, _ in spec.mixed]
+    yield numbers("COST", [*sizes, *own, *spec.reserve_costs, *mixed])
     found = [entry for parts in extensions(spec) for entry in zip(*parts, strict=True)]
     yield f"#define N_EXTENSIONS {len(found)}"
     yield integers("EXTENSION_RESERVE", (row for row, _, _ in found))
@@ -132,6 +140,12 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
         yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
     for name in ("size", "size_sd", "rate", "rate_sd", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
+
+
+def _couple_tables(spec: EngineSpec) -> Iterable[str]:
+    couples = plan_couples(spec)
+    for name in ("slot", "parameter", "hypothesis"):
+        yield integers(f"COUPLE_{name.upper()}", (getattr(item, name) for item in couples))
 
 
 def _check_tables(spec: EngineSpec) -> Iterable[str]:

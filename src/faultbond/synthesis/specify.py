@@ -66,6 +66,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
         reserve=reserve,
+        coupled=graph.max_faults > 1,
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)

@@ -1,0 +1,336 @@
+/* Couples: a fault with a slot and a parameter that changed beside it, as a sensor that is off and a valve that sticks, or a
+   pipe that fouls and a pump that lost head at once.
+
+   A lane with a slot has all parameters too, each with its narrow prior. So the closed form of growing.h holds for it: what it
+   would gain if one of them were a suspect as well. That tells which couples with an instrument are tested, MOST_MIXED of
+   them, at the times at which sets of the reserve are chosen anew. Of drifts beside a step those are tested whose parameters
+   explain most as steps: so they first look. A lane of a couple has the slot of a lane of the plan, its `base`, and a wide
+   start of the parameter. Not the kinds that scatter or come and go.
+
+   Lanes of a couple: the likeliest base; the likeliest base of another kind of fault, since a sensor that reads too much may
+   look stuck while nothing moves, or where there is none the first again, with the parameter at its healthy value; and of a
+   store the first again, with its content going on. A lane that is begun again keeps what is likelier. */
+#ifndef FB_COUPLES_H
+#define FB_COUPLES_H
+
+#include "growing.h"
+#include "slots.h"
+
+enum { LIKELIEST, SECOND, JUMPING };
+
+/* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
+   base and another one (-1: none), what these say, and where the parameter begins. */
+typedef struct {
+    int64_t couple, row, base[2];
+    double score, said[2], value[2];
+} Match;
+
+/* Lane of a row, and the row of a lane, of couples. */
+static inline int64_t lane_of_couple(int64_t row, int64_t part) { return part * N_COUPLED + row; }
+static inline int64_t row_of_lane(int64_t lane) { return lane % FB_ROOM(N_COUPLED); }
+static inline int64_t part_of_lane(int64_t lane) { return lane / FB_ROOM(N_COUPLED); }
+
+/* The couple that a lane is of; -1: it is one of the plan, or none has it. The lane of the plan whose slot it has. */
+static inline int64_t couple_of(const Bank *bank, int64_t lane)
+{
+    return lane < N_SLOT_LANES ? -1 : bank->coupled[row_of_lane(lane - N_SLOT_LANES)];
+}
+
+static inline int64_t plan_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_SLOT_LANES) return lane;
+    return bank->base[lane - N_SLOT_LANES] < 0 ? 0 : bank->base[lane - N_SLOT_LANES];
+}
+
+/* The parameter beside the slot of a lane of couples. */
+static inline int parameter_of(const Bank *bank, int64_t lane) { return COUPLE_PARAMETER[bank->coupled[row_of_lane(lane)]]; }
+
+/* Whether a parameter is one of a store, whose content may go on where it changes. */
+static int is_of_store(int index)
+{
+    for (int64_t e = 0; e < JUMP_ROW[N_STATES]; e++)
+        if (JUMP_PARAMETER[e] == index && HEALTHY[index] != 0.0) return 1;
+    return 0;
+}
+
+/* What lane k of the plan would say with one more suspect, and where that begins. old: see `Trail`, or NULL. */
+static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
+{
+    const int64_t place = AT_PARAMETERS + index;
+    const double *healthy = SLOT_OLD[k] && old ? old : bank->healthy;
+    double change;
+    const double gain = gain_from(healthy, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
+    *value = healthy[place] + change;
+    return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
+}
+
+/* The best two bases of a couple; with an instrument, of two kinds of fault. */
+static void find_bases_of(Bank *bank, const double *old, Match *match)
+{
+    match->base[0] = match->base[1] = -1;
+    match->said[0] = match->said[1] = -INFINITY;
+    for (int64_t k = 0; k < SWITCHED; k++) {
+        double value;
+        if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple]) continue;
+        if (SLOT_KIND[k] == KIND_NOISE || SLOT_KIND[k] == KIND_RAMP) continue; /* what stays follows from what moves */
+        const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
+        const int alike = match->couple < N_MIXED && match->base[0] >= 0 && SLOT_KIND[match->base[0]] == SLOT_KIND[k];
+        const int first = said > match->said[0];
+        if (!first && (alike || !(said > match->said[1]))) continue;
+        if (first && !alike) {
+            match->base[1] = match->base[0];
+            match->said[1] = match->said[0];
+            match->value[1] = match->value[0];
+        }
+        match->base[!first] = k;
+        match->said[!first] = said;
+        match->value[!first] = value;
+    }
+}
+
+/* Likelihood of a lane of a couple with the weight of its slot; -inf: it has not begun, or says nothing. */
+static double said_by_couple(Bank *bank, int64_t lane)
+{
+    const double likelihood = bank->base[lane] < 0 ? -INFINITY : likelihood_of_slot(bank, N_SLOT_LANES + lane);
+    return isfinite(likelihood) ? likelihood + SLOT_WEIGHT[bank->base[lane]] : -INFINITY;
+}
+
+/* The likeliest lane of a row. */
+static int64_t likeliest_of_couple(Bank *bank, int64_t row)
+{
+    int64_t best = lane_of_couple(row, 0);
+    for (int64_t part = 1; part < PER_COUPLE; part++)
+        if (said_by_couple(bank, lane_of_couple(row, part)) > said_by_couple(bank, best)) best = lane_of_couple(row, part);
+    return best;
+}
+
+/* The row of a couple that has lanes which say something; -1: none. */
+static int64_t row_of_couple(Bank *bank, int64_t couple)
+{
+    for (int64_t row = 0; row < N_COUPLED; row++)
+        if (bank->coupled[row] == couple && said_by_couple(bank, likeliest_of_couple(bank, row)) > -INFINITY) return row;
+    return -1;
+}
+
+/* The likeliest lane of steps of both parameters, of a drift beside a step; -1: none is tested. */
+static int64_t lane_of_steps(Bank *bank, int64_t couple)
+{
+    const int64_t set = COUPLE_HYPOTHESIS[couple];
+    if (set < N_SETS) return likeliest_lane(bank, set);
+    const int64_t row = set < N_BEGUN + N_RESERVE ? row_of_set(bank, set - N_BEGUN) : -1;
+    return row < 0 ? -1 : likeliest_of_row(bank, row);
+}
+
+/* Let a drift beside a step count by what both say as steps, if that is more, and the step begin where these are. */
+static void match_steps(Bank *bank, Match *match)
+{
+    const int64_t lane = lane_of_steps(bank, match->couple);
+    if (lane < 0 || match->base[0] < 0 || !(likelihood_or_none(bank, lane) > match->said[0])) return;
+    match->said[0] = likelihood_or_none(bank, lane);
+    match->value[0] = match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
+}
+
+/* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. */
+static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, Match *chosen)
+{
+    int64_t n = 0;
+    for (int64_t couple = first; couple < end; couple++) {
+        Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
+        if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
+        find_bases_of(bank, old, &match);
+        match_steps(bank, &match);
+        match.row = row_of_couple(bank, couple);
+        const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
+        match.score = said - COST[COUPLE_HYPOTHESIS[couple]];
+        if (!(match.score > -INFINITY)) continue;
+        int64_t at = n;
+        while (at > 0 && match.score > chosen[at - 1].score) at--;
+        if (at == most) continue;
+        if (n < most) n++;
+        for (int64_t k = n - 1; k > at; k--) chosen[k] = chosen[k - 1];
+        chosen[at] = match;
+    }
+    return n;
+}
+
+/* Say what lanes of a couple begin: of one that has lanes, the likeliest from what it has found, where it is, and another kind
+   in the place of the other. */
+static void plan_match(Bank *bank, const Match *match, Job *job)
+{
+    const int64_t best = likeliest_of_couple(bank, match->row), own = bank->base[best], part = part_of_lane(best);
+    const int place = AT_PARAMETERS + COUPLE_PARAMETER[match->couple];
+    const int64_t base = own < 0 ? match->base[0] : own;
+    const double value = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
+    const int other = match->base[0] >= 0 && match->base[0] != base && SLOT_KIND[match->base[0]] != SLOT_KIND[base] ? 0 : 1;
+    const int is_alone = match->base[other] < 0 || match->base[other] == base;
+    for (int64_t k = LIKELIEST; k <= SECOND; k++) {
+        const int64_t lane = lane_of_couple(match->row, k);
+        const int is_first = own < 0 || part == JUMPING ? k == LIKELIEST : k == part;
+        job->bases[lane] = is_first || is_alone ? base : match->base[other];
+        job->values[lane] = is_first ? value : is_alone ? bank->healthy[place] : match->value[other];
+    }
+    if (!is_of_store(COUPLE_PARAMETER[match->couple])) return;
+    job->bases[lane_of_couple(match->row, JUMPING)] = base;
+    job->values[lane_of_couple(match->row, JUMPING)] = value;
+}
+
+/* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
+static void choose_couples(Bank *bank, const double *old, Job *job)
+{
+    Match chosen[FB_ROOM(N_COUPLED)];
+    const int64_t n_mixed = match_couples(bank, 0, N_MIXED, MOST_MIXED, old, chosen);
+    const int64_t n = n_mixed + match_couples(bank, N_MIXED, N_COUPLES, N_COUPLED - MOST_MIXED, old, chosen + n_mixed);
+    for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
+    for (int64_t row = 0; row < N_COUPLED; row++) {
+        int is_kept = 0;
+        for (int64_t k = 0; k < n; k++) is_kept |= chosen[k].row == row;
+        if (is_kept) continue;
+        bank->coupled[row] = -1;
+        for (int64_t part = 0; part < PER_COUPLE; part++) bank->base[lane_of_couple(row, part)] = -1;
+    }
+    for (int64_t k = 0; k < n; k++) {
+        for (int64_t row = 0; chosen[k].row < 0 && row < N_COUPLED; row++)
+            if (bank->coupled[row] < 0) chosen[k].row = row;
+        bank->coupled[chosen[k].row] = chosen[k].couple;
+        plan_match(bank, &chosen[k], job);
+    }
+}
+
+/* List the lanes of a group that begin; others repeat the first of these. Gives how many do. */
+static int64_t list_couples(int64_t first, Job *job)
+{
+    int64_t n = 0, one = -1;
+    for (int64_t lane = first; lane < first + GROUP && lane < N_COUPLE_LANES; lane++) {
+        if (job->bases[lane] < 0) continue;
+        if (one < 0) one = lane;
+        n++;
+    }
+    for (int64_t l = 0; l < GROUP; l++)
+        job->lane[l] = first + l < N_COUPLE_LANES && job->bases[first + l] >= 0 ? first + l : one;
+    return n;
+}
+
+/* The onset at which the best step of a single parameter began; where that is not tested, another one. */
+static int64_t onset_of_single(Bank *bank, int index, int64_t other)
+{
+    for (int64_t set = 0; set < N_SETS; set++)
+        if (SET_ROW[set + 1] - SET_ROW[set] == 1 && SET_MEMBER[SET_ROW[set]] == index) return bank->onset[likeliest_lane(bank, set)];
+    return other;
+}
+
+/* Note from which onsets the lanes of a group begin, near those of the slot or of the parameter by itself, and what the slots
+   that begin again have found, as it was `elapsed` seconds ago. */
+static void note_couples(Bank *bank, double elapsed, Job *job)
+{
+    for (int64_t l = 0; l < GROUP; l++) {
+        const int64_t lane = job->lane[l], base = job->bases[lane];
+        const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
+        job->begins[l] = bank->onset[N_STEPS + from];
+        if (part_of_lane(lane) != LIKELIEST) job->begins[l] = onset_of_single(bank, parameter_of(bank, lane), job->begins[l]);
+        job->found[l][1] = of_slot(bank, from, AT_SLOT + 1);
+        job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
+    }
+}
+
+/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
+static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
+{
+    const int64_t row = row_of_lane(lane);
+    return part_of_lane(lane) != JUMPING && job->bases[lane_of_couple(row, LIKELIEST)] == job->bases[lane_of_couple(row, SECOND)] &&
+           job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
+}
+
+/* Whether a lane begins again with the slot that it has. */
+static int is_again(const Bank *bank, const Job *job, int64_t lane) { return bank->base[lane] == job->bases[lane]; }
+
+/* Let the parameter of a lane be a suspect in a plain lane; healthy: that to which starts are relative. */
+static void suspect_too(const Bank *bank, const Job *job, int64_t lane, const double *healthy, double *plain, double *to)
+{
+    Start start;
+    start.n = 1;
+    start.parameter[0] = parameter_of(bank, lane);
+    start.tied = is_again(bank, job, lane);
+    start_about(start.parameter[0], job->values[lane], is_neutral(bank, job, lane) ? FROM_HEALTHY : AS_FOUND, healthy,
+                &start.value[0], &start.sd[0]);
+    for (int i = 0; i < N_STATES; i++) {
+        start.jumps[i] = 0;
+        for (int e = JUMP_ROW[i]; part_of_lane(lane) == JUMPING && e < JUMP_ROW[i + 1]; e++)
+            start.jumps[i] |= JUMP_PARAMETER[e] == start.parameter[0];
+    }
+    suspect_lane(&start, plain, to);
+}
+
+/* Begin a group of lanes of couples at an onset. */
+static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, Job *job, double *lane_of_old, double *plain,
+                          SlotMemory *memory)
+{
+    SlotStart *start = &memory->start;
+    double elapsed = 0.0; /* to the end of the trail */
+    for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
+    memset(&job->walk, 0, sizeof job->walk);
+    prepare_slots(trail, before_onset(trail, onset), onset, NULL, memory);
+    if (trail->old) unlearned(start->healthy, trail->old, lane_of_old);
+    else memcpy(lane_of_old, start->healthy, sizeof start->healthy);
+    for (int l = 0; l < GROUP; l++) {
+        const int64_t lane = job->lane[l], base = job->bases[lane];
+        suspect_too(bank, job, lane, start->healthy, SLOT_OLD[base] ? lane_of_old : start->healthy, plain);
+        widen(plain, SLOT_OLD[base] ? start->old : start->wide);
+        begin_slot(base, trail, job->peak, start, job->run, l);
+        if (!is_renewed(base) || !is_again(bank, job, lane)) continue;
+        job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
+        job->run[AT_SLOT + 1][l] = job->found[l][1];
+    }
+}
+
+/* Put lane l of a group into the bank, if it is likelier than what is there; gives the lane of the bank, -1: it is not. */
+static int64_t put_couple(Bank *bank, Job *job, int64_t l)
+{
+    const int64_t lane = job->lane[l], base = job->bases[lane];
+    const double said = job->run[WIDE_LIKELIHOOD][l] + SLOT_WEIGHT[base];
+    if (!isfinite(said) || !(said > said_by_couple(bank, lane))) return -1;
+    put_slot(bank, N_SLOT_LANES + lane, job->run, l);
+    bank->base[lane] = base;
+    return N_SLOT_LANES + lane;
+}
+
+/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
+static void fill_up_couples(Bank *bank)
+{
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        int64_t one = -1;
+        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
+            if (bank->base[first + l] >= 0) one = l;
+        for (int64_t l = 0; l < GROUP && one >= 0; l++)
+            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
+                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
+    }
+}
+
+/* Whether any lane of a block has begun. */
+static int any_couple(const Bank *bank, int64_t block)
+{
+    for (int64_t lane = block * GROUP; lane < N_COUPLE_LANES && lane < (block + 1) * GROUP; lane++)
+        if (bank->base[lane] >= 0) return 1;
+    return 0;
+}
+
+/* Take one more packed sample into the lanes of couples; innovations: as of `advance_slots`, 0 and 1 of those that have not
+   begun, or rest. */
+static void advance_couples(Bank *bank, const double *packed, const Normal *normal, double *innovations, int64_t stride,
+                            Filter_wide *filter, SlotMemory *memory)
+{
+    bank_sample(packed, memory->sample);
+    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++)
+        for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) innovations[i * stride + lane] = i < N_OUTPUTS ? 0.0 : 1.0;
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += FB_LANES) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        if (bank->rests[FIRST_COUPLES + first / GROUP] || !any_couple(bank, first / GROUP)) continue;
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + first % GROUP);
+        step_wide(filter->lane, memory->sample, normal, filter);
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) store(block[i] + first % GROUP, filter->lane[i]);
+        put_innovations(filter->innovations, first, 1, in_block(first, N_COUPLE_LANES), innovations, stride);
+    }
+}
+
+#endif
