@@ -15,7 +15,7 @@
 #define COLUMNS (2 + N_INPUTS + N_OUTPUTS)
 #define MOST_ROWS 20000
 #define WILD_RUN 10000 /* samples */
-#define INDEFINITE 1e-9 /* part of a variance that rounding may take off */
+#define LEAST_PIVOT (-1e-9) /* part of a variance that rounding may take off */
 
 typedef struct {
     State *state;
@@ -165,7 +165,7 @@ static void check(const Drive *drive)
             fail("variance of the healthy filter");
         }
     }
-    if (drive->is_strict && is_told(drive->state) && !(least_pivot(drive->state->healthy.lane) >= -INDEFINITE))
+    if (drive->is_strict && is_told(drive->state) && !(least_pivot(drive->state->healthy.lane) >= LEAST_PIVOT))
         fail("the healthy covariance is not definite");
     if (report->due) check_diagnosis(drive, &drive->found);
 }

@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-#define FARTHEST_DRIFT 50.0 /* nominals, or changes of what is nominally zero, that a drift is followed over a gap */
+#define FARTHEST_DRIFT 10.0 /* nominals, or changes of what is nominally zero, that a drift is followed over a gap */
 
 /* Memory of the filters, apart from the stack. */
 typedef struct {
@@ -30,9 +30,9 @@ static int drifts(const Normal *normal)
     return 0;
 }
 
-/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. None leaves its range, and none becomes less
-   certain than FARTHEST_DRIFT: after a gap without end its variance would be 1e30 and more, of which rounding alone is more
-   than the readings then leave of it, and the covariance would no longer be one. */
+/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. None leaves its range, goes farther than
+   FARTHEST_DRIFT, or becomes less certain than that: after a gap without end one without a range would be anywhere, with a
+   variance of 1e30 and more, of which rounding alone is more than the readings then leave of it. */
 static void drift_on(const Normal *normal, double dt, lanes *lane, int n_joint)
 {
     for (int k = 0; k < N_PARAMETERS; k++) {

@@ -11,12 +11,13 @@
 
 #define ACCEPTED_WANDER 0.5 /* of what an accepted drift moves in a sample, the parameter may move otherwise */
 #define MOST_NOISE 0.25     /* of the variance of a blanked sensor: one accepted with more would count as such */
+#define INDEFINITE 1e-6     /* part of a variance that rounding may take off it, and it is still one */
 
 /* Why nothing was accepted or rejected; the state is then as it was. */
 enum {
     NO_ALARM = -1,         /* there is nothing to explain */
     NO_SUCH_NUMBER = -2,   /* no hypothesis has it */
-    NOT_LISTED = -3,       /* it is not among the candidates, or nothing is left of its lane that is a number */
+    NOT_LISTED = -3,       /* it is not among the candidates, or its lane has run away */
     REJECTED_ALREADY = -4, /* alone, or with a set that it contains */
     LAST_ONE = -5,         /* all that are left contain it */
 };
@@ -40,10 +41,24 @@ static int candidate_of(const State *state, int64_t hypothesis, Candidate *candi
 static int is_left(const Bank *bank, int64_t lane)
 {
     const int64_t count = lane < N_STEPS ? PLAIN_NUMBERS : WIDE_NUMBERS;
-    int found = 1;
     for (int64_t k = 0; k < count; k++)
-        found &= isfinite(lane < N_STEPS ? of_step(bank, lane, k) : of_slot(bank, lane - N_STEPS, k)) != 0;
-    return found;
+        if (!isfinite(lane < N_STEPS ? of_step(bank, lane, k) : of_slot(bank, lane - N_STEPS, k))) return 0;
+    return 1;
+}
+
+/* Whether the covariance of a plain lane is one: knowing some of its numbers leaves no other less than certain, but for
+   rounding. Of states beyond all sense rounding may leave none. Elimination of one number after the other; `left`: memory. */
+static int is_definite(const double *lane, double *left)
+{
+    memcpy(left, lane, PLAIN_NUMBERS * sizeof *left);
+    for (int k = 0; k < PLAIN_JOINT; k++) {
+        const double own = lane[PLAIN_PLACE(k, k)], rest = left[PLAIN_PLACE(k, k)];
+        if (!(rest >= -INDEFINITE * own)) return 0;
+        for (int i = k + 1; rest > INDEFINITE * own && i < PLAIN_JOINT; i++)
+            for (int j = i; j < PLAIN_JOINT; j++)
+                left[PLAIN_PLACE(i, j)] -= left[PLAIN_PLACE(k, i)] / rest * left[PLAIN_PLACE(k, j)];
+    }
+    return 1;
 }
 
 /* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
@@ -99,18 +114,15 @@ static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     if (failure) return failure;
     score_all(state, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
     const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
-    double *healthy = state->healthy.lane;
-    if (!is_left(&state->bank, lane)) return NOT_LISTED;
-    if (slot < 0) {
-        for (int64_t k = 0; k < PLAIN_NUMBERS; k++) healthy[k] = of_step(&state->bank, lane, k);
-    } else {
-        absorb(state, slot, candidate->suspects[0].estimate);
-        for (int64_t k = 0; k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
-        const int64_t of_plan = plan_of(&state->bank, slot);
-        narrow(memory->wide, SLOT_ACTS[of_plan], SLOT_PARAMETER[of_plan], healthy);
-    }
-    memcpy(state->normal.lane, healthy, sizeof state->normal.lane);
-    memcpy(row_of(&state->past, last)->lane, healthy, sizeof state->normal.lane);
+    const int64_t of_plan = slot < 0 ? 0 : plan_of(&state->bank, slot);
+    for (int64_t k = 0; slot < 0 && k < PLAIN_NUMBERS; k++) memory->plain[k] = of_step(&state->bank, lane, k);
+    for (int64_t k = 0; slot >= 0 && k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
+    if (slot >= 0) narrow(memory->wide, SLOT_ACTS[of_plan], SLOT_PARAMETER[of_plan], memory->plain);
+    if (!is_left(&state->bank, lane) || !is_definite(memory->plain, memory->left)) return NOT_LISTED;
+    if (slot >= 0) absorb(state, slot, candidate->suspects[0].estimate);
+    memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
+    memcpy(state->normal.lane, memory->plain, sizeof memory->plain);
+    memcpy(row_of(&state->past, last)->lane, memory->plain, sizeof memory->plain);
     state->clock.alarm = -1;
     state->clock.accepted = last;
     begin_sums(&state->sensors, (double)last);

@@ -8,7 +8,7 @@
 typedef struct {
     Ranking ranking;
     Hidden hidden;
-    double wide[WIDE_NUMBERS]; /* a lane that is accepted */
+    double wide[WIDE_NUMBERS], plain[PLAIN_NUMBERS], left[PLAIN_NUMBERS]; /* a lane that is accepted */
 } RankingMemory;
 
 #define FRESH 30       /* samples for which sums that began anew tell nothing; twice as many where the lanes had just begun */

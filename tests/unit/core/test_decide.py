@@ -9,7 +9,7 @@ from diagnosed import N_P, SPEC, Diagnosed
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import SlotLane, plan_slots
-from faultbond.contract.spec import unpack
+from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.types import FaultKind
 
 WIDE, SLOTS, STEPS = SPEC.slotted, plan_slots(SPEC).lanes, plan_lanes(SPEC)
@@ -31,10 +31,17 @@ def state() -> Diagnosed:
     return state
 
 
+def any_lane(spec: EngineSpec, seed: int) -> FloatArray:
+    """Any numbers of a lane, with a covariance."""
+    generator = np.random.default_rng(seed)
+    numbers, root = generator.normal(size=spec.n_numbers), generator.normal(size=(spec.n_joint, spec.n_joint))
+    numbers[spec.covariance_slice] = pack(root @ root.T)
+    return numbers
+
+
 def slot_lane(state: Diagnosed, lane: int, size: float, rate: float) -> FloatArray:
     """Write any numbers to a lane with a slot, and let it explain the data."""
-    generator = np.random.default_rng(lane)
-    numbers = generator.normal(size=WIDE.n_numbers)
+    numbers = any_lane(WIDE, lane)
     numbers[WIDE.slot_slice] = size, rate
     state.write("slot", lane, numbers)
     state.only(state.n_steps + lane)
@@ -78,7 +85,7 @@ def test_the_lane_of_a_step_becomes_the_healthy_one(state: Diagnosed) -> None:
     """An accepted set of parameters goes on as its likeliest lane; nothing is wrong with instruments."""
     hypothesis = N_SETS - 1
     lane = int(np.flatnonzero(STEPS.hypothesis == hypothesis)[3])
-    numbers = np.random.default_rng(1).normal(size=SPEC.n_numbers)
+    numbers = any_lane(SPEC, 1)
     state.write("step", lane, numbers)
     state.only(lane)
     before = normal(state)
@@ -162,6 +169,23 @@ def test_a_lane_that_ran_away_is_not_accepted(state: Diagnosed, what: str) -> No
         before = state.state.copy()
         assert state.decide("accept", hypothesis)[0] == NOT_LISTED
         assert np.array_equal(before.view(np.int64), state.state.view(np.int64))
+
+
+@pytest.mark.parametrize("what", ["step", "slot"])
+def test_a_lane_whose_covariance_is_none_is_not_accepted(state: Diagnosed, what: str) -> None:
+    """Where the numbers of a lane go together more than exactly, but for rounding, it is not made the healthy filter."""
+    bias = next(k for k, item in enumerate(SLOTS) if item.kind is FaultKind.BIAS and item.output >= 0)
+    spec, place = (WIDE, bias) if what == "slot" else (SPEC, 0)
+    hypothesis = SLOTS[bias].hypothesis if what == "slot" else int(STEPS.hypothesis[0])
+    state.only(place + state.n_steps * (what == "slot"))
+    full = np.diag(np.random.default_rng(2).uniform(1e-9, 1e9, spec.n_joint))
+    for correlation, answer in ((-1.01, NOT_LISTED), (1.00001, NOT_LISTED), (1.0 + 1e-8, 0)):
+        full[0, 1] = full[1, 0] = correlation * np.sqrt(full[0, 0] * full[1, 1])
+        for k, number in enumerate(pack(full)):
+            state.lane(what, place)[spec.n_joint + k] = number
+        before = state.state.copy()
+        assert state.decide("accept", hypothesis)[0] == answer
+        assert np.array_equal(before.view(np.int64), state.state.view(np.int64)) == (answer != 0)
 
 
 def test_with_a_set_all_fall_that_contain_it(state: Diagnosed) -> None:

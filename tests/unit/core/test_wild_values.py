@@ -50,6 +50,7 @@ void t_doubt(State *state, const double *apart, double *packed)
 int64_t t_alarm(State *state, const double *likelihood)
 {
     state->clock.alarm = 7;
+    state->sure.since = 5;
     for (int64_t k = 0; k < N_STEPS; k++) *number_of_step(&state->bank, k, PLAIN_LIKELIHOOD) = NAN;
     for (int64_t k = 0; k < N_SLOT_LANES; k++) *number_of_slot(&state->bank, k, WIDE_LIKELIHOOD) = NAN;
     *number_of_step(&state->bank, 1, PLAIN_LIKELIHOOD) = *likelihood;
@@ -337,6 +338,7 @@ def test_an_alarm_of_which_nothing_is_left_ends() -> None:
         core["clock.detections"] = 1
         assert core.call("t_alarm", np.array([likelihood])) == -1
         assert core["clock.detections"][0] == 1
+        assert core["sure.since"][0] == -1
         assert not core.lane(1).any()
 
 
@@ -354,11 +356,12 @@ def drifted(rate: float, wander: float, dt: float, start: float = 1.0, sd: float
 
 
 def test_a_drift_is_followed_as_far_as_a_parameter_goes() -> None:
-    """Over a sample it moves by its rate, and is less certain by that; over any gap no farther than its range."""
+    """Over a sample it moves by its rate, and is less certain by that; over no gap farther than its range, or 10."""
     assert drifted(1e-3, 5e-4, 0.5) == (1.0 + 1e-3 * 0.5, 0.1**2 + (5e-4 * 0.5) ** 2)
-    assert drifted(-4.0, 2.0, 1e9) == pytest.approx((0.02, 0.1**2 + 25.0**2))
-    assert drifted(4.0, 2.0, 1e9) == pytest.approx((50.0, 0.1**2 + 25.0**2))
-    assert drifted(1e-3, 4.0, 1e9) == pytest.approx((1.0 + 1e-3 * 50.0 / 4.0, 50.0**2))
-    assert drifted(0.0, 0.3, 1e300) == pytest.approx((1.0, 50.0**2))
+    assert drifted(4.0, 2.0, 1e9) == pytest.approx((11.0, 0.1**2 + 5.0**2))
+    assert drifted(4.0, 2.0, 1e9, start=45.0) == pytest.approx((50.0, 0.1**2 + 5.0**2))
+    assert drifted(-4.0, 2.0, 1e9) == pytest.approx((0.02, 0.1**2 + 5.0**2))
+    assert drifted(0.0, 0.3, 1e300) == pytest.approx((1.0, 10.0**2))
+    assert drifted(4.0, 2.0, 1e9, sd=9.9) == pytest.approx((11.0, 10.0**2))
     assert drifted(1e-3, 2.0, 0.5, sd=60.0) == (1.0 + 1e-3 * 0.5, 60.0**2)
     assert drifted(0.0, 0.0, 1e9) == (1.0, 0.1**2)
