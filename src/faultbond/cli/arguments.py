@@ -200,6 +200,7 @@ def _add_simulate(verbs: Subparsers) -> None:
             inputs=arguments.inputs,
             faults=tuple(parse_fault(text) for text in arguments.fault),
             seed=arguments.seed,
+            noise=not arguments.no_noise,
             imperfections=Imperfections(spread=arguments.spread, lag=arguments.lag, curve=arguments.curve),
             start=dict(arguments.start),
             output=arguments.output,
@@ -221,6 +222,7 @@ def _add_simulate(verbs: Subparsers) -> None:
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
     add("--seed", metavar="N", type=_seed, help="make the noise repeatable")
+    add("--no-noise", action="store_true", help="sensors and inputs show what is, without the noise of the model")
     add(
         "--start",
         metavar="STATE=VALUE",

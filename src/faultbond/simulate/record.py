@@ -12,6 +12,7 @@ from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, IntegrationMethod, Integrator, Segments
 from faultbond.simulate.truth import Effects, Fault, check_faults, healthy_parameters, name_hint, true_parameters
+from faultbond.types import FaultKind
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
@@ -97,6 +98,7 @@ def simulate(
     faults: Sequence[Fault] = (),
     *,
     seed: int | None = 0,
+    noise: bool = True,
     effects: Effects | None = None,
     start: Mapping[str, float] | None = None,
 ) -> Simulation:
@@ -111,6 +113,7 @@ def simulate(
     inputs : what is fed in, or who decides it
     faults : of parameters and instruments; a fault of an instrument acts from the first row after its time on
     seed : of the noise and of `Effects.spread`; None: no noise, no spread
+    noise : whether sensors and inputs have the noise that the model declares
     effects : imperfections that the model leaves out; default none
     start : SI value by state (`tank.q`); a state that is not named begins at the model's `start`, else at 0, and what
         lags where it settles
@@ -127,12 +130,16 @@ def simulate(
     if time.ndim != 1 or not time.size or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
         raise ModelError(f"{graph.file}: the times of the inputs must be finite and increase from row to row")
     check_faults(graph, faults, float(time[-1]))
+    scatter = next((fault.parameter for fault in faults if fault.kind == FaultKind.NOISE.value), "")
+    if scatter and not noise:
+        raise ModelError(f"{graph.file}: {scatter} without noise shows nothing; leave out one of the two")
     plant = build_plant(graph)
     generator = None if seed is None else np.random.default_rng(seed)
     healthy = healthy_parameters(graph, effects.spread, generator)
     sensors, actuators = (instruments(items, faults, time) for items in (graph.sensors, graph.inputs))
     shapes = (time.size, len(graph.sensors)), (time.size, len(graph.inputs))
-    draws_y, draws_u = (np.zeros(shape) if generator is None else generator.standard_normal(shape) for shape in shapes)
+    quiet = generator is None or not noise
+    draws_y, draws_u = (np.zeros(shape) if quiet else generator.standard_normal(shape) for shape in shapes)
     if not effects.lag >= 0.0:
         raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
     curves = effects.curve_of(graph)
