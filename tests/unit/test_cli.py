@@ -77,9 +77,10 @@ class Spy:
         found = self.do(out)
         return Verdict.NONE if found is None else Verdict.FAULT if found else Verdict.HEALTHY
 
-    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, repaired: bool, out: Out) -> None:
         """Note a call of `accept`."""
         self.seen = {"verb": "accept", "model": model, "state": state, "names": names}
+        self.repaired = repaired
         self.do(out)
 
     def reject(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:

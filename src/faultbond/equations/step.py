@@ -249,7 +249,7 @@ def _newton_step(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
 def _held(follow: ca.Function) -> ca.Function:
     """Give (v, u, z, dt) -> what `follow` gives for inputs that do not move."""
     v, u, _, z, dt = (ca.SX.sym(name, *follow.size_in(k)) for k, name in enumerate(("v", "u", "same", "z", "dt")))
-    return ca.Function("predict", [v, u, z, dt], follow(v, u, u, z, dt))
+    return ca.Function("predict", [v, u, z, dt], list(follow(v, u, u, z, dt)))
 
 
 def _predict(

@@ -138,8 +138,10 @@ def simulate(
     healthy = healthy_parameters(graph, effects.spread, generator)
     sensors, actuators = (instruments(items, faults, time) for items in (graph.sensors, graph.inputs))
     shapes = (time.size, len(graph.sensors)), (time.size, len(graph.inputs))
-    quiet = generator is None or not noise
-    draws_y, draws_u = (np.zeros(shape) if quiet else generator.standard_normal(shape) for shape in shapes)
+    scattering = generator if noise else None
+    draws_y, draws_u = (
+        np.zeros(shape) if scattering is None else scattering.standard_normal(shape) for shape in shapes
+    )
     if not effects.lag >= 0.0:
         raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
     curves = effects.curve_of(graph)
