@@ -31,7 +31,7 @@ RECORDS = {
         "kind kinds present rate rate_sd forecasts limit earliest latest advice check target gain cost value within "
         "separates untested sets"
     ),
-    "accepted": "time components parameters probability kind by",
+    "accepted": "time components parameters probability kind by repaired",
     "rejected": "time components parameters probability kind by",
     "end": ("time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen wild"),
     "analyse": (

@@ -81,7 +81,7 @@ void t_forecast(const double *known, double *found)
 void diagnose(const State *state, Diagnosis *found, RankingMemory *memory) { conclude(state, found, memory); }
 int64_t decide(int64_t what, State *state, int64_t k, Candidate *candidate, Diagnosis *found, RankingMemory *memory)
 {
-    return what ? accept(state, k, candidate, found, memory) : reject(state, k, candidate, found, memory);
+    return what ? accept(state, k, 0, candidate, found, memory) : reject(state, k, candidate, found, memory);
 }
 """
 

@@ -315,7 +315,7 @@ class Refuser:
         thresholds=Thresholds(),
     )
 
-    def accept(self, hypothesis: int) -> Candidate:
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Candidate:
         """Refuse."""
         raise FaultbondError(str(hypothesis))
 

@@ -60,6 +60,7 @@ class Spy:
         inputs: str,
         faults: tuple[FaultRequest, ...],
         seed: int | None,
+        noise: bool,
         imperfections: Imperfections,
         start: Mapping[str, float],
         output: Path,
@@ -67,7 +68,7 @@ class Spy:
     ) -> None:
         """Note a call of `simulate`."""
         self.seen = {"model": model, "inputs": inputs, "faults": faults, "seed": seed, "output": output}
-        self.seen |= {"imperfections": imperfections, "start": start}
+        self.seen |= {"imperfections": imperfections, "start": start, "noise": noise}
         self.do(out)
 
     def run(self, model: Path, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
@@ -76,9 +77,10 @@ class Spy:
         found = self.do(out)
         return Verdict.NONE if found is None else Verdict.FAULT if found else Verdict.HEALTHY
 
-    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
+    def accept(self, model: Path, state: Path, names: tuple[str, ...], *, repaired: bool, out: Out) -> None:
         """Note a call of `accept`."""
         self.seen = {"verb": "accept", "model": model, "state": state, "names": names}
+        self.repaired = repaired
         self.do(out)
 
     def reject(self, model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
@@ -241,6 +243,7 @@ def test_faults_reach_simulate() -> None:
             FaultRequest(parameter="K6", value=3e-5, factor=None, start=20.0, end=30.0),
         ),
         "seed": 7,
+        "noise": True,
         "imperfections": Imperfections(),
         "start": {},
         "output": Path("o.csv"),
@@ -254,6 +257,13 @@ def test_the_plant_of_simulate() -> None:
     assert called(["simulate", "m.yaml", "--inputs", "i.csv", "-o", "o.csv", *options], spy) == 0
     assert spy.seen["imperfections"] == Imperfections(spread=0.03, lag=30.0, curve=0.02)
     assert spy.seen["start"] == pytest.approx({"tank.q": 0.05, "L.p": 1e-3})
+
+
+def test_a_recording_without_noise() -> None:
+    """The option arrives."""
+    spy = Spy()
+    assert called(["simulate", "m.yaml", "--inputs", "i.csv", "-o", "o.csv", "--no-noise"], spy) == 0
+    assert spy.seen["noise"] is False
 
 
 def test_a_fault_found_is_exit_code_1_of_run_alone() -> None:

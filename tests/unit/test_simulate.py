@@ -437,3 +437,29 @@ def test_example_recordings_are_those_of_their_script(name: str) -> None:
     made = np.column_stack(list(table.values()))
     size = np.abs(made).max(axis=0)
     np.testing.assert_allclose(stored / size, made / size, rtol=0, atol=2e-5)
+
+
+TIME = np.arange(0.0, 10.0, 0.02)
+
+
+def test_without_noise_the_plant_is_the_same(motor: BondGraph) -> None:
+    """Instruments show what is, of the plant that the seed gives, with its faults."""
+    inputs = Inputs(time=TIME, values=np.full((len(TIME), 1), 6.0))
+    fault = Fault(parameter="R", factor=1.5, start=TIME[len(TIME) // 2])
+    effects = Effects(spread=0.05)
+    quiet = simulate(motor, inputs, [fault], seed=4, noise=False, effects=effects)
+    noisy = simulate(motor, inputs, [fault], seed=4, effects=effects)
+    assert np.array_equal(quiet.parameters, noisy.parameters)
+    assert np.array_equal(quiet.states, noisy.states)
+    assert np.array_equal(quiet.inputs, inputs.values)
+    assert not np.array_equal(noisy.inputs, inputs.values)
+    plain = simulate(motor, inputs, [fault], seed=4, noise=False)
+    assert np.array_equal(plain.outputs, simulate(motor, inputs, [fault], seed=None).outputs)
+    assert not np.array_equal(plain.outputs, quiet.outputs)
+
+
+def test_noise_is_no_fault_without_noise(motor: BondGraph) -> None:
+    """A sensor that is to scatter where nothing does is refused."""
+    inputs = Inputs(time=TIME, values=np.full((len(TIME), 1), 6.0))
+    with pytest.raises(ModelError, match=r"omega\.noise without noise shows nothing; leave out one of the two"):
+        simulate(motor, inputs, [Fault(parameter="omega.noise", factor=3.0, start=TIME[1])], noise=False)

@@ -79,9 +79,9 @@ class Classic:
         self._state, hypothesis = rule.take_diagnosis(self._state, self._told, level)
         return hypothesis
 
-    def accept(self, hypothesis: int) -> Candidate:
-        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
-        self._state, candidate = decision.accept(self.spec, self._plan, self._state, hypothesis)
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Candidate:
+        """Take a hypothesis as the new healthy model, or as repaired, and give the candidate as it stood."""
+        self._state, candidate = decision.accept(self.spec, self._plan, self._state, hypothesis, repaired=repaired)
         return candidate
 
     def reject(self, hypothesis: int) -> Candidate:

@@ -95,7 +95,8 @@ class Course:
         gone = suppress(FaultbondError)  # a candidate that is not among the listed ones any more
         if len(other.accepted) > len(self.found.accepted):
             with gone:
-                self._accept(other.accepted[-1].candidate.hypothesis, self._time, Decider.PERSON)
+                told = other.accepted[-1]
+                self._accept(told.candidate.hypothesis, self._time, Decider.PERSON, repaired=told.repaired)
             return
         known = {item.candidate.hypothesis for item in self.found.rejected}
         for item in other.rejected:
@@ -205,8 +206,9 @@ class Course:
         if hypothesis is not None:
             self._accept(hypothesis, diagnosis.time, Decider.RULE)
 
-    def _accept(self, hypothesis: int, time: float, by: Decider) -> None:
-        accepted = Decision(time=time, candidate=self._watcher.accept(hypothesis), by=by)
+    def _accept(self, hypothesis: int, time: float, by: Decider, *, repaired: bool = False) -> None:
+        candidate = self._watcher.accept(hypothesis, repaired=repaired)
+        accepted = Decision(time=time, candidate=candidate, by=by, repaired=repaired)
         self.found = self.found.with_accepted(accepted)
         self._out.record(decision_record(accepted))
         if self._trace is not None:

@@ -35,10 +35,10 @@ class _Opened:
         write_saved(state, replace(self.saved, numbers=self.watcher.save(), found=found))
 
 
-def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> None:
-    """Take a candidate of a kept run, without names the best, as the new healthy model."""
+def accept(model: Path, state: Path, names: tuple[str, ...], *, repaired: bool, out: Out) -> None:
+    """Take a candidate of a kept run, without names the best, as the new healthy model, or as one that is mended."""
     with locked(state):
-        opened, accepted = _accepted(model, state, names, out)
+        opened, accepted = _accepted(model, state, names, repaired, out)
     out.record(decision_record(accepted))
     if out.text is not None:
         from faultbond.report.verdict import accepted_sentence  # noqa: PLC0415 - loads rich
@@ -46,11 +46,12 @@ def accept(model: Path, state: Path, names: tuple[str, ...], *, out: Out) -> Non
         out.say(accepted_sentence(opened.graph, accepted))
 
 
-def _accepted(model: Path, state: Path, names: tuple[str, ...], out: Out) -> tuple[_Opened, Decision]:
+def _accepted(model: Path, state: Path, names: tuple[str, ...], repaired: bool, out: Out) -> tuple[_Opened, Decision]:
     opened = _opened(model, state, out)
     best = opened.diagnosis.candidates[0].hypothesis
-    candidate = opened.watcher.accept(find_hypothesis(opened.watcher.spec, names) if names else best)
-    accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON)
+    chosen = find_hypothesis(opened.watcher.spec, names) if names else best
+    candidate = opened.watcher.accept(chosen, repaired=repaired)
+    accepted = Decision(time=opened.diagnosis.time, candidate=candidate, by=Decider.PERSON, repaired=repaired)
     opened.write(state, opened.saved.found.with_accepted(accepted))
     return opened, accepted
 

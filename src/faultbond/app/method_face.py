@@ -49,8 +49,8 @@ class Watcher(Protocol):
         level: probability of a candidate from which it is sure
         """
 
-    def accept(self, hypothesis: int) -> Candidate:
-        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Candidate:
+        """Take a hypothesis as the new healthy model, or as repaired, and give the candidate as it stood."""
 
     def reject(self, hypothesis: int) -> Candidate:
         """Rule a hypothesis out, and give the candidate as it stood."""

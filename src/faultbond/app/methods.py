@@ -64,9 +64,9 @@ class BankWatcher:
         """Tell the rule of the diagnosis that was due, and give the hypothesis that it accepts now; None: none yet."""
         return self._monitor.sure(level)
 
-    def accept(self, hypothesis: int) -> Candidate:
-        """Take a hypothesis as the new healthy model, and give the candidate as it stood."""
-        return self._monitor.accept(hypothesis)
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Candidate:
+        """Take a hypothesis as the new healthy model, or as repaired, and give the candidate as it stood."""
+        return self._monitor.accept(hypothesis, repaired=repaired)
 
     def reject(self, hypothesis: int) -> Candidate:
         """Rule a hypothesis out, and give the candidate as it stood."""

@@ -28,12 +28,16 @@ def simulate(
     inputs: str,
     faults: tuple[FaultRequest, ...],
     seed: int | None,
+    noise: bool,
     imperfections: Imperfections,
     start: Mapping[str, float],
     output: Path,
     out: Out,
 ) -> None:
-    """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state."""
+    """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state.
+
+    noise: whether sensors and inputs scatter as the model declares
+    """
     graph = load_model(model)
     points, held = _inputs(graph, inputs)
     begin = {**solved_start(graph, inputs), **start}
@@ -45,6 +49,7 @@ def simulate(
         plant.Inputs(time=np.array([point.time for point in points]), values=np.array([point.u for point in points])),
         [plant.fault_in_si(fault, graph) for fault in faults],
         seed=seed,
+        noise=noise,
         effects=plant.Effects(spread=imperfections.spread, lag=imperfections.lag, curve=imperfections.curve),
         start=begin,
     )
@@ -52,9 +57,11 @@ def simulate(
     rows = len(simulation.time)
     out.record(
         {"record": "simulate", "model": graph.name, "output": str(output), "samples": rows, "seed": seed}
-        | {"held": held, "start": begin}
+        | {"noise": noise, "held": held, "start": begin}
     )
-    out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s; seed {seed}")
+    drawn = f"; seed {seed}" if noise or imperfections.spread else ""
+    quiet = "" if noise else "; no noise"
+    out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s{drawn}{quiet}")
     for name, value in begin.items():
         source = "as given" if name in start else f"solved from the first rows of {inputs}"
         out.say(f"start of {name}: {value:.6g} (SI), {source}")

@@ -200,6 +200,7 @@ def _add_simulate(verbs: Subparsers) -> None:
             inputs=arguments.inputs,
             faults=tuple(parse_fault(text) for text in arguments.fault),
             seed=arguments.seed,
+            noise=not arguments.no_noise,
             imperfections=Imperfections(spread=arguments.spread, lag=arguments.lag, curve=arguments.curve),
             start=dict(arguments.start),
             output=arguments.output,
@@ -221,6 +222,7 @@ def _add_simulate(verbs: Subparsers) -> None:
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
     add("--seed", metavar="N", type=_seed, help="make the noise repeatable")
+    add("--no-noise", action="store_true", help="sensors and inputs show what is, without the noise of the model")
     add(
         "--start",
         metavar="STATE=VALUE",
@@ -277,9 +279,11 @@ def _add_decisions(verbs: Subparsers) -> None:
     """Add `accept` and `reject`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        decide = app.accept if arguments.verb == "accept" else app.reject
         names = tuple(name for word in arguments.names for name in word.split(",") if name)  # commas as elsewhere
-        decide(arguments.model, arguments.state, names, out=out)
+        if arguments.verb == "accept":
+            app.accept(arguments.model, arguments.state, names, repaired=arguments.repaired, out=out)
+        else:
+            app.reject(arguments.model, arguments.state, names, out=out)
         return DONE
 
     meaning = "parameters or components of the candidate, or its sensor or input"
@@ -290,6 +294,8 @@ def _add_decisions(verbs: Subparsers) -> None:
         add = _add_verb(verbs, verb, call, summary, f"faultbond {verb} model.yaml plant.state K1").add_argument
         add("state", metavar="STATE", type=Path, help="file that `run --state` wrote")
         add("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
+        if verb == "accept":
+            add("--repaired", action="store_true", help="it was the fault and is mended: nominal again")
 
 
 def _add_demo(verbs: Subparsers) -> None:

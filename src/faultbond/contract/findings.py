@@ -148,13 +148,14 @@ class Diagnosis:
 class Decision:
     """A candidate, as it stood when it was accepted or rejected at `time`.
 
-    Accepted, it became the healthy model, and alarms since then are of other faults; rejected, it is out until the next
-    alarm.
+    Accepted, it became the healthy model, and alarms since then are of other faults; or it was the fault, and was
+    `repaired`, so that all is as the model file says again. Rejected, it is out until the next alarm.
     """
 
     time: float
     candidate: Candidate
     by: Decider
+    repaired: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

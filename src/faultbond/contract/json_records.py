@@ -92,6 +92,7 @@ def decision_record(accepted: Decision, *, rejected: bool = False) -> Record:
         "time": accepted.time,
         **{key: told[key] for key in ("components", "parameters", "probability", "kind")},
         "by": accepted.by.value,
+        **({} if rejected else {"repaired": accepted.repaired}),
     }
 
 

@@ -101,7 +101,14 @@ int64_t fb_accept(void *state, void *work, int64_t hypothesis, void *candidate)
 {
     Work *memory = (Work *)work;
     finish(state, work);
-    return accept((State *)state, hypothesis, (Candidate *)candidate, &memory->found, &memory->ranking);
+    return accept((State *)state, hypothesis, 0, (Candidate *)candidate, &memory->found, &memory->ranking);
+}
+
+int64_t fb_repair(void *state, void *work, int64_t hypothesis, void *candidate)
+{
+    Work *memory = (Work *)work;
+    finish(state, work);
+    return accept((State *)state, hypothesis, 1, (Candidate *)candidate, &memory->found, &memory->ranking);
 }
 
 int64_t fb_reject(void *state, void *work, int64_t hypothesis, void *candidate)

@@ -1,7 +1,8 @@
 /* Accepting and rejecting a candidate: what a person, or a rule, makes of a diagnosis.
 
    An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
-   instrument is corrected from then on, and the alarms are on again. A rejected one is out until the next alarm, and
+   instrument is corrected from then on, and the alarms are on again. One that was repaired is as it was declared instead. A
+   rejected one is out until the next alarm, and
    with it all sets that contain it: that all of a set are at fault is claimed by each of these too. */
 #ifndef FB_DECIDE_H
 #define FB_DECIDE_H
@@ -107,22 +108,56 @@ static void absorb(State *state, int64_t lane, double estimate)
     }
 }
 
-/* Take a hypothesis as the new healthy model; `candidate`: as it stood. Gives 0, or why not. */
-static int accept(State *state, int64_t hypothesis, Candidate *candidate, Diagnosis *found, RankingMemory *memory)
+/* A parameter is again what the model file says, as well known as that; nothing else is known by it. */
+static void renew_parameter(State *state, int k)
+{
+    double *lane = state->healthy.lane;
+    const int i = AT_PARAMETERS + k;
+    for (int j = 0; j < PLAIN_JOINT; j++) lane[j < i ? PLAIN_PLACE(j, i) : PLAIN_PLACE(i, j)] = 0.0;
+    lane[PLAIN_PLACE(i, i)] = ACCURACY[k] * ACCURACY[k];
+    lane[i] = HEALTHY[k];
+    state->normal.rates[k] = state->normal.wander[k] = 0.0;
+}
+
+/* What was at fault has been repaired: parameters, or the sensor or input of a lane with a slot (-1: none), are as declared. The
+   plant was handled meanwhile, so that its states may be elsewhere. */
+static void renew(State *state, int64_t hypothesis, int64_t slot)
+{
+    const int *members;
+    const int n = members_of(hypothesis, &members), output = slot < 0 ? -1 : SLOT_OUTPUT[slot];
+    const int input = slot < 0 ? -1 : SLOT_INPUT[slot];
+    Normal *normal = &state->normal;
+    for (int i = 0; i < n; i++) renew_parameter(state, members[i]);
+    if (output >= 0) {
+        normal->gain[output] = normal->noise[output] = state->sensors.nis[output] = state->sensors.run[output] = 1.0;
+        normal->offset[output] = 0.0;
+    }
+    if (input >= 0) {
+        if (normal->input_gain[input] != 0.0) state->inputs.held[input] -= normal->input_offset[input];
+        normal->input_gain[input] = 1.0;
+        normal->input_offset[input] = 0.0;
+    }
+    resume(&state->clock);
+}
+
+/* Take a hypothesis as the new healthy model, or as `repaired`; `candidate`: as it stood. Gives 0, or why not. */
+static int accept(State *state, int64_t hypothesis, int repaired, Candidate *candidate, Diagnosis *found,
+                  RankingMemory *memory)
 {
     const int failure = candidate_of(state, hypothesis, candidate, found, memory);
     if (failure) return failure;
     score_all(state, OUT_NONE, &memory->ranking); /* what was rejected may be accepted, with its best lane */
     const int64_t lane = memory->ranking.best[hypothesis], slot = lane - N_STEPS, last = state->clock.index - 1;
-    const int64_t of_plan = slot < 0 ? 0 : plan_of(&state->bank, slot);
+    const int64_t of_plan = slot < 0 ? -1 : plan_of(&state->bank, slot);
     for (int64_t k = 0; slot < 0 && k < PLAIN_NUMBERS; k++) memory->plain[k] = of_step(&state->bank, lane, k);
     for (int64_t k = 0; slot >= 0 && k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
     if (slot >= 0) narrow(memory->wide, SLOT_ACTS[of_plan], SLOT_PARAMETER[of_plan], memory->plain);
     if (!is_left(&state->bank, lane) || !is_definite(memory->plain, memory->left)) return NOT_LISTED;
-    if (slot >= 0) absorb(state, slot, candidate->suspects[0].estimate);
+    if (slot >= 0 && !repaired) absorb(state, slot, candidate->suspects[0].estimate);
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
-    memcpy(state->normal.lane, memory->plain, sizeof memory->plain);
-    memcpy(row_of(&state->past, last)->lane, memory->plain, sizeof memory->plain);
+    if (repaired) renew(state, hypothesis, of_plan);
+    memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
+    memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;
     state->clock.accepted = last;
     begin_sums(&state->sensors, (double)last);

@@ -175,6 +175,8 @@ def detection_sentence(detection: Detection) -> str:
 def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     """Say what was accepted, when, and by whom."""
     told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
+    if accepted.repaired:
+        return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
     by = " by rule" if accepted.by is Decider.RULE else ""
     return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal."
 
@@ -212,7 +214,10 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
     if history.open is None and history.detections:
-        return f"Accepted as the new normal: {decided_text(graph, history.accepted)}. No other fault was found."
+        repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
+        told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
+        told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
+        return " ".join([*told, "No other fault was found."])
     if history.open is None:
         return f"No fault found in {counts.samples} samples ({duration_text(_span(history))})."
     diagnosis = open_diagnosis(history)

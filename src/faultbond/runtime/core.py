@@ -231,6 +231,7 @@ _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
     "fb_advice": (None, (_POINTER,) * 4),
     "fb_sure": (_LONG, (_POINTER, _POINTER, _DOUBLE)),
     "fb_accept": (_LONG, (_POINTER, _POINTER, _LONG, _POINTER)),
+    "fb_repair": (_LONG, (_POINTER, _POINTER, _LONG, _POINTER)),
     "fb_reject": (_LONG, (_POINTER, _POINTER, _LONG, _POINTER)),
     "fb_save": (None, (_POINTER, _POINTER)),
     "fb_restore": (_LONG, (_POINTER, _POINTER, _LONG)),

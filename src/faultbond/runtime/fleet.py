@@ -176,15 +176,15 @@ class Fleet:
         """
         return self._in_alarm(asset).conclude()
 
-    def accept(self, asset: int, hypothesis: int) -> Candidate:
-        """Take a hypothesis as the new healthy model of an asset, and give the candidate as it stood.
+    def accept(self, asset: int, hypothesis: int, *, repaired: bool = False) -> Candidate:
+        """Take a hypothesis as the new healthy model of an asset, or as repaired, and give the candidate as it stood.
 
         Raises
         ------
         FaultbondError
             Where the asset is not in alarm, and as `Monitor.accept`.
         """
-        return self._in_alarm(asset).accept(hypothesis)
+        return self._in_alarm(asset).accept(hypothesis, repaired=repaired)
 
     def reject(self, asset: int, hypothesis: int) -> Candidate:
         """Rule a hypothesis out for an asset until its next alarm, and give it as it stood.

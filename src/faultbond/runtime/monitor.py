@@ -130,15 +130,21 @@ class Monitor:
         hypothesis = int(self.core.library.fb_sure(at(self._state), at(self._found), level))
         return hypothesis if hypothesis >= 0 else None
 
-    def accept(self, hypothesis: int) -> Candidate:
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Candidate:
         """Take a hypothesis as the new healthy model, and give the candidate as it stood.
+
+        Parameters
+        ----------
+        hypothesis : one of the candidates
+        repaired : whether it was the fault and is mended, so that its suspects are as the model file says again
 
         Raises
         ------
         FaultbondError
             Where there is no alarm to explain, or it is not among the candidates.
         """
-        return self._decided(self.core.library.fb_accept, hypothesis)
+        library = self.core.library
+        return self._decided(library.fb_repair if repaired else library.fb_accept, hypothesis)
 
     def reject(self, hypothesis: int) -> Candidate:
         """Rule a hypothesis out until the next alarm, with all sets that contain it, and give it as it stood.

@@ -32,6 +32,18 @@ def test_an_accepted_diagnosis_is_the_new_model() -> None:
     assert finish(spec, plan, state) is None
 
 
+def test_what_was_mended_is_nominal_again() -> None:
+    """The parameters of the candidate get their nominal values."""
+    _, spec, plan = plant("tank")
+    state, _ = run(spec, plan, recorded("tank", 800, PIPE)[:640])
+    best = rank(spec, plan, state).candidates[0]
+    state, candidate = accept(spec, plan, state, best.hypothesis, repaired=True)
+    assert candidate.parameters == ("K1",)
+    k = [item.name for item in spec.parameters].index("K1")
+    assert state.healthy[k] == spec.parameters[k].nominal != candidate.suspects[0].estimate
+    assert state.alarm == -1
+
+
 def test_a_rejected_candidate_is_gone() -> None:
     """Those that do not contain it keep their order and share its weight; the last one cannot be rejected."""
     _, spec, plan = plant("tank")

@@ -17,8 +17,10 @@ from faultbond.thesis.online.ranking import rank
 from faultbond.thesis.online.state import ClassicState, begin_anew, with_nothing_sure
 
 
-def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis: int) -> tuple[ClassicState, Candidate]:
-    """Take a hypothesis as the new healthy model; give the state and the candidate as it stood.
+def accept(
+    spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis: int, *, repaired: bool = False
+) -> tuple[ClassicState, Candidate]:
+    """Take a hypothesis as the new healthy model, or as repaired; give the state and the candidate as it stood.
 
     Raises
     ------
@@ -28,7 +30,7 @@ def accept(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, hypothesis:
     candidate = _candidate(spec, plan, state, hypothesis)
     healthy = state.healthy.copy()
     for index, suspect in zip(spec.hypotheses[hypothesis], candidate.suspects, strict=True):
-        healthy[index] = suspect.estimate
+        healthy[index] = spec.parameters[index].nominal if repaired else suspect.estimate
     accepted = replace(
         with_nothing_sure(after_pause(replace(state, alarm=-1))),
         healthy=healthy,
