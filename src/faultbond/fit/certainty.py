@@ -61,7 +61,7 @@ def certainty_of(
     n, n_theta : number of unknowns without the starts, and of parameters
     accuracies : (n_theta,), declared accuracies in units of the unknowns
     """
-    inverse = _inverse(information + np.diag(prior**-2.0))
+    inverse = inverse_of(information + np.diag(prior**-2.0))
     meat, first = np.diag(prior**-2.0), n
     for item in courses:  # the long-run variance of the summed scores
         last = first + item.scores.shape[1] - n
@@ -72,7 +72,7 @@ def certainty_of(
     plain = np.maximum(np.diag(inverse), 1e-300)
     inflation = np.sqrt(np.maximum(np.diag(sandwich) / plain, 1.0))[:n]
     wide = np.concatenate([IGNORANT * accuracies, prior[n_theta:]])
-    data = _inverse(information + np.diag(wide**-2.0))
+    data = inverse_of(information + np.diag(wide**-2.0))
     alone = np.sqrt(np.maximum(np.diag(data), 0.0))[:n] * inflation
     return Certainty(
         covariance=inverse[:n, :n],
@@ -82,7 +82,7 @@ def certainty_of(
     )
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
+def inverse_of(matrix: FloatArray) -> FloatArray:
     """Invert a positive matrix whose entries differ by many orders of magnitude."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
@@ -125,7 +125,7 @@ def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolAr
     """
     weight = np.zeros(len(information))
     weight[: len(prior)] = prior**-2.0
-    covariance = _inverse(information + np.diag(weight))[:n_theta, :n_theta]
+    covariance = inverse_of(information + np.diag(weight))[:n_theta, :n_theta]
     rows = np.abs(_silent(covariance)) > LINKED * SHOWN
     linked: BoolArray = np.eye(n_theta, dtype=bool)
     for row in rows:

@@ -1,0 +1,408 @@
+"""Which imperfections healthy recordings call for: the fewest, each by likelihood, judged by what was held back.
+
+Round by round: what each possible imperfection would gain is asked on a grid of sizes and memories with all else as it
+stands; the best few are fitted together with everything else; of those that foretell the recordings that were held back
+about equally well, the one is kept that leaves the parameters best known. A round that foretells nothing better is the
+last.
+
+Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); held-back data as in Stone, J. Royal
+Statistical Society B 36 (1974) 111.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from faultbond.arrays import FloatArray
+from faultbond.contract.samples import Sample
+from faultbond.contract.spec import Engine
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
+from faultbond.errors import NoVerdictError
+from faultbond.fit.ascent import Summit, ascend
+from faultbond.fit.certainty import inverse_of
+from faultbond.fit.evidence import foretold, joint_courses, likelihoods
+from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
+from faultbond.fit.imperfections import (
+    UNTRIED,
+    Imperfection,
+    Kind,
+    law_signals,
+    memory_place,
+    possible,
+    size_place,
+    with_imperfections,
+)
+from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.objective import FitPoint, FittedPlant, score_recording
+from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.unknowns import unknowns_of
+from faultbond.model.expression import Name
+from faultbond.model.graph import BondGraph, Check, Parameter
+from faultbond.types import CheckKind
+
+WORTH = 3.0  # nats by which held-back recordings must be foretold better
+FEWEST = 5.0  # nats, and
+CLOSE = 0.03  # part of the best gain: so much less is about as good
+TRIED = 3  # of the best, in each round
+ROUNDS = 8
+TURNS = 15  # steps of a climb that compares
+SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)  # parts of a value, or of the usual size of a signal
+NOISES = (0.3, 1.0, 3.0)  # of a sensor's noise
+MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
+LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the best
+MOST_PART = 0.5  # a relative error is not larger
+LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
+MOST_SAMPLES = 6000  # with which sizes are compared
+HELD = 3  # one recording of so many is held back, and the last part of so many where there is one
+
+Build = Callable[[StepModel], Engine]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Added:
+    """An imperfection that was added, and how many nats the recordings gain, those fitted and those held back."""
+
+    what: Imperfection
+    trained: float
+    held: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stand:
+    """Where the search stands.
+
+    graph : noise of sensors and imperfections as found; theta : factors of the parameters, (n_parameters,)
+    starts : of the recordings that are fitted, (n_records, n_own)
+    trained, held : logarithms of the likelihood of recordings fitted and held back
+    unknown : mean logarithm of the standard errors of the parameters
+    """
+
+    graph: BondGraph
+    theta: FloatArray
+    starts: FloatArray
+    trained: float
+    held: float
+    unknown: float
+    added: tuple[Added, ...] = ()
+
+
+def parted(
+    read: Sequence[tuple[str, Sequence[Sample]]], least: int
+) -> tuple[tuple[tuple[str, Sequence[Sample]], ...], tuple[tuple[str, Sequence[Sample]], ...]]:
+    """Give recordings to fit and to hold back: the last of them, or the last part of one.
+
+    Raises
+    ------
+    NoVerdictError
+        Where a part has fewer than `least` samples.
+    """
+    if len(read) > 1:
+        count = max(len(read) // HELD, 1)
+        fitted, held = tuple(read[:-count]), tuple(read[-count:])
+    else:
+        ((name, points),) = read
+        last = len(points) - len(points) // HELD
+        after = [replace(points[last], dt=0.0), *points[last + 1 :]] if last < len(points) else []
+        fitted, held = ((name, points[:last]),), ((f"the last third of {name}", after),)
+    for name, points in (*fitted, *held):
+        if len(points) < least:
+            raise NoVerdictError(
+                f"{name}: {len(points)} samples; at least {least} are needed where a part is held back to judge by; "
+                "give a longer recording, or several"
+            )
+    return fitted, held
+
+
+class Search:
+    """What stays the same while imperfections are looked for."""
+
+    def __init__(
+        self,
+        graph: BondGraph,
+        build: Build,
+        tell: Tell,
+        parameters: tuple[tuple[int, Parameter], ...],
+        own: tuple[str, ...],
+        records: tuple[Sequence[HealthyRecording], Sequence[HealthyRecording]],
+        begins: tuple[FitPoint, FitPoint],
+    ) -> None:
+        self.graph, self.build, self.tell = graph, build, tell
+        self.parameters, self.own = parameters, own
+        self.trained, self.held = records
+        self.begin, self.begin_held = begins
+        steps = np.concatenate([np.diff(item.time) for item in (*self.trained, *self.held)])
+        self.step = float(np.median(steps))
+        self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
+        signals = law_signals(build_step_model(build_plant(graph)))
+        self.possible = possible(graph, signals)
+        checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in signals)
+        everything = replace(with_imperfections(graph, self.possible), checks=checks)
+        self.signals = signals
+        tell("building a filter with all that may be missing")
+        self.all = self._ground(everything)
+
+    def _ground(self, graph: BondGraph) -> "_Ground":
+        model = build_step_model(build_plant(graph))
+        return _Ground(self, graph, model, self.build(model))
+
+    def first(self, found: Fit) -> Stand:
+        """Give where a fit of the plant as it stands leads."""
+        ground = self._ground(self.graph)
+        plant = found.plant
+        q = plant.unknowns.fill(plant.base, found.summit.point.values)[0]
+        n_p, n_y = plant.layout.n_p, plant.layout.n_y
+        graph = _with_noise(self.graph, np.exp(q[n_p : n_p + n_y]))
+        stand = Stand(
+            graph=graph, theta=q[:n_p], starts=self.begin.starts, trained=0.0, held=0.0, unknown=0.0
+        )
+        self._leave_out_wild(ground, stand)
+        return ground.climbed(stand)
+
+    def _leave_out_wild(self, ground: "_Ground", stand: Stand) -> None:
+        """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""
+        q = ground.q_of(stand)
+        plant = ground.plant(q)
+        summit = foretold(plant, self.held, self.begin_held, q)
+        known = replace(plant, base=q)
+        far = [
+            np.abs(score_recording(known, item, replace(self.begin_held, values=plant.unknowns.nominal, starts=summit.point.starts), r).standardised) > WILD
+            for r, item in enumerate(self.held)
+        ]
+        if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
+            self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
+
+    def better(self, stand: Stand) -> Stand | None:
+        """Give where the best further imperfection leads; None: none foretells what was held back better."""
+        gains = self.profile(stand)
+        best = [item for item, gain in gains if gain > 0.0][:TRIED]
+        if not best:
+            return None
+        self.tell(f"fitting {', '.join(f'{item.kind.value} of {item.place}' for item in best)}")
+        untried = tuple(replace(item, size=UNTRIED) for item in best if item.key not in _keys(stand.graph))
+        ground = self._ground(with_imperfections(stand.graph, untried))
+        found = [ground.climbed(stand, item) for item in best]
+        gained = [item.held - stand.held for item in found]
+        most = max(gained)
+        if not most >= WORTH:
+            return None
+        near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
+        return min(near, key=lambda item: item.unknown)
+
+    def profile(self, stand: Stand) -> list[tuple[Imperfection, float]]:
+        """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
+        self.tell("asking what each imperfection would gain")
+        record = _shortened(self.trained[0])
+        q = self.all.q_of(stand)
+        plant, start = self.all.plant(q), stand.starts[:1]
+        now = float(likelihoods(plant, [record], start, q[None])[0])
+        usual = self.all.usual(record, stand.starts[0], q)
+        added = {item.what.place for item in stand.added}
+        asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
+        best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
+        while asked:
+            tried = [
+                replace(item, size=size, memory=memory)
+                for item, sizes in asked
+                for size in sizes
+                for memory in self._memories(item)
+            ]
+            declared = np.array([self.all.with_one(q, item) for item in tried])
+            gains = likelihoods(plant, [record], start, declared) - now
+            for item, gain in zip(tried, gains.tolist(), strict=True):
+                if item.key not in best or gain > best[item.key][1]:
+                    best[item.key] = item, gain
+            at_end = [(item, sizes) for item, sizes in asked if sizes and best[item.key][0].size == sizes[-1]]
+            asked = [
+                (item, tuple(sizes[-1] * times for times in LARGER))
+                for item, sizes in at_end
+                if item.kind is Kind.ABSOLUTE and best[item.key][1] > 0.0
+            ]
+        return sorted(best.values(), key=lambda item: item[1], reverse=True)
+
+    def _sizes(self, stand: Stand, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
+        if item.kind is Kind.RELATIVE:
+            return SIZES if usual.get(item.place, 0.0) > 0.0 else ()
+        if item.is_sensor:
+            noise = next(known.noise for known in stand.graph.sensors if known.name == item.place)
+            return tuple(part * noise for part in NOISES)
+        if item.kind is Kind.INPUT_NOISE:
+            k = [known.name for known in self.graph.inputs].index(item.place)
+            spread = float(np.std(np.concatenate([record.u[:, k] for record in self.trained])))
+            return tuple(part * spread for part in SIZES[:3] if spread > 0.0)
+        return tuple(part * usual[item.place] for part in SIZES if usual.get(item.place, 0.0) > 0.0)
+
+    def _memories(self, item: Imperfection) -> tuple[float, ...]:
+        if not item.is_slow:
+            return (item.memory,)
+        fit = tuple(count * self.step for count in MEMORIES if count * self.step <= self.longest)
+        return fit or (self.longest,)
+
+
+class _Ground:
+    """A plant in which some imperfections are open, as the likelihood takes it."""
+
+    def __init__(
+        self, search: Search, graph: BondGraph, model: StepModel, engine: Engine
+    ) -> None:
+        self.search, self.graph, self.model, self.engine = search, graph, model, engine
+        self.layout = layout_of(model)
+        self.begin, known = build_begin(model), known_starts(model)
+        self.free = tuple(k for k in range(self.layout.n_x) if k not in known)
+
+    def q_of(self, stand: Stand) -> FloatArray:
+        """Give q with everything as it stands, (n_q,); what is not part of it is next to nothing."""
+        q, layout = nominal_q(self.model), self.layout
+        q[: layout.n_p] = stand.theta
+        slow = {(item.target, item.relative): item for item in stand.graph.slow_errors}
+        first = layout.first_noise + layout.n_y
+        q[layout.first_noise : first] = np.log([item.noise for item in stand.graph.sensors])
+        for k, error in enumerate(self.graph.slow_errors):
+            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED))
+            q[first + k], q[layout.first_memory + k] = np.log(known.sd), np.log(known.memory)
+        for k, number in enumerate(self.model.noisy, start=first + layout.n_b):
+            q[k] = np.log(max(stand.graph.inputs[number].noise, UNTRIED))
+        return q
+
+    def with_one(self, q: FloatArray, item: Imperfection) -> FloatArray:
+        """Give q with one imperfection of a size."""
+        changed = q.copy()
+        changed[size_place(self.graph, self.layout, item)] = np.log(item.size)
+        if item.is_slow:
+            changed[memory_place(self.graph, self.layout, item)] = np.log(item.memory)
+        return changed
+
+    def plant(self, q: FloatArray, opened: Sequence[Imperfection] = ()) -> FittedPlant:
+        """Give the plant about q; parameters, noise of sensors, declared slow errors and what is opened are unknown."""
+        search, layout = self.search, self.layout
+        base = nominal_q(self.model)
+        base[layout.n_p :] = q[layout.n_p :]
+        sizes = {size_place(self.graph, layout, item): item for item in opened}
+        memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
+        declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))
+        noises = tuple(sorted({*declared, *sizes, *memories}))
+        parameters = tuple(item for item in search.parameters if item[1].name not in search.own)
+        unknowns = unknowns_of(layout, base, parameters, noises, grow=True)
+        lower, upper = unknowns.lower.copy(), unknowns.upper.copy()
+        for k, place in enumerate(noises, start=unknowns.n_theta):
+            if place in memories:
+                lower[k], upper[k] = np.log(search.step), np.log(max(search.longest, search.step))
+            elif place in sizes:
+                upper[k] = np.log(MOST_PART) if sizes[place].kind is Kind.RELATIVE else upper[k]
+            elif place >= layout.first_noise + layout.n_y:
+                upper[k] = base[place]
+        return FittedPlant(
+            sensors=tuple(item.name for item in self.graph.sensors),
+            layout=layout,
+            engine=_Padded(self.engine, layout.n_sample),
+            begin=self.begin,
+            base=base,
+            implicit=self.model.reference_implicit,
+            unknowns=replace(unknowns, lower=lower, upper=upper),
+            free=self.free,
+            own=tuple((k, x.accuracy / abs(x.scale)) for k, x in search.parameters if x.name in search.own),
+        )
+
+    def climbed(self, stand: Stand, more: Imperfection | None = None) -> Stand:
+        """Give where a climb leads that begins where it stands, with one more imperfection or none."""
+        search = self.search
+        opened = [*(item.what for item in stand.added), *([] if more is None else [more])]
+        q = self.q_of(stand) if more is None else self.with_one(self.q_of(stand), more)
+        plant = self.plant(q, opened)
+        unknowns = plant.unknowns
+        values = np.clip(_values(plant, q), unknowns.lower, unknowns.upper)
+        begin = replace(search.begin, values=values, starts=stand.starts)
+        prior = unknowns.widened(WIDE)
+        summit = ascend(plant, search.trained, begin, prior, anchor=search.begin.starts, turns=TURNS)
+        found = unknowns.fill(plant.base, summit.point.values)[0]
+        ahead = foretold(plant, search.held, search.begin_held, found)
+        stood = self._stood(stand, opened, found, summit, ahead.evaluation.value)
+        if more is None:
+            return stood
+        last = next(item for item in _found(self, found, opened) if item.key == more.key)
+        gained = Added(what=last, trained=stood.trained - stand.trained, held=stood.held - stand.held)
+        return replace(stood, added=(*stood.added, gained))
+
+    def _stood(
+        self, stand: Stand, opened: Sequence[Imperfection], q: FloatArray, summit: Summit, held: float
+    ) -> Stand:
+        layout = self.layout
+        noise = np.exp(q[layout.n_p : layout.n_p + layout.n_y])
+        sizes = _found(self, q, opened)
+        n = len(summit.point.values)
+        wide = np.concatenate([np.full(n, WIDE), np.full(summit.point.starts.size, WIDE)])
+        spread = np.diag(inverse_of(summit.evaluation.information + np.diag(wide**-2.0)))
+        n_theta = len([item for item in self.search.parameters if item[1].name not in self.search.own])
+        unknown = float(np.mean(np.log(np.maximum(spread[:n_theta], 1e-300)))) / 2.0 if n_theta else 0.0
+        by_key = {item.key: item for item in sizes}
+        return Stand(
+            graph=with_imperfections(_with_noise(stand.graph, noise), sizes),
+            theta=q[: layout.n_p],
+            starts=summit.point.starts,
+            trained=summit.evaluation.value,
+            held=held if np.isfinite(summit.evaluation.value) else -np.inf,
+            unknown=unknown,
+            added=tuple(replace(item, what=by_key[item.what.key]) for item in stand.added),
+        )
+
+    def usual(self, record: HealthyRecording, start: FloatArray, q: FloatArray) -> dict[str, float]:
+        """Give the usual size of each signal of a law: root of the mean square, SI."""
+        n_u = self.layout.n_u
+        found = []
+        with np.errstate(all="ignore"):
+            for row in joint_courses(self.plant(q), record, start, q):
+                found.append(self.model.by_hand(row[n_u:], row[:n_u], self.model.reference_implicit).full()[:, 0])
+            sizes = np.sqrt(np.nanmean(np.square(found), axis=0)) if found else np.zeros(0)
+        return {name: float(size) for name, size in zip(self.search.signals, sizes, strict=True) if np.isfinite(size)}
+
+
+class _Padded:
+    """An engine that takes samples of a plant with fewer slow errors: nothing is added to those behind."""
+
+    def __init__(self, engine: Engine, n_sample: int) -> None:
+        self.engine, self.n_sample = engine, n_sample
+
+    @property
+    def title(self) -> str:
+        return self.engine.title
+
+    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Filter all lanes over a block of samples; see `Engine.advance`."""
+        missing = self.n_sample - samples.shape[1]
+        return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
+
+
+def _values(plant: FittedPlant, q: FloatArray) -> FloatArray:
+    """Give the unknowns at q."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    values = np.array(q[unknowns.places])
+    logs = unknowns.logarithmic[:n]
+    values[:n] = np.where(logs, np.log(np.maximum(values[:n], 1e-300)), values[:n])
+    return values
+
+
+def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tuple[Imperfection, ...]:
+    """Give imperfections with the sizes and memories of q."""
+    found = []
+    for item in opened:
+        size = float(np.exp(q[size_place(ground.graph, ground.layout, item)]))
+        memory = float(np.exp(q[memory_place(ground.graph, ground.layout, item)])) if item.is_slow else item.memory
+        found.append(replace(item, size=size, memory=memory))
+    return tuple(found)
+
+
+def _with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
+    sensors = zip(graph.sensors, noise.tolist(), strict=True)
+    return replace(graph, sensors=tuple(replace(item, noise=sd) for item, sd in sensors))
+
+
+def _keys(graph: BondGraph) -> set[tuple[Kind, str]]:
+    noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
+    return noisy | {(Kind.RELATIVE if item.relative else Kind.ABSOLUTE, item.target) for item in graph.slow_errors}
+
+
+def _shortened(record: HealthyRecording) -> HealthyRecording:
+    part = slice(0, MOST_SAMPLES)
+    return replace(record, time=record.time[part], u=record.u[part], samples=record.samples[part], use=record.use[part])
