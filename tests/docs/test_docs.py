@@ -120,6 +120,7 @@ KEYS = {
     "`blocks`": table(MODEL["blocks"]),
     "Parameters": table(COMPONENT["parameters"]),
     "`sensors`": table(MODEL["sensors"]),
+    "Lags": table(table(MODEL["sensors"])["lag"]),
     "`slow_error`": table(MODEL["slow_error"]),
     "`checks`": table(MODEL["checks"]),
 }

@@ -167,12 +167,22 @@ def gates(draw: st.DrawFn) -> Mapping:
 
 
 @st.composite
+def lags(draw: st.DrawFn) -> object:
+    """The time constant of an input or a sensor, as a number or as a table."""
+    optional: Mapping = {"accuracy": draw(percents), "change": draw(percents), "range": ["0 s", "inf"]}
+    optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
+    table = {"value": "250 ms"} | {key: value for key, value in optional.items() if draw(st.booleans())}
+    return draw(st.sampled_from(["3", "0.25 min", table]))
+
+
+@st.composite
 def inputs(draw: st.DrawFn) -> Mapping:
     """An input in volts."""
     unit = draw(st.sampled_from(["V", "mV", "kV"]))
     optional: dict[str, object] = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
     optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
     optional["range"] = draw(st.sampled_from(["any", [f"-1 {unit}", "inf"]]))
+    optional["lag"] = draw(lags())
     return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
 
 
@@ -188,7 +198,8 @@ def sensors(draw: st.DrawFn, signals: list[tuple[str, str]]) -> Mapping:
         stated["range"] = draw(st.sampled_from(["any", ["-inf", draw(sizes)], [f"-{draw(sizes)} {unit}", "inf"]]))
         bare: Mapping = {"reads": reads, "noise": draw(sizes)}
         trusted = {"suspect": "no"} if draw(st.booleans()) else {}
-        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted
+        lag = {"lag": draw(lags())} if draw(st.booleans()) else {}
+        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted | lag
     return found
 
 

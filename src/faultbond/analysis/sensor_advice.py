@@ -139,12 +139,16 @@ def _trial(graph: BondGraph, run: Sensitivity) -> _Trial:
 
 
 def readable_signals(model: StepModel) -> tuple[str, ...]:
-    """Give the signals and stored quantities that a sensor could read and none does; signals of junctions first."""
+    """Give the signals and stored quantities that a sensor could read and none does; signals of junctions first.
+
+    What lags has no name in the model file, so it is not among them.
+    """
     plant = model.plant
+    lagging = {name for store in plant.network.states if store.lag for name in (store.name, store.rate)}
     read = {expression.text for expression in plant.network.readings if isinstance(expression, Name)}
     names = dict.fromkeys((*plant.network.signals, *(store.name for store in plant.network.states)))
     junctions = {item.name for item in plant.graph.junctions}
-    free = [name for name in names if name not in read and _BOND not in name]
+    free = [name for name in names if name not in read and name not in lagging and _BOND not in name]
     return tuple(sorted(free, key=lambda name: name.partition(".")[0] not in junctions))
 
 

@@ -1,6 +1,6 @@
 """The sections of an analysis, each worked out when its turn comes. Loads casadi and sympy."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -165,7 +165,8 @@ def _structure(study: _Study) -> Section:
     model = structural_model(study.model.plant.network, study.network.suspects)
     found = {kind.value: isolability(model, kind) for kind in Interpretation}
     tests = _tests(model)
-    sensors = _structural_sensors(model)
+    stores = study.model.plant.network.states
+    sensors = _structural_sensors(model, {name for item in stores if item.lag for name in (item.name, item.rate)})
     return Section(
         record=analysis.structure_record(study.network.suspects, found, tests, sensors),
         show=lambda console: analysis.print_structure(console, study.network.suspects, found, tests, sensors),
@@ -184,9 +185,10 @@ def _tests(model: StructuralModel) -> analysis.StructuralTests | None:
     return analysis.StructuralTests(n_sets=len(sets), faults=faults)
 
 
-def _structural_sensors(model: StructuralModel) -> tuple[tuple[str, ...], ...]:
-    """The smallest sets of up to two signals whose sensors isolate, by structure, all that can be isolated."""
-    places = [k for k, name in enumerate(model.variable_names) if "->" not in name and name not in model.fault_names]
+def _structural_sensors(model: StructuralModel, unread: Collection[str]) -> tuple[tuple[str, ...], ...]:
+    """The smallest sets of up to two signals, none of them `unread`, whose sensors isolate all that can be isolated."""
+    unread = {*unread, *model.fault_names}
+    places = [k for k, name in enumerate(model.variable_names) if "->" not in name and name not in unread]
     try:
         found = sensors_to_isolate(model, places, max_sensors=2)
     except StructureError:

@@ -140,7 +140,10 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateSpec:
-    """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples."""
+    """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples.
+
+    follows: the input whose lag it is; it then begins about where that is first. -1: none.
+    """
 
     name: str
     start_mean: float
@@ -148,6 +151,7 @@ class StateSpec:
     noise: float  # process noise sd per sample
     drift: float = 0.0  # sd for each sample of a gap: after it a sensor will be off by about its noise
     jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
+    follows: int = -1
 
 
 @dataclass(frozen=True, kw_only=True)  # no slots: what follows from the fields is worked out once

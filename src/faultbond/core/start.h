@@ -27,6 +27,7 @@
 #define WIDER 3.0            /* how much wider than the fit says the start is: the same samples are filtered again */
 #define NOTHING_OF_SIZE 1e-9 /* part of a state's size below which it is zero but for rounding, which tells nothing */
 #define REACH_OF_STATE 2.0   /* a state is at most about this many times what the measured outputs suggest */
+#define PART_OF_INPUT 0.1    /* of an input, by which what lags behind it may be off at first */
 
 /* One guess on its way. Columns stand in memory one after the other. */
 typedef struct {
@@ -442,9 +443,17 @@ static void follow_unknown(const double *known, double (*led)[FB_ROOM(N_UNKNOWN)
     }
 }
 
+/* How far what lags behind input k may be from where that is at first: a part of it, and what counts as no step. */
+static double lag_behind(double (*samples)[N_SAMPLE], int64_t count, int k)
+{
+    double largest = 0.0;
+    for (int64_t t = 0; t < count; t++) largest = fmax(largest, fabs(samples[t][SAMPLE_U + k]));
+    return PART_OF_INPUT * largest + INPUT_STEP[k];
+}
+
 /* What is known of the states beforehand: stated, or settled and of a size that the readings suggest. Sets
    `centre`, `size` and `free`; what is stated may be off too, and would put the others off, so only what is exact
-   stays. */
+   stays. What lags behind an input is about where that is. */
 static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const int *unknown, int n_unknown,
                             SolveMemory *memory)
 {
@@ -461,7 +470,10 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
     find_sizes(samples, unknown, n_unknown, memory);
     memory->n_free = 0;
     for (int i = 0; i < N_STATES; i++) {
-        if (fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
+        const int k = START_INPUT[i];
+        if (k >= 0) memory->centre[i] = samples[0][SAMPLE_U + k];
+        if (k >= 0) memory->size[i] = lag_behind(samples, memory->count, k);
+        if (k < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
         if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
     }
 }

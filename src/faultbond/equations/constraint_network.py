@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from faultbond.equations.causality import Causality
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
-from faultbond.model.graph import BondGraph, Check, SlowError
+from faultbond.model.graph import BondGraph, Check, Input, Sensor, SlowError
 from faultbond.model.parser import to_text
 from faultbond.types import ElementType, JunctionType
 
@@ -27,12 +27,18 @@ class Constraint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """A stored quantity (`tank.q`) and the signal that is its rate of change (`tank.f`); `y` and `der(y)` of blocks."""
+    """A stored quantity (`tank.q`) and the signal that is its rate of change (`tank.f`); `y` and `der(y)` of blocks.
+
+    lag: the parameter that is the time constant of an input or a sensor with a lag; empty of other stores.
+    source: the input that such a store follows; empty where it follows what a sensor reads.
+    """
 
     name: str
     rate: str
     component: str | None = None  # None: an integrated signal that only a sensor or a law reads
     partner: str | None = None  # the co-energy signal: effort of a C, flow of an I
+    lag: str = ""
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,8 +94,51 @@ def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
     ModelError
         Where an expression reads a signal that does not exist.
     """
-    if graph.is_block_network:
-        return _block_network(graph)
+    return _lagging(graph, _block_network(graph) if graph.is_block_network else _bonded_network(graph, causality))
+
+
+def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
+    """Put a store of first order between an input with a lag and what it acts on, and before a sensor with one.
+
+    What lags is the signal `u.lagged`, with T der(u.lagged) = u - u.lagged; all that names the input `u` sees that.
+    """
+    behind = {item.name: f"{item.name}.lagged" for item in graph.inputs if item.lag}
+    constraints = [
+        replace(item, residual=rename(item.residual, lambda name: behind.get(name, name)))
+        for item in network.constraints
+    ]
+    readings, by_hand = (
+        [rename(item, lambda name: behind.get(name, name)) for item in items]
+        for items in (network.readings, network.by_hand)
+    )
+    stores: list[Store] = []
+
+    def follow(item: Input | Sensor, what: Expression, source: str) -> Name:
+        store = Store(name=f"{item.name}.lagged", rate=f"der({item.name}.lagged)", lag=item.lag, source=source)
+        gap = Binary("/", Binary("-", what, Name(store.name)), Name(item.lag))
+        law = Constraint(owner=f"{item.name}.lag", residual=Binary("-", Name(store.rate), gap), line=item.line)
+        stores.append(store)
+        constraints.append(law)
+        return Name(store.name)
+
+    for item in graph.inputs:
+        if item.lag:
+            follow(item, Name(item.name), item.name)
+    for k, sensor in enumerate(graph.sensors):
+        if sensor.lag:
+            readings[k] = follow(sensor, readings[k], "")
+    return replace(
+        network,
+        signals=(*network.signals, *(store.rate for store in stores)),
+        constraints=tuple(constraints),
+        states=(*network.states, *stores),
+        readings=tuple(readings),
+        by_hand=tuple(by_hand),
+    )
+
+
+def _bonded_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
+    """Give signals and laws of a bond graph, without lags."""
     table = _merge_signals(graph)
     expressions = [
         *(side for item in graph.components for law in item.laws for side in (law.left, law.right)),

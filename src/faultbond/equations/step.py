@@ -159,7 +159,10 @@ def _nominal_start(plant: Plant, coordinates: ca.Function, n_v: int, scales: Flo
     """Give the joint vector of the nominal plant at its declared start, or empty."""
     graph, n_x, n_b = plant.graph, plant.x.numel(), plant.b.numel()
     starts = {item.name: item.start.mean for item in graph.components if item.start is not None}
-    contents = np.array([starts.get(state.component or "", 0.0) for state in plant.network.states])
+    acting = dict(zip((item.name for item in graph.inputs), reference_inputs(plant).tolist(), strict=True))
+    contents = np.array(
+        [acting.get(state.source, starts.get(state.component or "", 0.0)) for state in plant.network.states]
+    )
     v = np.zeros(n_v)
     nominal = np.array([item.nominal for item in graph.parameters])
     v[:n_x] = coordinates(contents, nominal).full()[:, 0]

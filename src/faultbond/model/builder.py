@@ -71,11 +71,12 @@ class ModelBuilder:
         column: str | None = None,
         noise: Scalar | None = None,
         settling: Scalar | None = None,
+        lag: Scalar | Fields | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured or commanded input."""
-        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling}
+        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "lag": lag}
         return self._add("inputs", name, {**fields, "range": range, "suspect": suspect})
 
     def component(
@@ -120,12 +121,13 @@ class ModelBuilder:
         *,
         noise: Scalar | None = None,
         unit: str | None = None,
+        lag: Scalar | Fields | None = None,
         column: str | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
-        fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "column": column}
+        fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "lag": lag, "column": column}
         return self._add("sensors", name, {**fields, "range": range, "suspect": suspect})
 
     def slow_error(

@@ -122,9 +122,16 @@ class _Writer:
             "unit": item.unit.text,
             "column": _scalar(item.column) if has_column else "",
             "noise": self.noise(item),
+            "lag": self.lag(self.parameters[item.lag]) if item.lag else "",
             "range": "" if reach == "any" else reach,
             "suspect": "" if item.suspect or self.static else "no",
         }
+
+    def lag(self, item: Parameter) -> str:
+        """Give the time constant of an input or a sensor; it is trusted unless it says otherwise."""
+        value = _value(item.nominal, item.unit)
+        texts = {**self.spreads(item), "suspect": "yes" if item.suspect else ""}
+        return _flow({"value": value, **texts}, keys.LAG_KEYS) if any(texts.values()) else value
 
     def noise(self, item: Input | Sensor | Check) -> str:
         has_noise = item.unit != LOGIC_UNIT and self.stated("noise", item.name, is_default=item.noise == 0)
@@ -156,17 +163,23 @@ class _Writer:
         )
 
     def parameter(self, item: Parameter) -> str:
-        has_change = self.own("change", item, item.change, keys.CHANGE)
-        has_range = self.stated("range", item.name, is_default=(item.lower, item.upper) == default_range(item.nominal))
         limits, nominal = [_value(end, item.unit) for end in item.limits], _value(item.nominal, item.unit)
         texts = {
-            "accuracy": self.accuracies.get(item.name, ""),
-            "change": _spread(item, item.change) if has_change else "",
-            "range": _range(item) if has_range else "",
+            **self.spreads(item),
             "limit": f"[{', '.join(limits)}]" if len(limits) > 1 else "".join(limits),
             "suspect": "" if item.suspect else "no",
         }
         return _flow({"nominal": nominal, **texts}, keys.PARAMETER_KEYS) if any(texts.values()) else nominal
+
+    def spreads(self, item: Parameter) -> dict[str, str]:
+        """Give how far a parameter may be from its nominal, where that is not the default."""
+        has_change = self.own("change", item, item.change, keys.CHANGE)
+        has_range = self.stated("range", item.name, is_default=(item.lower, item.upper) == default_range(item.nominal))
+        return {
+            "accuracy": self.accuracies.get(item.name, ""),
+            "change": _spread(item, item.change) if has_change else "",
+            "range": _range(item) if has_range else "",
+        }
 
     def check(self, item: Check) -> str:
         has_cost = self.stated("cost", item.name, is_default=item.cost == keys.CHECK_COST)

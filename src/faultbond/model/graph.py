@@ -42,6 +42,7 @@ LOGIC_UNIT = Unit("logic")  # of a signal that is 0 or 1
 class Parameter:
     """A suspect: one number of a component that a fault may change. All values SI, spreads absolute.
 
+    `owner` is the component, or of the lag of an input or a sensor that.
     `limits`, ascending, are the values at which a drift matters: none, one, or one on each side of the nominal.
     """
 
@@ -77,6 +78,7 @@ class Constant:
 class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
+    lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
     """
@@ -86,6 +88,7 @@ class Input:
     unit: Unit
     noise: float = 0.0
     settling: float = 0.0
+    lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf
     suspect: bool = True
@@ -169,6 +172,7 @@ class Bond:
 class Sensor:
     """A measured output: `reads` gives its SI value, `noise` the SI standard deviation.
 
+    lag : the parameter with which it follows what it reads, as a time constant; empty: at once
     lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
     suspect : whether it may fail; always False where there is no time
     """
@@ -178,6 +182,7 @@ class Sensor:
     unit: Unit
     reads: Expression
     noise: float
+    lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf
     suspect: bool = True

@@ -96,6 +96,16 @@ PARAMETER_KEYS = Keys(
     },
     short="nominal",
 )
+LAG_KEYS = Keys(
+    {
+        "value": Key(VALUE, "time constant", required=True, missing="state the time constant, such as `value: 3 s`"),
+        "accuracy": PARAMETER_KEYS.known["accuracy"],
+        "change": PARAMETER_KEYS.known["change"],
+        "range": PARAMETER_KEYS.known["range"],
+        "suspect": Key(YES_NO, "`yes` makes the lag a suspect; default `no`"),
+    },
+    short="value",
+)
 _PARAMETERS = Key(_named(PARAMETER_KEYS), "numbers that a fault may change")
 INPUT_KEYS = Keys(
     {
@@ -103,6 +113,7 @@ INPUT_KEYS = Keys(
         "column": _COLUMN,
         "noise": Key(VALUE, "standard deviation; default 0", default="0"),
         "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
+        "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
         "suspect": Key(YES_NO, "`no` trusts the input"),
     },
@@ -160,6 +171,7 @@ SENSOR_KEYS = Keys(
         "noise": Key(
             VALUE, "standard deviation, `180 Pa` or `2 % of 8.9 kPa`; default 0 in a static network", default="0"
         ),
+        "lag": Key(LAG_KEYS, "time constant with which it follows what it reads; default: at once"),
         "column": _COLUMN,
         "range": Key(RANGE, "measuring range; a value at an end or beyond is not used; default any"),
         "suspect": Key(YES_NO, "`no` trusts the sensor"),

@@ -14,7 +14,7 @@ from faultbond.model.quantities import NO_UNIT, Spread, shared_factor, spread_ov
 from faultbond.model.source import closest, shown
 from faultbond.model.spot import Spot
 from faultbond.model.units import Measure
-from faultbond.model.values import read_column, read_instrument, read_reach, read_unit
+from faultbond.model.values import ValueReader, read_column, read_instrument, read_reach, read_unit
 from faultbond.types import CheckKind
 
 
@@ -34,10 +34,10 @@ class Measured:
 
 
 class MeasuredReader:
-    """Reads `sensors`, `slow_error` and `checks`."""
+    """Reads `sensors`, `slow_error` and `checks`; the lags of sensors become numbers of the model."""
 
-    def __init__(self, head: Head, laws: LawReader | BlockReader) -> None:
-        self.head, self.source, self.laws = head, head.source, laws
+    def __init__(self, head: Head, laws: LawReader | BlockReader, numbers: ValueReader) -> None:
+        self.head, self.source, self.laws, self.numbers = head, head.source, laws, numbers
         self.inputs: dict[str, Input] = {item.name: item for item in laws.values.inputs}
         self.units: dict[str, Measure | None] = {}  # of sensors and checks
         self.stated: dict[str, tuple[Measure, str]] = {}
@@ -85,6 +85,7 @@ class MeasuredReader:
             unit=unit,
             reads=reads,
             noise=noise,
+            lag=self.numbers.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),

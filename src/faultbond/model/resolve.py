@@ -43,10 +43,11 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
     defaults = Defaults()
     head = read_head(source, fields, defaults, name)
     plant = block_wiring(source, fields) if head.blocks else wiring(source, fields)
-    values = ValueReader(head).read(fields, plant)
+    reader = ValueReader(head)
+    values = reader.read(fields, plant)
     laws: LawReader | BlockReader = (BlockReader if head.blocks else LawReader)(head, plant, values)
     components = laws.components()
-    measured = MeasuredReader(head, laws).read(fields)
+    measured = MeasuredReader(head, laws, reader).read(fields)
     sides = [side for item in components for law in item.laws for side in (law.left, law.right)]
     sides += [item.reads for item in measured.sensors]
     check_used(plant, values, {name for side in sides for name in names(side)})
@@ -66,7 +67,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         max_faults=head.max_faults,
         warm_up=warm_up,
         time=head.time,
-        parameters=values.parameters,
+        parameters=(*values.parameters, *reader.lags),
         constants=values.constants,
         inputs=values.inputs,
         components=components,

@@ -58,9 +58,11 @@ def rewrite(
     edits: list[_Edit] = []
     owners = {item.name: item.owner for item in graph.parameters}
     section = "blocks" if graph.is_block_network else "components"
+    lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
+    lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
     for item in parameters:
-        node = _at(top, (section, owners[item.name], "parameters", item.name), graph)
-        edits += _parameter_edits(text, node, item)
+        path = lags.get(item.name) or (section, owners[item.name], "parameters", item.name)
+        edits += _parameter_edits(text, _at(top, path, graph), item, "value" if item.name in lags else "nominal")
     for size in sizes:
         node = _at(top, ("slow_error", size.name) if size.slow else ("sensors", size.name, "noise"), graph)
         node = _values(node).get("size", node)
@@ -94,18 +96,18 @@ def _put(node: yaml.Node, text: str) -> _Edit:
     return node.start_mark.index, node.end_mark.index, text
 
 
-def _parameter_edits(text: str, node: yaml.Node, item: NewParameter) -> list[_Edit]:
-    """Replace nominal and other keys, whichever way the parameter is written."""
+def _parameter_edits(text: str, node: yaml.Node, item: NewParameter, first: str) -> list[_Edit]:
+    """Replace the nominal, whose key is `first`, and other keys, whichever way the parameter is written."""
     if not isinstance(node, yaml.MappingNode):
-        entries = ", ".join(f"{key}: {value}" for key, value in (("nominal", item.nominal), *item.others))
+        entries = ", ".join(f"{key}: {value}" for key, value in ((first, item.nominal), *item.others))
         return [_put(node, f"{{{entries}}}")]
     values = _values(node)
-    nominal = values["nominal"]
+    nominal = values[first]
     edits = [_put(values[key], value) for key, value in item.others if key in values]
     added = [f"{key}: {value}" for key, value in item.others if key not in values]
     if node.flow_style:
         return [*edits, _put(nominal, ", ".join([item.nominal, *added]))]
-    column = next(key.start_mark.column for key, _ in node.value if key.value == "nominal")
+    column = next(key.start_mark.column for key, _ in node.value if key.value == first)
     line_end = text.find("\n", nominal.end_mark.index)
     line_end = len(text) if line_end < 0 else line_end
     new_lines = "".join(f"\n{' ' * column}{entry}" for entry in added)

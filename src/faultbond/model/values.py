@@ -9,8 +9,9 @@ from faultbond.model.defaults import default_range
 from faultbond.model.expression import FUNCTIONS, RATE
 from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter
 from faultbond.model.head import Head
-from faultbond.model.keys import ACCURACY, CHANGE, INPUT_KEYS, PARAMETER_KEYS, Keys
+from faultbond.model.keys import ACCURACY, CHANGE, INPUT_KEYS, LAG_KEYS, PARAMETER_KEYS, Keys
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity
+from faultbond.model.source import Entry
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
@@ -51,6 +52,7 @@ class ValueReader:
         self.head, self.source, self.defaults = head, head.source, head.defaults
         self.measures: dict[str, Measure | None] = {}
         self.places: dict[str, tuple[str, int]] = {}
+        self.lags: list[Parameter] = []  # the time constants of inputs and sensors, which no law has to name
 
     def read(self, fields: Mapping[str, Spot], plant: Wiring) -> Values:
         """Read all of them, in the order of the file."""
@@ -116,15 +118,55 @@ class ValueReader:
             unit=found.unit if found else NO_UNIT,
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
+            lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),
             line=place.line,
         )
 
+    def lag(self, owner: Spot, stated: Spot) -> str:
+        """Take the lag of an input or a sensor; give the parameter that is its time constant.
+
+        Raises
+        ------
+        ModelError
+            where it is no time above 0, or something else has the name of the parameter.
+        """
+        if self.head.static:
+            raise stated.error(": with `sample_time: none` each row stands by itself, and nothing lags; remove it")
+        name = f"{owner.name}_lag"
+        if name in self.places:
+            other, line = self.places[name]
+            first = f" on line {line}" if self.source.has_lines else ""
+            article = "an" if other == "input" else "a"
+            raise stated.error(
+                f": its parameter is called `{name}`, and so is {article} {other}{first}; rename that one"
+            )
+        place = Spot(self.source, stated.words, Entry(name, stated.entry.value, stated.line))
+        fields = place.fields(LAG_KEYS)
+        value = place.at(fields["value"])
+        nominal = value.quantity(measure("s"))
+        value.check_unit(nominal, measure("s"))
+        if not nominal.value > 0.0:
+            raise value.error(" is a time above 0, such as `3 s`; an input or a sensor without `lag` follows at once")
+        value.check_time(nominal.value)
+        suspect = read_suspect(fields, default=False)
+        found = self._number(place, fields, nominal, owner.name, "lag", suspect)
+        if found.lower < 0.0:
+            raise fields["range"].error(" must not go below 0 s; nothing acts before its cause")
+        self.lags.append(found)
+        return name
+
     def _parameter(self, place: Spot, owner: Part) -> Parameter:
         fields = place.fields(PARAMETER_KEYS)
         nominal = quantity(fields["nominal"].text(), place.at(fields["nominal"]).where(": "))
+        return self._number(place, fields, nominal, owner.name, "parameter", self._suspect(place, fields, owner))
+
+    def _number(
+        self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, what: str, suspect: bool
+    ) -> Parameter:
+        """Give a parameter whose nominal value is known, with its spreads and range."""
         bare_zero = nominal.measure is None and nominal.number == 0  # takes the unit of its spreads
         spreads = {
             key: fields[key].spread(nominal.measure, free=bare_zero) for key in ("accuracy", "change") if key in fields
@@ -132,12 +174,12 @@ class ValueReader:
         if bare_zero:
             units = [item.quantity.measure for item in spreads.values() if item.quantity]
             nominal = Quantity(0.0, next((unit for unit in units if unit and not unit.unit.offset), None))
-        name = self._claim(place, "parameter", nominal.measure)
+        name = self._claim(place, what, nominal.measure)
         accuracy = spreads.get("accuracy") or self.head.accuracy
         lower, upper = self._range(place, fields, nominal)
         return Parameter(
             name=name,
-            owner=owner.name,
+            owner=owner,
             nominal=nominal.value,
             unit=nominal.unit,
             accuracy=self._size("accuracy", ACCURACY, accuracy, place, nominal),
@@ -145,7 +187,7 @@ class ValueReader:
             lower=lower,
             upper=upper,
             limits=self._limits(fields["limit"], nominal, (lower, upper)) if "limit" in fields else (),
-            suspect=self._suspect(place, fields, owner),
+            suspect=suspect,
             line=place.line,
         )
 

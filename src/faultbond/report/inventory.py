@@ -20,6 +20,7 @@ from faultbond.model.graph import BondGraph, Check, Component, Input, Parameter,
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
+from faultbond.report.suspects import owner_title
 from faultbond.report.verdict import step_text, unfalsifiable_text
 from faultbond.synthesis.specify import PROCESS_NOISE
 from faultbond.types import CheckKind, TimeGrid
@@ -147,11 +148,13 @@ def check_record(seen: Inventory) -> Record:
         "inputs": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
             | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "range": [item.lower, item.upper], "suspect": item.suspect}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
             | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
             for item, known in zip(graph.sensors, spec.outputs, strict=True)
         ],
@@ -264,7 +267,7 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.parameters or not graph.is_block_network:
         title(console, "Parameters")
         header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
-        table(console, header, [_parameter_row(item) for item in graph.parameters])
+        table(console, header, [_parameter_row(item, graph) for item in graph.parameters])
     if graph.constants:
         constants = [f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants]
         lines(console, [("constants", ", ".join(constants))])
@@ -274,12 +277,12 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
         lines(console, [("drifts matter at", "; ".join(limits))])
 
 
-def _parameter_row(item: Parameter) -> tuple[str, ...]:
+def _parameter_row(item: Parameter, graph: BondGraph) -> tuple[str, ...]:
     unit = item.unit
     nominal = figure(unit.from_si(item.nominal)).number()
     healthy, faulty = (figure(unit.difference_from_si(sd), digits=3).number() for sd in (item.accuracy, item.change))
     shown = faulty if item.suspect else "trusted"
-    return item.name, item.owner, nominal, healthy, shown, _reach(item), unit_text(unit.text)
+    return item.name, owner_title(graph, item), nominal, healthy, shown, _reach(item), unit_text(unit.text)
 
 
 def _reach(item: Parameter | Sensor) -> str:
@@ -353,7 +356,8 @@ def _states(seen: Inventory) -> Iterator[str]:
     starts = {item.name: item.start for item in seen.graph.components if item.start is not None}
     for store, coordinate in zip(seen.model.plant.network.states, seen.model.states, strict=True):
         start = starts.get(store.component or "")
-        known = "solved from the first samples" if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
+        known = f"about where {store.source} is" if store.source else "solved from the first samples"
+        known = known if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
         estimated = "" if coordinate == store.name else f", estimated as {coordinate}"
         yield f"{store.name}{estimated}; start: {known}"
 
@@ -380,7 +384,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
-    lines(console, list(_instruments(graph)))
+    lines(console, [*_lags(seen), *_instruments(graph)])
     if graph.slow_errors:
         title(console, "Slow errors")
         rows = []
@@ -393,6 +397,19 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])
+
+
+def _lags(seen: Inventory) -> Iterator[tuple[str, str]]:
+    """Give the lags of inputs and sensors, and what to do where the model has none that the plant has."""
+    graph = seen.graph
+    instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
+    lagging = [item for item in instruments if item.lag]
+    if lagging:
+        yield "lag", ", ".join(f"{item.name} {duration_text(graph.parameter(item.lag).nominal)}" for item in lagging)
+    direct = {k for item in seen.spec.outputs for k in item.direct_inputs if not seen.spec.inputs[k].settling}
+    if direct and graph.grid is not TimeGrid.NONE:
+        names = ", ".join(item.name for k, item in enumerate(graph.inputs) if k in direct)
+        yield "felt at once", f"{names}: if it takes time to act, or a sensor to follow, state its `lag`"
 
 
 def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from faultbond.contract.findings import Candidate, Forecast, Suspect
-from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.graph import BondGraph, Parameter, Unit
 from faultbond.report.numbers import (
     Notation,
     change_text,
@@ -74,7 +74,16 @@ def instrument_title(graph: BondGraph, name: str) -> str:
 def owner_of(graph: BondGraph, suspect: Suspect) -> str:
     """Name what a suspect belongs to: `pipe`, `flow sensor`, `input u_in`."""
     signal, _ = instrument_of(suspect.parameter)
+    known = {item.name: item for item in graph.parameters}.get(suspect.parameter)
+    if known is not None:
+        return owner_title(graph, known)
     return instrument_title(graph, signal) if signal else suspect.component
+
+
+def owner_title(graph: BondGraph, item: Parameter) -> str:
+    """Name what a parameter belongs to: `pipe`, or of a lag `flow sensor`, `input u_in`."""
+    lags = {other.lag for other in graph.inputs} | {other.lag for other in graph.sensors}
+    return instrument_title(graph, item.owner) if item.name in lags else item.owner
 
 
 def with_article(owner: str) -> str:

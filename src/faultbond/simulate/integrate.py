@@ -106,14 +106,29 @@ class Integrator:
     def start(self, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
         """Give the first s, (n_s,): states `x` (n_states,), actuators at rest at `u` (n_inputs,), all SI.
 
-        The implicit relations are solved with `theta` (n_parameters,).
+        The implicit relations are solved with `theta` (n_parameters,). What lags, if `x` has nan there, is where it
+        settles: an input with a lag where it stands, a sensor with one at what it reads.
 
         Raises
         ------
         StructureError
             Where the implicit relations have no solution there.
         """
-        moving = np.concatenate([x, u[list(self.lagged)]])
+        graph, stores = self.plant.graph, self.plant.network.states
+        inputs = dict(zip((item.name for item in graph.inputs), u.tolist(), strict=True))
+        moving, late = np.concatenate([x, u[list(self.lagged)]]), []
+        for k in np.flatnonzero(np.isnan(moving)).tolist():
+            moving[k] = inputs.get(stores[k].source, 0.0)
+            late += [] if stores[k].source else [k]
+        s = self._solved(moving, u, theta)
+        if late:  # T der(s) = r - s, so that where s is 0 what is read is T der(s)
+            times = {item.name: value for item, value in zip(graph.parameters, theta.tolist(), strict=True)}
+            rates = self.rates(s[: self.n_moving], s[self.n_moving :], u, theta)[0].full()[:, 0]
+            s[late] = [times[stores[k].lag] * rates[k] for k in late]
+        return s
+
+    def _solved(self, moving: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
+        """Give s with the implicit relations solved."""
         if not self.n_z:
             return moving
         for size in (0.0, *(sign * 10.0**k for k in range(-6, 7) for sign in (1.0, -1.0))):

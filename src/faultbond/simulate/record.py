@@ -100,7 +100,8 @@ def simulate(
     faults : of parameters and instruments; a fault of an instrument acts from the first row after its time on
     seed : of the noise and of `Effects.spread`; None: no noise, no spread
     effects : imperfections that the model leaves out; default none
-    start : SI value by state (`tank.q`); a state that is not named begins at the model's `start`, else at 0
+    start : SI value by state (`tank.q`); a state that is not named begins at the model's `start`, else at 0, and what
+        lags where it settles
 
     Raises
     ------
@@ -247,8 +248,9 @@ def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time
 
 
 def _start(plant: Plant, start: Mapping[str, float]) -> FloatArray:
+    """Give the states at first, nan for what lags and is not named."""
     known = {item.name: item.start.mean for item in plant.graph.components if item.start is not None}
-    x = {state.name: known.get(state.component or "", 0.0) for state in plant.network.states}
+    x = {state.name: np.nan if state.lag else known.get(state.component or "", 0.0) for state in plant.network.states}
     for name, value in start.items():
         if name not in x:
             raise ModelError(f"{plant.graph.file}: start of {name}: no such state; {name_hint(name, tuple(x))}")

@@ -105,6 +105,7 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
     plant = model.plant
     graph = plant.graph
     start = {item.name: item.start for item in graph.components}.get(plant.network.states[k].component or "")
+    source = plant.network.states[k].source
     nominal = np.array([item.nominal for item in graph.parameters])
     usual = model.contents(model.reference_state, nominal).full()[:, 0]
     content = usual.copy()
@@ -121,6 +122,7 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
         noise=_process_noise(model, k),
         drift=drift,
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
+        follows=[item.name for item in graph.inputs].index(source) if source else -1,
     )
 
 

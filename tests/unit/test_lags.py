@@ -1,0 +1,223 @@
+"""Lags of inputs and sensors: stores of the first order that the model file states by a time constant."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from faultbond.analysis.sensor_advice import readable_signals
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.errors import ModelError
+from faultbond.model.builder import ModelBuilder
+from faultbond.model.graph import BondGraph
+from faultbond.model.rewrite import NewParameter, rewrite
+from faultbond.model.text import parse_model
+from faultbond.report.inventory import Inventory, print_check
+from faultbond.report.suspects import owner_title
+from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
+from faultbond.simulate import Fault, Inputs, Simulation, simulate
+from faultbond.synthesis.engine import build_core
+from faultbond.synthesis.specify import build_spec
+from made import run, samples_of
+
+TANK = """\
+name: tank with lags
+sample_time: 1 s
+max_faults: 1
+inputs: {u: {unit: percent, lag: {value: 8 s, accuracy: 10 %, suspect: yes}}}
+components:
+  pump: {type: Sf, law: f = G*u, parameters: {G: 0.01 m^3/s/percent}}
+  tank: {type: C, law: e = q/A, parameters: {A: 5 m^2}}
+  outlet: {type: R, law: f = K*sqrt(e), parameters: {K: 0.35 m^2.5/s}}
+junctions: {line: 1, node: 0}
+bonds: [pump -> line -> node -> tank, node -> outlet]
+sensors:
+  flow: {reads: line.f, unit: m^3/s, noise: 0.004 m^3/s, lag: 4 s}
+  level: {reads: node.e, unit: m, noise: 5 mm}
+"""
+BLOCKS = """\
+name: one block
+sample_time: 0.5 s
+inputs: {u: {lag: 2 s}}
+blocks: {gain: {law: x = P*u, parameters: {P: 3}}}
+sensors: {y: {reads: x, noise: 1, lag: 5 s}}
+"""
+STATIC = "name: s\nsample_time: none\ninputs: {u: {lag: 2 s}}\nblocks: {a: {law: x = 2*u}}\nsensors: {y: {reads: x}}\n"
+LEVELS = (33.0, 60.0, 41.0, 66.0, 50.0)
+
+
+@cache
+def tank() -> tuple[BondGraph, Core]:
+    """The tank and its core."""
+    graph = parse_model(TANK)
+    return graph, build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
+
+
+def recorded(*faults: Fault) -> Simulation:
+    """A recording of the tank whose pump moves every minute."""
+    time = np.arange(300.0)
+    values = np.repeat(LEVELS, 60)[:, None]
+    return simulate(tank()[0], Inputs(time=time, values=values), faults, seed=4, start={"tank.q": 10.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "new", "message"),
+    [
+        ("lag: 4 s", "lag: 4 m", "model.yaml:12: sensor flow: lag is in m, but s is expected"),
+        ("lag: 4 s", "lag: 0 s", "sensor flow: lag is a time above 0, such as `3 s`"),
+        ("lag: 4 s", "lag: -1 s", "sensor flow: lag is a time above 0"),
+        ("lag: 4 s", "lag: soon", "sensor flow: lag `soon` is not a quantity"),
+        ("lag: 4 s", "lag: [4 s]", "sensor flow: lag must be a table"),
+        ("lag: 4 s", "lag: {accuracy: 5 %}", "sensor flow: lag: `value` is missing; state the time constant"),
+        ("lag: 4 s", "lag: {value: 4 s, nominal: 3}", "sensor flow: lag: unknown key `nominal`"),
+        ("lag: 4 s", "lag: {value: 4 s, range: [-1 s, 9 s]}", "range must not go below 0 s; nothing acts before"),
+        ("lag: 4 s", "lag: {value: 4 s, accuracy: 1 m}", "accuracy is in m, but s is expected"),
+        (
+            "{G: 0.01 m^3/s/percent}",
+            "{G: 0.01 m^3/s/percent, u_lag: 2}",
+            "parameter `u_lag` is already a lag on line 4",
+        ),
+        (
+            "{K: 0",
+            "{flow_lag: 1, K: 0",
+            "sensor flow: lag: its parameter is called `flow_lag`, and so is a parameter on line 8",
+        ),
+    ],
+)
+def test_mistakes(text: str, new: str, message: str) -> None:
+    """What is no lag is refused by name and line."""
+    with pytest.raises(ModelError) as caught:
+        parse_model(TANK.replace(text, new))
+    assert message in str(caught.value)
+
+
+def test_nothing_lags_without_time() -> None:
+    """A network whose rows stand by themselves has no lag."""
+    with pytest.raises(ModelError, match=r"input u: lag: with `sample_time: none` each row stands by itself"):
+        parse_model(STATIC)
+
+
+def test_a_lag_is_a_parameter_of_its_owner() -> None:
+    """It is trusted unless it says otherwise, has the accuracy of the model, and belongs to the input or sensor."""
+    graph = parse_model(TANK)
+    own, trusted = graph.parameter("u_lag"), graph.parameter("flow_lag")
+    assert (own.nominal, own.accuracy, own.change, own.suspect, own.owner) == (8.0, 0.8, 16.0, True, "u")
+    assert (trusted.nominal, trusted.accuracy, trusted.suspect) == (4.0, 0.03 * 4.0, False)
+    assert [owner_title(graph, item) for item in (own, trusted)] == ["input u", "flow sensor"]
+
+
+def test_text_and_builder_say_the_same() -> None:
+    """The canonical text reads back, and the builder takes the same words."""
+    graph = parse_model(BLOCKS)
+    built = ModelBuilder("one block", sample_time="0.5 s").input("u", lag="2 s")
+    built.block("gain", "x = P*u", parameters={"P": 3}).sensor("y", "x", noise=1, lag="5 s")
+    assert graph.text == parse_model(graph.text).text == built.build().text
+    text = parse_model(TANK).text
+    assert "lag: {value: 8 s, accuracy: 10 %, suspect: yes}" in text
+    assert "lag: 4 s" in text
+    assert parse_model(text).text == text
+
+
+def test_a_fitted_lag_is_written_where_it_stood() -> None:
+    """Both forms take a new value."""
+    new = [NewParameter(name="u_lag", nominal="9 s", others=(("accuracy", "2 %"),))]
+    new += [NewParameter(name="flow_lag", nominal="3 s", others=(("accuracy", "1 %"),))]
+    text = rewrite(TANK, parse_model(TANK), new, [])
+    assert "lag: {value: 9 s, accuracy: 2 %, suspect: yes}" in text
+    assert "lag: {value: 3 s, accuracy: 1 %}" in text
+
+
+def test_two_lags_in_a_row_are_exact() -> None:
+    """After a step of the input the sensor shows the closed form of two stores, from rest at the first row."""
+    time = np.arange(0.0, 30.0, 0.5)
+    values = np.where(time < 5.0, 1.0, 4.0)[:, None]
+    made = simulate(parse_model(BLOCKS), Inputs(time=time, values=values), seed=None)
+    late = np.maximum(time - 5.0, 0.0)
+    part = 1.0 - (5.0 * np.exp(-late / 5.0) - 2.0 * np.exp(-late / 2.0)) / (5.0 - 2.0)
+    assert made.outputs[:, 0] == pytest.approx(3.0 * (1.0 + 3.0 * part), rel=1e-7)
+    assert made.state_names == ("u.lagged", "y.lagged")
+
+
+def test_the_filter_steps_as_the_plant_does() -> None:
+    """One step of the discrete model follows the closed form to its second order."""
+    model = build_step_model(build_plant(parse_model(BLOCKS)))
+    v, u = np.array([1.0, 3.0, 1.0, 1.0, 1.0]), [4.0]  # u.lagged, y.lagged, and the factors of P and both lags
+    for _ in range(20):
+        v[:2] = model.predict(v, u, [], 0.5)[0].full()[:, 0]
+    part = 1.0 - (5.0 * np.exp(-2.0) - 2.0 * np.exp(-5.0)) / 3.0
+    assert v[:2] == pytest.approx([4.0 - 3.0 * np.exp(-5.0), 3.0 * (1.0 + 3.0 * part)], rel=2e-3)
+
+
+def test_what_lags_is_felt_later() -> None:
+    """No sensor follows an input with a lag at once, and nobody is asked to measure what lags."""
+    lagging, plain = parse_model(TANK), parse_model(TANK.replace("lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
+    model, other = (build_step_model(build_plant(item)) for item in (lagging, plain))
+    assert model.direct == ((), ())
+    assert other.direct == ((), ())  # the flow meter lags, too
+    assert not [name for name in readable_signals(model) if "lagged" in name]
+    bare = parse_model(TANK.replace(", lag: 4 s", "").replace("lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
+    assert build_step_model(build_plant(bare)).direct == ((0,), ())
+
+
+@pytest.mark.parametrize(("lag", "line"), [("lag: 4 s", "u 8 s, flow 4 s"), ("range: any", "u 8 s")])
+def test_check_tells_of_lags(lag: str, line: str) -> None:
+    """`check` lists the lags, and about where what lags begins."""
+    shown = checked(TANK.replace("lag: 4 s", lag))
+    assert line in shown
+    assert "u.lagged; start: about where u is" in shown
+    assert "felt at once" not in shown
+
+
+def test_check_asks_for_a_lag() -> None:
+    """Where a sensor feels an input at once, `check` says what to do if that is not so."""
+    shown = checked(TANK.replace(", lag: 4 s", "").replace(", lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
+    assert "felt at once" in shown
+    assert "u: if it takes time to act, or a sensor to follow, state its `lag`" in shown
+
+
+def checked(text: str) -> str:
+    """What `check` prints of a model."""
+    graph = parse_model(text)
+    model = build_step_model(build_plant(graph))
+    console = Console(width=100, record=True, quiet=True)
+    console.quiet = False
+    with console.capture() as capture:
+        print_check(console, Inventory(graph=graph, model=model, spec=build_spec(model), engine="C"))
+    return capture.get()
+
+
+def test_it_begins_where_the_input_is() -> None:
+    """What no sensor shows of an input that lags is known from the record of the input, to about a tenth of it."""
+    graph = parse_model("\n".join(line for line in TANK.splitlines() if "flow:" not in line).replace("5 mm", "2 m"))
+    core = build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
+    time, values = np.arange(20.0), np.full((20, 1), LEVELS[0])
+    made = simulate(graph, Inputs(time=time, values=values), seed=4, start={"tank.q": 10.0})
+    monitor, _ = run(core, samples_of(time, made.inputs, made.outputs))
+    mean, covariance = core.solve_start(np.array([monitor.row(k)[0] for k in range(20)]))
+    place = [item.name for item in core.spec.states].index("u.lagged")
+    assert core.spec.states[place].follows == [item.name for item in graph.inputs].index("u")
+    assert abs(mean[place] - LEVELS[0]) < 3.0
+    assert 0.1 * LEVELS[0] < np.sqrt(covariance[place, place]) < 3.1 * (0.1 * LEVELS[0] + 1.0)
+
+
+def test_the_healthy_plant_is_quiet() -> None:
+    """Nothing surprises the filter, from the first sample on."""
+    made = recorded()
+    _, reports = run(tank()[1], samples_of(made.time, made.inputs, made.outputs))
+    assert not any(report.detection for report in reports)
+
+
+def test_a_slow_actuator_is_found() -> None:
+    """A valve that lags twice as long from some time on is named, with its time constant."""
+    made = recorded(Fault(parameter="u_lag", value=20.0, start=110.0))
+    monitor = Monitor(tank()[1])
+    for sample in samples_of(made.time, made.inputs, made.outputs):
+        monitor.step(sample)
+    best = monitor.conclude().candidates[0]
+    assert [item.parameter for item in best.suspects] == ["u_lag"]
+    assert best.suspects[0].component == "u"
+    assert best.suspects[0].estimate == pytest.approx(20.0, abs=4.0 * best.suspects[0].sd)
+    assert best.probability > 0.9
