@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
 _NONE = np.zeros(0)
+_TURNS = 12  # of the climb to the starts alone
 _PLACES = 50  # moments of a recording at which signals are looked at
 
 
@@ -58,15 +60,15 @@ def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArra
     layout, lanes, found = plant.layout, _still_lanes(plant, start, q[None]), []
     n_known = layout.n_x + layout.n_b
     ends = np.unique(np.linspace(0, len(record.time), _PLACES + 1).astype(int))
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in pairwise(ends.tolist()):
         lanes = plant.engine.advance(lanes, record.samples[first:last])[0]
         mean = lanes[: layout.n_mean, 0]
         found.append(np.concatenate([record.u[last - 1], mean[:n_known], q[: layout.n_p], mean[n_known:]]))
     return np.array(found)
 
 
-def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> Summit:
-    """Give the likelihood of recordings that were held back: all is known but where they start."""
+def at_rest(plant: FittedPlant, q: FloatArray) -> FittedPlant:
+    """Give the plant with all numbers known, so that nothing but starts is to be found."""
     nothing = Unknowns(
         places=np.zeros(0, dtype=np.intp),
         parameters=(),
@@ -76,8 +78,9 @@ def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: Fit
         lower=_NONE,
         upper=_NONE,
     )
-    known = replace(plant, base=q, unknowns=nothing)
-    return ascend(known, records, replace(begin, values=_NONE), _NONE, turns=_TURNS)
+    return replace(plant, base=q, unknowns=nothing)
 
 
-_TURNS = 12  # of the climb to the starts alone
+def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> Summit:
+    """Give the likelihood of recordings that were held back: all is known but where they start."""
+    return ascend(at_rest(plant, q), records, replace(begin, values=_NONE), _NONE, turns=_TURNS)

@@ -1,4 +1,4 @@
-"""What a model may leave out, as things that can be added to it: slow errors of laws and sensors, noise of inputs.
+"""What a model may leave out, as things that can be added to it: slow errors, lags, noise of inputs.
 
 A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
 the same is its memory.
@@ -7,13 +7,15 @@ the same is its memory.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
+from math import inf
 
 from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.likelihood import Layout
-from faultbond.model.graph import BondGraph, SlowError
+from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
 
 MOST_PLACES = 24  # slow errors that are tried at once; each makes every step of the filter dearer
+LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
 
@@ -22,12 +24,16 @@ class Kind(Enum):
 
     RELATIVE = "relative slow error"
     ABSOLUTE = "slow error"
-    INPUT_NOISE = "noise of an input"
+    INPUT_NOISE = "noise"
+    LAG = "lag"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
-    """Something that a model may leave out: of which kind, of what, how large (SI or parts), over which time (s)."""
+    """Something that a model may leave out: of which kind, of what, how large, over which time (s).
+
+    size : standard deviation, SI or in parts; of a lag its time constant, s
+    """
 
     kind: Kind
     place: str
@@ -43,7 +49,12 @@ class Imperfection:
     @property
     def is_slow(self) -> bool:
         """Whether it has a memory."""
-        return self.kind is not Kind.INPUT_NOISE
+        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE)
+
+    @property
+    def words(self) -> str:
+        """What it is, without its size."""
+        return f"{self.kind.value} of {self.place}"
 
 
 def law_signals(model: StepModel) -> tuple[str, ...]:
@@ -94,6 +105,8 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
     """Give a plant with imperfections, in place of those of the same kind that it declares for the same thing."""
     errors, inputs = list(graph.slow_errors), list(graph.inputs)
     for item in added:
+        if item.kind is Kind.LAG:
+            continue
         if not item.is_slow:
             k = next(k for k, known in enumerate(inputs) if known.name == item.place)
             inputs[k] = replace(inputs[k], noise=max(item.size, UNTRIED))
@@ -105,16 +118,50 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
             memory=item.memory,
             is_sensor=item.is_sensor,
         )
-        at = next((k for k, known in enumerate(errors) if (known.target, known.relative) == (new.target, new.relative)), -1)
+        at = next(
+            (k for k, known in enumerate(errors) if (known.target, known.relative) == (new.target, new.relative)), -1
+        )
         if at < 0:
             errors.append(new)
         else:
             errors[at] = replace(errors[at], sd=new.sd, memory=new.memory)
-    return replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
+    graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
+    for item in added:
+        graph = _lagging(graph, item) if item.kind is Kind.LAG else graph
+    return graph
+
+
+def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which an input or a sensor lags; where it does already, so long."""
+    name = lag_name(item)
+    parameters = {known.name: known for known in graph.parameters}
+    lag = parameters.get(name) or Parameter(
+        name=name,
+        owner=item.place,
+        nominal=1.0,
+        unit=Unit("s"),
+        accuracy=0,
+        change=0,
+        lower=0,
+        upper=inf,
+        suspect=False,
+    )
+    size = item.size
+    parameters[name] = replace(lag, nominal=size, accuracy=LAG_ACCURACY * size, change=LAG_CHANGE * size)
+    inputs = (replace(known, lag=name) if known.name == item.place else known for known in graph.inputs)
+    sensors = (replace(known, lag=name) if known.name == item.place else known for known in graph.sensors)
+    return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
+
+
+def lag_name(item: Imperfection) -> str:
+    """Give the name of the parameter that is the time constant of a lag."""
+    return f"{item.place}_lag"
 
 
 def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
     """Give where the size of an imperfection of a plant stands in q."""
+    if item.kind is Kind.LAG:
+        return [known.name for known in graph.parameters].index(lag_name(item))
     first = layout.first_noise + layout.n_y
     if item.is_slow:
         return first + _number(graph, item)
