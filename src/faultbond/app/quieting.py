@@ -114,11 +114,8 @@ def _attempt(stand: Stand, text: str, graph: BondGraph, read: Read, wishes: FitW
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
     core, model = build_watcher(first), build_model(first)
-    free = (
-        None
-        if wishes.free is None
-        else (*wishes.free, *(item.name for item in first.parameters[len(graph.parameters) :]))
-    )
+    lags = {item.name for item in first.parameters} - {item.name for item in graph.parameters}
+    free = None if wishes.free is None else (*wishes.free, *sorted(lags))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, stand))

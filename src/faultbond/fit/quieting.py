@@ -70,11 +70,15 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Added:
-    """An imperfection that was added, and how many nats the recordings gain, those fitted and those held back."""
+    """An imperfection that was added, and how many nats the recordings gain, those fitted and those held back.
+
+    alike : others that explain about as much
+    """
 
     what: Imperfection
     trained: float
     held: float
+    alike: tuple[Imperfection, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,7 +207,9 @@ class Search:
         if not most >= WORTH:
             return None
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
-        return min(near, key=lambda item: item.unknown)
+        best = min(near, key=lambda item: item.unknown)
+        alike = tuple(item.added[-1].what for item in near if item is not best)
+        return replace(best, added=(*best.added[:-1], replace(best.added[-1], alike=alike)))
 
     def lags(self, stand: Stand) -> list[tuple[Imperfection, float]]:
         """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.
@@ -242,6 +248,8 @@ class Search:
                 for size in sizes
                 for memory in self._memories(item)
             ]
+            if not tried:
+                break
             declared = np.array([self.all.with_one(q, item) for item in tried])
             gains = likelihoods(plant, [record], start, declared) - now
             for item, gain in zip(tried, gains.tolist(), strict=True):

@@ -143,6 +143,7 @@ def quiet_record(found: Quieted) -> Record:
                 "memory": item.what.memory if item.what.is_slow else None,
                 "gain": item.trained,
                 "gain_held_back": item.held,
+                "alike": [{"kind": other.kind.value, "of": other.place} for other in item.alike],
             }
             for item in found.added
         ],
@@ -168,6 +169,8 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     if found.added:
         header = ("added", "of", "size", "unit", "over", "gain, nats", "held back")
         table(console, header, [_added_row(graph, item) for item in found.added])
+        texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
+        lines(console, under("as good", texts))
     else:
         lines(console, [("", "nothing that foretells what was held back better")])
     if found.raised:
