@@ -182,7 +182,7 @@ def inputs(draw: st.DrawFn) -> Mapping:
     optional: dict[str, object] = {"column": "V in, raw", "noise": f"{draw(sizes)} {unit}", "settling": draw(seconds)}
     optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
     optional["range"] = draw(st.sampled_from(["any", [f"-1 {unit}", "inf"]]))
-    optional["lag"] = draw(lags())
+    optional["lag"], optional["hold"] = draw(lags()), draw(st.sampled_from(["last", "linear"]))
     return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
 
 

@@ -95,11 +95,13 @@ class DenseFilter:
     # Moving on.
 
     def predicted(self, lane: Lane, fields: Fields) -> Lane:
-        """From the sample before to this one; the input was held at `u_before`."""
+        """From the sample before to this one; an input was held at `u_before`, or went linearly to `u`."""
         spec, dt = self.spec, float(fields["dt"][0])
         z, F, Q = lane.z.copy(), np.eye(spec.n_joint), np.zeros(spec.n_joint)
         n_x = len(spec.states)
-        z[:n_x], F[:n_x], implicit = self.predict(lane.z, lane.roles, fields["u_before"], lane.implicit, dt)
+        z[:n_x], F[:n_x], implicit = self.predict(
+            lane.z, lane.roles, fields["u_before"], lane.implicit, dt, fields["u"] - fields["u_before"]
+        )
         Q[:n_x] = fields["gap"] ** 2
         if dt > 0.0:
             Q[:n_x] += [state.noise**2 for state in spec.states]
@@ -120,26 +122,36 @@ class DenseFilter:
         return replace(lane, z=z, P=0.5 * (P + P.T), implicit=implicit)
 
     def predict(
-        self, z: FloatArray, roles: Fields, u: FloatArray, implicit: FloatArray, dt: float
+        self,
+        z: FloatArray,
+        roles: Fields,
+        u: FloatArray,
+        implicit: FloatArray,
+        dt: float,
+        climb: FloatArray | float = 0.0,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the states after dt, their slopes by z, (n_states, n_joint), and the implicit signals.
 
-        ROS2 in equal substeps. The slopes are those of its formulas with the matrix inside them held.
+        ROS2 in equal substeps. The slopes are those of its formulas with the matrix inside them held. Inputs with a
+        linear hold gain `climb` over dt.
         """
         v, by_z = self.model_vector(z, roles)
         n_x, h, gamma = len(self.spec.states), dt / self.model.substeps, 1.0 - 1.0 / np.sqrt(2.0)
         moved = np.eye(len(v))  # slope of the vector on its way by the vector at the start
+        part = np.array([item.linear for item in self.spec.inputs]) * climb / self.model.substeps
         for _ in range(self.model.substeps):
             implicit = self.solved(v, u, implicit)
             f, A = self.rates(v, u, implicit)
+            force = gamma * A[:, len(v) - len(u) :] @ part  # the last columns are errors of the inputs
+            u = u + part
             W = np.eye(n_x) - gamma * h * A[:, :n_x]
-            k1, K1 = np.linalg.solve(W, f), np.linalg.solve(W, A @ moved)
+            k1, K1 = np.linalg.solve(W, f + force), np.linalg.solve(W, A @ moved)
             middle, moved_middle = v.copy(), moved.copy()
             middle[:n_x] += h * k1
             moved_middle[:n_x] += h * K1
             implicit = self.solved(middle, u, implicit)
             f, A = self.rates(middle, u, implicit)
-            k2, K2 = np.linalg.solve(W, f - 2.0 * k1), np.linalg.solve(W, A @ moved_middle - 2.0 * K1)
+            k2, K2 = np.linalg.solve(W, f - 2.0 * k1 - force), np.linalg.solve(W, A @ moved_middle - 2.0 * K1)
             v[:n_x] += h * (1.5 * k1 + 0.5 * k2)
             moved[:n_x] += h * (1.5 * K1 + 0.5 * K2)
         return v[:n_x], moved[:n_x] @ by_z, implicit

@@ -168,7 +168,7 @@ def _slopes(
     memories = np.array([error.memory for error in spec.slow_errors])
     dt = fields["dt"][1:]
     decay = np.exp(-dt / memories)
-    x, by, z = Batch(model.predict)(mean[:-1], fields["u_before"][1:], implicit[:-1], dt)
+    x, by, z = Batch(model.follow)(mean[:-1], fields["u_before"][1:], fields["u"][1:], implicit[:-1], dt)
     transition[1:, :n_x] = by
     slow, parameters = (np.arange(n)[place] for place in (spec.slow_slice, spec.parameter_slice))
     transition[1:, slow, slow] = decay
@@ -189,7 +189,7 @@ def advance_function(model: StepModel) -> ca.Function:
     v, z, u = model.v, model.z, model.u
     n_x = len(model.states)
     before, dt = ca.SX.sym("u_before", u.numel()), ca.SX.sym("dt")
-    x, _, solved = model.predict(v, before, z, dt)
+    x, _, solved = model.follow(v, before, u, z, dt)
     moved = ca.vertcat(x, v[n_x:])
     y, _, solved = model.measure(moved, u, solved)
     results = [ca.densify(item) for item in (moved, solved, y)]

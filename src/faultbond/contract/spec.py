@@ -75,6 +75,7 @@ class InputSpec:
     unit_factor: float = 1.0
     unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
     ranged: bool = False  # whether the model states what it can be, so that nothing else is called wild
+    linear: bool = False  # whether it goes linearly from sample to sample, and is not held
 
     @property
     def percent(self) -> bool:
@@ -319,7 +320,7 @@ class EngineSpec:
         """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis."""
         sizes = {
             "dt": 1,  # s since the previous sample
-            "u_before": len(self.inputs),  # held since the previous sample
+            "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
             "u": len(self.inputs),
             "y": len(self.outputs),
             "use": len(self.outputs),  # 1: use this value, 0: it is missing

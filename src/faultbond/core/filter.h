@@ -59,10 +59,11 @@ static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRI
     for (int k = 0; k < N_NOISY; k++) v[AT_SLOT + NOISY[k]] += z[AT_NOISE + k];
 }
 
-/* The inputs as the model takes them. Where each lane has its own they are taken as errors of inputs that are zero. */
+/* The inputs as the model takes them. Where each lane has its own, or they move in the course of a step, they are taken as
+   errors of inputs that are zero. */
 static inline const double *inputs_of(const given *FB_RESTRICT u, lanes *FB_RESTRICT v)
 {
-#ifdef FB_OWN_SAMPLES
+#if defined(FB_OWN_SAMPLES) || N_LINEAR > 0
     static const double none[FB_ROOM(N_INPUTS)] = {0.0};
     for (int k = 0; k < N_INPUTS; k++) v[AT_SLOT + k] += u[k];
     return none;
@@ -142,13 +143,16 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
     }
 }
 
-/* From the sample before to this one: z and covariance move on. The input was held at `u_before`. */
+/* From the sample before to this one: z and covariance move on. An input was held at `u_before`, or went linearly from there
+   to where it is. */
 static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
-    lanes v[N_V];
+    lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
     joint_to_model(lane, lane, v);
     const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U_BEFORE, v);
-    integrate(v, u, SHARED(sample[SAMPLE_DT]), lane + AT_IMPLICIT, &work->step);
+    for (int k = 0; k < N_INPUTS; k++)
+        climb[k] = INPUT_LINEAR[k] ? EACH(sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]) : broadcast(0.0);
+    integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), lane + AT_IMPLICIT, &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);

@@ -172,31 +172,46 @@ static void end_slopes(const steep *FB_RESTRICT slopes, double h, Step *FB_RESTR
         FOR_REACH (i, c) step->slope[i][c] += h * (1.5 * step->k1[i][c] + 0.5 * step->k2[i][c]);
 }
 
-/* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant.
-   Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Changes v (its states), z and
-   `step`. */
-static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, double dt, lanes *FB_RESTRICT z,
-                      Step *FB_RESTRICT step)
+/* What inputs that go linearly from row to row bring to the stages of a part: gamma h times the rate of the rates by time. */
+static inline void find_force(const steep *FB_RESTRICT slopes, const lanes *FB_RESTRICT climb, lanes *FB_RESTRICT force)
+{
+    for (int i = 0; i < N_STATES; i++) {
+        force[i] = broadcast(0.0);
+        for (int e = RATE_ROW[i]; e < RATE_ROW[i + 1]; e++)
+            if (RATE_COLUMN[e] >= AT_SLOT) force[i] += (GAMMA / SUBSTEPS) * slopes[e] * climb[RATE_COLUMN[e] - AT_SLOT];
+    }
+}
+
+/* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant. Inputs go from what v
+   holds of them by `climb` [N_INPUTS], which is zero of those that are held; a part takes the time as one more state.
+   Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Changes v (its states and, where there
+   is a climb, its inputs), z and `step`. */
+static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const lanes *FB_RESTRICT climb, double dt,
+                      lanes *FB_RESTRICT z, Step *FB_RESTRICT step)
 {
     const double h = dt / SUBSTEPS;
     const int anew = !RATES_ARE_LINEAR || dt != step->dt;
     for (int k = 0; k < N_SLOW && dt != step->dt; k++) step->decay[k] = exp(-dt / SLOW_MEMORY[k]);
-    lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)];
+    lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)], force[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;
     for (int part = 0; part < SUBSTEPS; part++) {
         solve_implicit(v, u, z);
         model_rates(v, u, z, first, slopes);
         if (anew) begin_slopes(slopes, h, part == 0, step);
+        if (N_LINEAR > 0) find_force(slopes, climb, force);
+        for (int i = 0; N_LINEAR > 0 && i < N_STATES; i++) first[i] += force[i];
         solve_rates(step->m, first);
         for (int i = 0; i < N_STATES; i++) {
             x[i] = v[i];
             v[i] = x[i] + h * first[i];
         }
+        for (int k = 0; N_LINEAR > 0 && k < N_INPUTS; k++) v[AT_SLOT + k] += climb[k] * (1.0 / SUBSTEPS);
         solve_implicit(v, u, z);
         model_rates(v, u, z, second, slopes);
         if (anew) end_slopes(slopes, h, step);
         for (int i = 0; i < N_STATES; i++) second[i] -= 2.0 * first[i];
+        for (int i = 0; N_LINEAR > 0 && i < N_STATES; i++) second[i] -= force[i];
         solve_rates(step->m, second);
         for (int i = 0; i < N_STATES; i++) v[i] = x[i] + h * (1.5 * first[i] + 0.5 * second[i]);
     }

@@ -36,8 +36,8 @@
 
 /* A packed sample: what the filters take. */
 #define SAMPLE_DT 0                               /* s since the sample before */
-#define SAMPLE_U_BEFORE 1                         /* inputs held since the sample before, SI */
-#define SAMPLE_U (SAMPLE_U_BEFORE + N_INPUTS)     /* and from now on */
+#define SAMPLE_U_BEFORE 1                         /* inputs at the sample before, held since or left, SI */
+#define SAMPLE_U (SAMPLE_U_BEFORE + N_INPUTS)     /* and now */
 #define SAMPLE_Y (SAMPLE_U + N_INPUTS)            /* readings, SI */
 #define SAMPLE_USE (SAMPLE_Y + N_OUTPUTS)         /* 1: there; 0: missing */
 #define SAMPLE_SCALE (SAMPLE_USE + N_OUTPUTS)     /* factor on the noise variance */

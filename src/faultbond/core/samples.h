@@ -105,10 +105,12 @@ static void allow(const Healthy *healthy, const Normal *normal, const double *ch
     for (int i = 0; i < N_STATES; i++) total[i] = packed[SAMPLE_GAP + i] * packed[SAMPLE_GAP + i];
     for (int k = 0; k < N_INPUTS; k++) {
         if (change[k] == 0.0) continue;
-        const double before = packed[SAMPLE_U_BEFORE + k];
+        const double before = packed[SAMPLE_U_BEFORE + k], now = packed[SAMPLE_U + k];
         packed[SAMPLE_U_BEFORE + k] = before + change[k];
+        packed[SAMPLE_U + k] = before + change[k];
         foresee(healthy->lane, packed, normal, x, trial, work);
         packed[SAMPLE_U_BEFORE + k] = before;
+        packed[SAMPLE_U + k] = now;
         for (int i = 0; i < N_STATES; i++) {
             const double far = travelled(healthy, i), step = fabs(x[i] - base[i]);
             const double off = isfinite(step) ? smaller(count[k] * step, larger(far, step)) : far;

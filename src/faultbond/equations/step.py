@@ -2,7 +2,8 @@
 
 Discretisation: the two-stage Rosenbrock method ROS2, gamma = 1 - 1/sqrt(2). It is of second order whatever Jacobian is
 used and L-stable, so a mode much faster than the sample time dies out instead of ringing as under the trapezoidal rule.
-Source: Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2. The input is held over the step.
+Source: Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2. An input is held over the
+step, or goes linearly; the time is then one more state, so that what follows the input fast follows it without error.
 
 Implicit relations are solved by a fixed number of safeguarded Newton steps from the last solution; derivatives follow
 from the implicit function theorem.
@@ -39,11 +40,14 @@ class StepModel:
     The coordinates x are efforts of C and flows of I where the law allows (then a change of the parameter leaves them
     nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
-    predict(v, u, z, dt) -> (x_next, slope of x_next by v, z); measure(v, u, z) -> (y, slope of y by v, z).
+    predict(v, u, z, dt) -> (x_next, slope of x_next by v, z), with inputs held at u; follow(v, u_before, u, z, dt) ->
+    the same where inputs go on as the model says: linearly from u_before to u, or held.
+    measure(v, u, z) -> (y, slope of y by v, z).
     What these are made of, where the implicit signals z are solved: rates(v, u, z) -> (rates, slope by v) and
     readings(v, u, z) -> (y, slope by v). by_hand(v, u, z) -> signals that a person can measure.
     newton_step(v, u, z) -> (Newton's step of z, square of what is left to solve).
-    prediction: gives `predict`, built at its first use, since it is large and most of the analysis does without.
+    prediction, held: give `follow` and `predict`, built at first use, since these are large and most of the analysis
+    does without.
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
     of substeps was chosen. direct: for each output the inputs that reach it without passing a state.
@@ -57,6 +61,7 @@ class StepModel:
     noisy: tuple[int, ...]
     rates: ca.Function
     prediction: Callable[[], ca.Function]
+    held: Callable[[], ca.Function]
     measure: ca.Function
     readings: ca.Function
     by_hand: ca.Function
@@ -71,9 +76,14 @@ class StepModel:
     direct: tuple[tuple[int, ...], ...]
 
     @property
-    def predict(self) -> ca.Function:
+    def follow(self) -> ca.Function:
         """One step in time."""
         return self.prediction()
+
+    @property
+    def predict(self) -> ca.Function:
+        """One step in time with inputs that are held."""
+        return self.held()
 
 
 def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
@@ -104,6 +114,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     places = (n_x, n_x + n_b, n_x + n_b + n_p)
     rates = _with_slope("rates", rates_, gap, arguments, places)
     readings_ = _with_slope("readings", readings, gap, arguments, places)
+    linear = np.array([float(item.linear) for item in graph.inputs])
+    climbing = (linear, _by_inputs(rates_, gap, arguments)) if linear.any() else None
     newton = _newton(gap, arguments)
     solved = newton(*arguments)[0]
     measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
@@ -119,7 +131,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         scales=scales,
         noisy=noisy,
         rates=rates,
-        prediction=cache(lambda: _predict(rates, newton, arguments, n_x, substeps)),
+        prediction=(prediction := cache(lambda: _predict(rates, newton, arguments, n_x, substeps, climbing))),
+        held=cache(lambda: _held(prediction())),
         measure=measure,
         readings=readings_,
         by_hand=ca.Function("by_hand", arguments, [ca.densify(by_hand)], {"cse": True}),
@@ -192,6 +205,15 @@ def _with_slope(
     return ca.Function(name, arguments, [ca.densify(value), ca.densify(slope)], {"cse": True})
 
 
+def _by_inputs(rates: ca.SX, gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
+    """Give the total derivative of the rates by the inputs; z follows these through gap = 0."""
+    _, u, z = arguments
+    slope = ca.jacobian(rates, u)
+    if z.numel():
+        slope = slope - ca.jacobian(rates, z) @ eliminate(ca.jacobian(gap, z), ca.jacobian(gap, u))
+    return ca.Function("by_inputs", arguments, [ca.densify(slope)], {"cse": True})
+
+
 def _newton(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     """Give z with gap = 0 from a first guess, and the size of the step that would come next.
 
@@ -224,10 +246,28 @@ def _newton_step(gap: ca.SX, arguments: list[ca.SX]) -> ca.Function:
     return ca.Function("newton_step", arguments, [full, ca.sumsqr(gap)], {"cse": True})
 
 
-def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_x: int, substeps: int) -> ca.Function:
-    """ROS2 over dt, in equal substeps; the slope treats the Jacobian inside the method as constant."""
+def _held(follow: ca.Function) -> ca.Function:
+    """Give (v, u, z, dt) -> what `follow` gives for inputs that do not move."""
+    v, u, _, z, dt = (ca.SX.sym(name, *follow.size_in(k)) for k, name in enumerate(("v", "u", "same", "z", "dt")))
+    return ca.Function("predict", [v, u, z, dt], follow(v, u, u, z, dt))
+
+
+def _predict(
+    rates: ca.Function,
+    newton: ca.Function,
+    arguments: list[ca.SX],
+    n_x: int,
+    substeps: int,
+    climbing: tuple[FloatArray, ca.Function] | None,
+) -> ca.Function:
+    """ROS2 over dt, in equal substeps; the slope treats the Jacobian inside the method as constant.
+
+    climbing: 1 for inputs that go linearly over dt, else 0, and the slope of the rates by the inputs; the time is then
+    one more state of the method, whose slope is that of the rates by time.
+    """
     v, u, z = arguments
-    dt = ca.SX.sym("dt")
+    dt, after, before = ca.SX.sym("dt"), ca.SX.sym("after", u.numel()), u
+    climb = (after - before) * climbing[0] / substeps if climbing is not None else ca.SX.zeros(u.shape)
     h = dt / substeps
     x, rest = ca.vertsplit(v, [0, n_x, v.numel()])  # slicing a scalar would turn it
     slope = ca.horzcat(ca.SX.eye(n_x), ca.SX(n_x, rest.numel()))  # of x by v
@@ -236,15 +276,19 @@ def _predict(rates: ca.Function, newton: ca.Function, arguments: list[ca.SX], n_
     for _ in range(substeps):
         solved = newton(ca.vertcat(x, rest), u, solved)[0]
         f0, d0 = rates(ca.vertcat(x, rest), u, solved)
+        force = (
+            GAMMA * climbing[1](ca.vertcat(x, rest), u, solved) @ climb if climbing is not None else ca.SX.zeros(n_x)
+        )
         matrix = triangle(ca.SX.eye(n_x) - GAMMA * h * d0[:, :n_x])
-        k1 = back(matrix, ca.horzcat(f0, d0 @ ca.vertcat(slope, still)))
+        k1 = back(matrix, ca.horzcat(f0 + force, d0 @ ca.vertcat(slope, still)))
+        u = u + climb
         middle, middle_slope = x + h * k1[:, 0], slope + h * k1[:, 1:]
         solved = newton(ca.vertcat(middle, rest), u, solved)[0]
         f1, d1 = rates(ca.vertcat(middle, rest), u, solved)
-        k2 = back(matrix, ca.horzcat(f1, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
+        k2 = back(matrix, ca.horzcat(f1 - force, d1 @ ca.vertcat(middle_slope, still)) - 2 * k1)
         x = x + 1.5 * h * k1[:, 0] + 0.5 * h * k2[:, 0]
         slope = slope + 1.5 * h * k1[:, 1:] + 0.5 * h * k2[:, 1:]
-    return ca.Function("predict", [v, u, z, dt], [x, slope, solved])
+    return ca.Function("follow", [v, before, after, z, dt], [x, slope, solved])
 
 
 def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]:

@@ -129,7 +129,9 @@ def _sample(
     )
     covariance = _unpacked(packed, n)
     kept = [*range(size.n_x + size.n_b), *range(n + size.n_p - size.n_w, n + size.n_p)]
-    x_next, slope, implicit = model.predict(_joint(size, mean, factors), fields["u_before"], implicit, fields["dt"])
+    x_next, slope, implicit = model.follow(
+        _joint(size, mean, factors), fields["u_before"], fields["u"], implicit, fields["dt"]
+    )
     transition, added = ca.SX(n, n), ca.SX(n, n)
     transition[: size.n_x, :] = slope[:, kept]
     for k in range(size.n_b):

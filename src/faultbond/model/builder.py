@@ -71,13 +71,14 @@ class ModelBuilder:
         column: str | None = None,
         noise: Scalar | None = None,
         settling: Scalar | None = None,
+        hold: str | None = None,
         lag: Scalar | Fields | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
     ) -> Self:
         """Add a measured or commanded input."""
-        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "lag": lag}
-        return self._add("inputs", name, {**fields, "range": range, "suspect": suspect})
+        fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
+        return self._add("inputs", name, {**fields, "lag": lag, "range": range, "suspect": suspect})
 
     def component(
         self,

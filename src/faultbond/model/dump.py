@@ -110,6 +110,7 @@ class _Writer:
     def input(self, item: Input) -> str:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
+        texts["hold"] = "linear" if item.linear else ""
         return _flow(texts, keys.INPUT_KEYS)
 
     def sensor(self, item: Sensor) -> str:

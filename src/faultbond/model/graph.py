@@ -78,6 +78,7 @@ class Constant:
 class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
+    linear: whether it goes linearly from row to row; else it is held
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
@@ -88,6 +89,7 @@ class Input:
     unit: Unit
     noise: float = 0.0
     settling: float = 0.0
+    linear: bool = False
     lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf

@@ -17,6 +17,7 @@ MOST_FAULTS = 10
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 CHECK_COST = 1.0
+HOLDS = ("last", "linear")
 
 _NAME = f"^{NAME.pattern}$"
 _SIGNAL = rf"^{NAME.pattern}(\.{NAME.pattern})?$"
@@ -113,6 +114,10 @@ INPUT_KEYS = Keys(
         "column": _COLUMN,
         "noise": Key(VALUE, "standard deviation; default 0", default="0"),
         "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
+        "hold": Key(
+            {"description": "", "enum": list(HOLDS)},
+            "`linear`: between rows it goes linearly; default it stays: `last`",
+        ),
         "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
         "suspect": Key(YES_NO, "`no` trusts the input"),

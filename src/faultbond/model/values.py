@@ -9,9 +9,9 @@ from faultbond.model.defaults import default_range
 from faultbond.model.expression import FUNCTIONS, RATE
 from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter
 from faultbond.model.head import Head
-from faultbond.model.keys import ACCURACY, CHANGE, INPUT_KEYS, LAG_KEYS, PARAMETER_KEYS, Keys
+from faultbond.model.keys import ACCURACY, CHANGE, HOLDS, INPUT_KEYS, LAG_KEYS, PARAMETER_KEYS, Keys
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity
-from faultbond.model.source import Entry
+from faultbond.model.source import Entry, shown
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
@@ -118,12 +118,22 @@ class ValueReader:
             unit=found.unit if found else NO_UNIT,
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
+            linear=self._is_linear(fields["hold"]) if "hold" in fields else False,
             lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),
             line=place.line,
         )
+
+    def _is_linear(self, place: Spot) -> bool:
+        """Whether an input goes linearly from row to row."""
+        word = place.text()
+        if self.head.static:
+            raise place.error(": with `sample_time: none` each row stands by itself, and nothing is held; remove it")
+        if word not in HOLDS:
+            raise place.error(f" is `last`, it stays until the next row, or `linear`, not `{shown(word)}`")
+        return word == "linear"
 
     def lag(self, owner: Spot, stated: Spot) -> str:
         """Take the lag of an input or a sensor; give the parameter that is its time constant.

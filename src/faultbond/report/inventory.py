@@ -17,6 +17,7 @@ from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Input, Parameter, Relation, Sensor, Unit
+from faultbond.model.keys import HOLDS
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
@@ -148,7 +149,7 @@ def check_record(seen: Inventory) -> Record:
         "inputs": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
             | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
-            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "hold": HOLDS[item.linear]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
         "sensors": [
@@ -402,6 +403,9 @@ def _print_signals(console: Console, seen: Inventory) -> None:
 def _lags(seen: Inventory) -> Iterator[tuple[str, str]]:
     """Give the lags of inputs and sensors, and what to do where the model has none that the plant has."""
     graph = seen.graph
+    linear = [item.name for item in graph.inputs if item.linear]
+    if linear:
+        yield "linear", f"{', '.join(linear)}: from row to row"
     instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
     lagging = [item for item in instruments if item.lag]
     if lagging:

@@ -44,11 +44,13 @@ _WEIGHTS = (
 class Segments:
     """Stretches of time without an event inside.
 
-    length: (n,), s. inputs: (n, n_inputs), held. left, right: (n, n_parameters), at both ends, linear between. All SI.
+    length: (n,), s. inputs, climb: (n, n_inputs), at the begin and what they gain linearly up to the end. left, right:
+    (n, n_parameters), at both ends, linear between. All SI.
     """
 
     length: FloatArray
     inputs: FloatArray
+    climb: FloatArray
     left: FloatArray
     right: FloatArray
 
@@ -75,7 +77,7 @@ class Integrator:
 
     Attributes
     ----------
-    step : for a method (s, length, u, left, right) -> (s after one segment, change by the last Newton step)
+    step : for a method (s, length, u, climb, left, right) -> (s after one segment, change by the last Newton step)
     rates : (moving, z, u, theta) -> (rates of what moves, gap of the implicit relations), SI
     root : (moving, z, u, theta) -> (z without a gap, change by the last Newton step)
     read : (s, u, theta) -> readings, SI
@@ -201,7 +203,8 @@ class Integrator:
             return first[None, :]
         many = self.step(method).mapaccum(n)
         try:
-            s, change = many(first, segments.length[None, :], segments.inputs.T, segments.left.T, segments.right.T)
+            columns = (segments.inputs.T, segments.climb.T, segments.left.T, segments.right.T)
+            s, change = many(first, segments.length[None, :], *columns)
         except RuntimeError:  # casadi's word for a singular stage matrix
             return None
         states = np.vstack([first, s.full().T])
@@ -223,9 +226,9 @@ class Integrator:
         return function if self.n_z else function.expand()
 
     def _make_step(self, method: IntegrationMethod) -> ca.Function:
-        """Give (s, length, u, left, right) -> (s after one segment, change by the last Newton step)."""
+        """Give (s, length, u, climb, left, right) -> (s after one segment, change by the last Newton step)."""
         s = ca.MX.sym("s", self.n_moving + self.n_z)
-        length, u = ca.MX.sym("length"), ca.MX.sym("u", self.plant.u.numel())
+        length, (u, climb) = ca.MX.sym("length"), (ca.MX.sym(name, self.plant.u.numel()) for name in ("u", "climb"))
         left, right = (ca.MX.sym(name, self.plant.theta.numel()) for name in ("left", "right"))
         moving, z = self._parts(s)
         advance = self._radau() if method.implicit else self._runge_kutta
@@ -233,26 +236,27 @@ class Integrator:
         h = length / method.substeps
         for number in range(method.substeps):
 
-            def theta(part: float, number: int = number) -> ca.MX:
-                return left + (right - left) * ((number + part) / method.substeps)
+            def around(part: float, number: int = number) -> tuple[ca.MX, ca.MX]:
+                gone = (number + part) / method.substeps
+                return u + climb * gone, left + (right - left) * gone
 
-            moving, z, last = advance(moving, z, h, u, theta)
+            moving, z, last = advance(moving, z, h, around)
             change = ca.fmax(change, last)
         function = ca.Function(
-            "step", [s, length, u, left, right], [ca.densify(ca.vertcat(moving, z)), ca.densify(change)]
+            "step", [s, length, u, climb, left, right], [ca.densify(ca.vertcat(moving, z)), ca.densify(change)]
         )
         return function if self.n_z or method.implicit else function.expand()
 
     def _runge_kutta(
-        self, moving: ca.MX, z: ca.MX, h: ca.MX, u: ca.MX, theta: Callable[[float], ca.MX]
+        self, moving: ca.MX, z: ca.MX, h: ca.MX, around: Callable[[float], tuple[ca.MX, ca.MX]]
     ) -> tuple[ca.MX, ca.MX, ca.MX]:
         total = slope = ca.MX.zeros(self.n_moving)
         last = ca.MX.zeros(self.n_z)
         for part, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
             here = moving + part * h * slope
-            z, change = self.root(here, z, u, theta(part))
+            z, change = self.root(here, z, *around(part))
             last = ca.fmax(last, change)
-            slope, _ = self.rates(here, z, u, theta(part))
+            slope, _ = self.rates(here, z, *around(part))
             total = total + weight * slope
         return moving + h * total, z, ca.vertcat(ca.MX.zeros(self.n_moving), last)
 
@@ -260,9 +264,11 @@ class Integrator:
         """Three stages solved together by Newton's method; unknowns: states and implicit signals of each stage."""
         n = self.n_moving + self.n_z
         start, h = ca.SX.sym("start", self.n_moving), ca.SX.sym("h")
-        u = ca.SX.sym("u", self.plant.u.numel())
         stages, thetas = ca.SX.sym("stages", n, 3), ca.SX.sym("thetas", self.plant.theta.numel(), 3)
-        found = [self.rates(stages[: self.n_moving, i], stages[self.n_moving :, i], u, thetas[:, i]) for i in range(3)]
+        u = ca.SX.sym("u", self.plant.u.numel(), 3)
+        found = [
+            self.rates(stages[: self.n_moving, i], stages[self.n_moving :, i], u[:, i], thetas[:, i]) for i in range(3)
+        ]
         residuals = []
         for i in range(3):
             moved = sum(_WEIGHTS[i][j] * found[j][0] for j in range(3))
@@ -271,13 +277,13 @@ class Integrator:
         system = ca.Function("system", [stages, start, h, u, thetas], [ca.jacobian(residual, unknown), residual])
 
         def advance(
-            moving: ca.MX, z: ca.MX, h: ca.MX, u: ca.MX, theta: Callable[[float], ca.MX]
+            moving: ca.MX, z: ca.MX, h: ca.MX, around: Callable[[float], tuple[ca.MX, ca.MX]]
         ) -> tuple[ca.MX, ca.MX, ca.MX]:
             guess = ca.repmat(ca.vertcat(moving, z), 1, 3)
-            parts = ca.horzcat(*(theta(node) for node in _NODES))
+            acting, parts = (ca.horzcat(*item) for item in zip(*(around(node) for node in _NODES), strict=True))
             move = ca.MX.zeros(n, 3)
             for _ in range(_STAGE_STEPS):
-                slope, misfit = system(guess, moving, h, u, parts)
+                slope, misfit = system(guess, moving, h, acting, parts)
                 move = ca.reshape(ca.solve(slope, -misfit, "qr"), n, 3)
                 guess = guess + move
             return *self._parts(guess[:, 2]), ca.fabs(move[:, 2])

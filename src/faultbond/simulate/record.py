@@ -23,6 +23,8 @@ _ROUNDS = 3
 class Inputs:
     """Inputs known beforehand; the value in row k acts from the time of row k until that of row k + 1.
 
+    Where the model says `hold: linear` it is the value at the time of row k, and between rows what acts goes linearly.
+
     time: (n,), s, increasing. values: (n, n_inputs), SI, the true inputs in the order of the model.
     """
 
@@ -69,14 +71,24 @@ class _Course:
 
     moments: FloatArray
     rows: tuple[int, ...]  # numbers of the moments that are rows
-    held: tuple[int, ...]  # for each stretch the row whose input acts
+    held: tuple[int, ...]  # for each stretch the row before it
+    parts: FloatArray  # (2, n): where in the time from that row to the next it begins and ends, 0 to 1
+    linear: FloatArray  # (n_inputs,): 1 for those that go linearly from row to row, else 0
     left: FloatArray
     right: FloatArray
     at_rows: FloatArray
 
+    def acting(self, stretch: int | slice, before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Give inputs at the begin of stretches and what they gain in these, by their values in the rows around."""
+        begin, end = self.parts[:, stretch, None]
+        gain = self.linear * (after - before)
+        return before + begin * gain, (end - begin) * gain
+
     def segments(self, inputs: FloatArray) -> Segments:
         """Give the stretches with the inputs of the rows, shape (n_rows, n_inputs)."""
-        return Segments(length=np.diff(self.moments), inputs=inputs[list(self.held)], left=self.left, right=self.right)
+        rows = np.array(self.held, dtype=np.intp)
+        begin, climb = self.acting(slice(None), inputs[rows], inputs[rows + 1])
+        return Segments(length=np.diff(self.moments), inputs=begin, climb=climb, left=self.left, right=self.right)
 
 
 def simulate(
@@ -222,12 +234,12 @@ class _Run:
             acting[row] = self.actuators.show_row(row, values[row], still, acting)
             if state is None:
                 state = self.integrator.start(self.x, acting[0], course.at_rows[0])
+            while segment < len(course.held) and course.held[segment] < row:
+                inputs = course.acting(segment, acting[row - 1], acting[row])
+                state = advance(state, lengths[segment], *inputs, course.left[segment], course.right[segment])
+                segment += 1
             readings = read(state, acting[row], course.at_rows[row])
             shown[row] = self.sensors.show_row(row, readings, self.draws[row], shown)
-            while segment < len(course.held) and course.held[segment] == row:
-                left, right = course.left[segment], course.right[segment]
-                state = advance(state, lengths[segment], acting[row], left, right)
-                segment += 1
         return values
 
 
@@ -237,10 +249,13 @@ def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time
     inside = [moment for moment in events if time[0] < moment < time[-1]]
     moments = np.union1d(time, inside)
     held = np.searchsorted(time, moments[:-1], side="right") - 1
+    length = time[held + 1] - time[held]
     return _Course(
         moments=moments,
         rows=tuple(np.searchsorted(moments, time).tolist()),
         held=tuple(held.tolist()),
+        parts=np.array([moments[:-1] - time[held], moments[1:] - time[held]]) / length,
+        linear=np.array([float(item.linear) for item in graph.inputs]),
         left=true_parameters(graph, healthy, faults, moments[:-1], after=True),
         right=true_parameters(graph, healthy, faults, moments[1:], after=False),
         at_rows=true_parameters(graph, healthy, faults, time, after=True),

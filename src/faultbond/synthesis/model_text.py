@@ -76,6 +76,7 @@ def _sizes(
         "N_OUTPUTS": len(spec.outputs),
         "N_IMPLICIT": len(spec.loops),
         "N_NOISY": len(spec.noisy_inputs),
+        "N_LINEAR": sum(item.linear for item in spec.inputs),
         "N_V": model.v.numel(),
         "N_RATE_SLOPES": len(rates),
         "N_READING_SLOPES": len(readings),
@@ -104,6 +105,7 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
     yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
+    yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
     for layout, kind in _kinds(spec):
         n = layout.n_joint
         rows, columns = np.triu_indices(n)

@@ -204,6 +204,7 @@ def _input(item: Input) -> InputSpec:
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
+        linear=item.linear,
     )
 
 
