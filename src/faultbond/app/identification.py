@@ -20,8 +20,6 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.types import TimeGrid
 
-Read = tuple[tuple[str, list[Sample]], ...]
-
 
 def fit(
     model: Path,
@@ -71,7 +69,9 @@ def fit(
         raise refused
 
 
-def _fitted(graph: BondGraph, read: Read, wishes: FitWishes, tell: Callable[[str], None]) -> Any:
+def _fitted(
+    graph: BondGraph, read: tuple[tuple[str, list[Sample]], ...], wishes: FitWishes, tell: Callable[[str], None]
+) -> Any:
     """Fit a model as it stands."""
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
@@ -88,9 +88,15 @@ def _fitted(graph: BondGraph, read: Read, wishes: FitWishes, tell: Callable[[str
     return fitted_model(graph, found, core.spec.version)
 
 
-def _quieted(text: str, graph: BondGraph, read: Read, wishes: FitWishes, tell: Callable[[str], None]) -> Any:
+def _quieted(
+    text: str,
+    graph: BondGraph,
+    read: tuple[tuple[str, list[Sample]], ...],
+    wishes: FitWishes,
+    tell: Callable[[str], None],
+) -> Any:
     """Fit a model and add to it until the recordings are quiet."""
-    from faultbond.app.quieting import fit_until_quiet  # noqa: PLC0415 - loads casadi and scipy
+    from faultbond.app.quiet_fit import fit_until_quiet  # noqa: PLC0415 - loads casadi and scipy
 
     return fit_until_quiet(text, graph, read, wishes, tell)
 

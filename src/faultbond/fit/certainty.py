@@ -83,7 +83,7 @@ def certainty_of(
 
 
 def inverse_of(matrix: FloatArray) -> FloatArray:
-    """Invert a positive matrix whose entries differ by many orders of magnitude."""
+    """Invert a positive matrix (n, n) whose entries differ by many orders of magnitude; gives (n, n)."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale))

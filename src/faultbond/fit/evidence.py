@@ -67,8 +67,8 @@ def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArra
     return np.array(found)
 
 
-def at_rest(plant: FittedPlant, q: FloatArray) -> FittedPlant:
-    """Give the plant with all numbers known, so that nothing but starts is to be found."""
+def all_known(plant: FittedPlant, q: FloatArray) -> FittedPlant:
+    """Give the plant with all numbers q (n_q,) known, so that nothing but starts is to be found."""
     nothing = Unknowns(
         places=np.zeros(0, dtype=np.intp),
         parameters=(),
@@ -82,5 +82,5 @@ def at_rest(plant: FittedPlant, q: FloatArray) -> FittedPlant:
 
 
 def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> Summit:
-    """Give the likelihood of recordings that were held back: all is known but where they start."""
-    return ascend(at_rest(plant, q), records, replace(begin, values=_NONE), _NONE, turns=_TURNS)
+    """Give the likelihood of recordings that were held back: all of q (n_q,) is known but where they start."""
+    return ascend(all_known(plant, q), records, replace(begin, values=_NONE), _NONE, turns=_TURNS)

@@ -26,13 +26,14 @@ class Kind(Enum):
     ABSOLUTE = "slow error"
     INPUT_NOISE = "noise"
     LAG = "lag"
+    HOLD = "linear hold"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
-    size : standard deviation, SI or in parts; of a lag its time constant, s
+    size : standard deviation, SI or in parts; of a lag its time constant, s; a linear hold has none
     """
 
     kind: Kind
@@ -109,7 +110,8 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
             continue
         if not item.is_slow:
             k = next(k for k, known in enumerate(inputs) if known.name == item.place)
-            inputs[k] = replace(inputs[k], noise=max(item.size, UNTRIED))
+            linear = item.kind is Kind.HOLD
+            inputs[k] = replace(inputs[k], linear=True) if linear else replace(inputs[k], noise=max(item.size, UNTRIED))
             continue
         new = SlowError(
             target=item.place,

@@ -45,6 +45,8 @@ def _put(text: str, path: Path, value: str, file: str) -> str:
                 new = f"{{{inner}: {new}}}"
             return _with_key(text, node, key, new)
         node = found
+    if node is None:
+        raise ModelError(f"{file}: the model is empty")
     return text[: node.start_mark.index] + value + text[node.end_mark.index :]
 
 

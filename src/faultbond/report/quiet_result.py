@@ -11,7 +11,7 @@ from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
 from faultbond.fit.imperfections import Imperfection, Kind
 from faultbond.fit.innovations import Variant
-from faultbond.fit.quieting import Added
+from faultbond.fit.quiet_search import Added
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.graph import BondGraph, Unit
@@ -71,6 +71,8 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     section = "sensors" if item.is_sensor else "inputs"
     if item.kind is Kind.LAG:
         return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, accuracy: 10 %}}"
+    if item.kind is Kind.HOLD:
+        return (section, item.place, "hold"), "linear"
     size, unit = _sized(graph, item)
     words = f"{_up(size)} {unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:
@@ -84,7 +86,7 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
         return item.size, "s"
-    known = {one.name: one.unit for one in (*graph.sensors, *graph.inputs)}
+    known = {one.name: one.unit for one in graph.sensors} | {one.name: one.unit for one in graph.inputs}
     declared = {one.target: one.unit for one in graph.slow_errors if not one.relative}
     unit = known.get(item.place) or declared.get(item.place) or Unit("")
     if unit.offset:  # a difference of temperatures
@@ -139,7 +141,7 @@ def quiet_record(found: Quieted) -> Record:
             {
                 "kind": item.what.kind.value,
                 "of": item.what.place,
-                "size": item.what.size,
+                "size": None if item.what.kind is Kind.HOLD else item.what.size,
                 "memory": item.what.memory if item.what.is_slow else None,
                 "gain": item.trained,
                 "gain_held_back": item.held,
@@ -178,8 +180,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
         lines(console, under("raised", texts))
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
-        header = ("parameter", "smallest fault before", "now", "unit")
-        table(console, header, list(_cost_rows(found)))
+        table(console, ("parameter", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
     if not found.quiet or found.raised:
         title(console, "What could not be mended")
         lines(console, list(_left_lines(found)))
@@ -190,12 +191,14 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
     size, unit = _sized(graph, item.what)
     memory = duration_text(item.what.memory) if item.what.is_slow else ""
-    number = figure(size, digits=3).number()
+    number, words = figure(size, digits=3).number(), unit_text(unit) if unit else "SI"
+    if item.what.kind is Kind.HOLD:
+        number = words = ""
     return (
         item.what.kind.value,
         item.what.place,
         number,
-        unit_text(unit) if unit else "SI",
+        words,
         memory,
         *(f"{gain:+.0f}".replace("-", MINUS) for gain in (item.trained, item.held)),
     )

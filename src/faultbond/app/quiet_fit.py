@@ -1,16 +1,14 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.wishes import FitWishes
-from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.identification import Prior, fit_plant
-from faultbond.fit.quieting import ROUNDS, Search, Stand, parted, values_of
+from faultbond.fit.quiet_search import ROUNDS, Footing, Recordings, Search, Tell, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, Health, alarms_of, enough, highest, on_trial
@@ -22,8 +20,6 @@ from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
-Tell = Callable[[str], None]
-Read = Sequence[tuple[str, Sequence[Sample]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,7 +40,7 @@ class Attempt:
         return self.health.keeps and not self.alarms
 
 
-def fit_until_quiet(text: str, graph: BondGraph, read: Read, wishes: FitWishes, tell: Tell) -> Quieted:
+def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
     """Fit a model and add what the recordings call for until they are quiet.
 
     Raises
@@ -90,8 +86,15 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Read, wishes: FitWishes, 
 
 
 def _searched(
-    search: Search, stand: Stand, text: str, graph: BondGraph, read: Read, wishes: FitWishes, core: Core, tell: Tell
-) -> tuple[Attempt, Stand, int]:
+    search: Search,
+    stand: Footing,
+    text: str,
+    graph: BondGraph,
+    read: Recordings,
+    wishes: FitWishes,
+    core: Core,
+    tell: Tell,
+) -> tuple[Attempt, Footing, int]:
     """Add one thing after the other until it is quiet or nothing gains."""
     tried: Attempt | None = None
     for rounds in range(ROUNDS + 1):
@@ -108,7 +111,7 @@ def _searched(
     return tried or _attempt(stand, text, graph, read, wishes, tell), stand, rounds
 
 
-def _attempt(stand: Stand, text: str, graph: BondGraph, read: Read, wishes: FitWishes, tell: Tell) -> Attempt:
+def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Attempt:
     """Write what was found into the model, fit that to all recordings, and put it on trial."""
     tell("fitting all recordings")
     with_added = amended_text(text, graph, stand.added)
@@ -124,7 +127,7 @@ def _attempt(stand: Stand, text: str, graph: BondGraph, read: Read, wishes: FitW
     return _on_trial(fitted.model_text(with_added), fitted, read, tell)
 
 
-def _on_trial(text: str, fitted: Fitted, read: Read, tell: Tell) -> Attempt:
+def _on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:
     tell("putting the model on trial")
     graph = parse_model(text, file=fitted.graph.file)
     core = build_watcher(graph)

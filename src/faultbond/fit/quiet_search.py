@@ -22,7 +22,7 @@ from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import NoVerdictError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
-from faultbond.fit.evidence import at_rest, foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
 from faultbond.fit.imperfections import (
     UNTRIED,
@@ -59,6 +59,8 @@ LAGS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 LAGS_TRIED = 2
+RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
+SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
 BEHIND = 6  # samples
 MOST_SAMPLES = 6000  # with which sizes are compared
@@ -66,6 +68,7 @@ HELD = 3  # one recording of so many is held back, and the last part of so many 
 
 Build = Callable[[StepModel], Engine]
 Tell = Callable[[str], None]
+Recordings = Sequence[tuple[str, Sequence[Sample]]]  # names and grid points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +85,7 @@ class Added:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stand:
+class Footing:
     """Where the search stands.
 
     graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
@@ -103,9 +106,7 @@ class Stand:
     added: tuple[Added, ...] = ()
 
 
-def parted(
-    read: Sequence[tuple[str, Sequence[Sample]]], least: int
-) -> tuple[tuple[tuple[str, Sequence[Sample]], ...], tuple[tuple[str, Sequence[Sample]], ...]]:
+def parted(read: Recordings, least: int) -> tuple[Recordings, Recordings]:
     """Give recordings to fit and to hold back: the last of them, or the last part of one.
 
     Raises
@@ -167,13 +168,13 @@ class Search:
         model = build_step_model(build_plant(graph))
         return _Ground(self, graph, model, self.build(model))
 
-    def first(self, found: Fit) -> Stand:
+    def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
         ground, plant = self._ground(self.graph), found.plant
         q = plant.unknowns.fill(plant.base, found.summit.point.values)[0]
         n_p, n_y = plant.layout.n_p, plant.layout.n_y
         columns = zip(ground.columns, found.summit.point.starts.T, strict=True)
-        stand = Stand(
+        stand = Footing(
             graph=_with_noise(self.graph, np.exp(q[n_p : n_p + n_y])),
             values={item.name: x * item.scale for item, x in zip(self.graph.parameters, q[:n_p].tolist(), strict=True)},
             starts=dict(columns),
@@ -181,7 +182,7 @@ class Search:
         self._leave_out_wild(ground, stand)
         return ground.climbed(stand)
 
-    def _leave_out_wild(self, ground: "_Ground", stand: Stand) -> None:
+    def _leave_out_wild(self, ground: "_Ground", stand: Footing) -> None:
         """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""
         q = ground.q_of(stand)
         seen = ground.seen(self.held, ground.begin_of(self.held, self.begin_held), q)
@@ -189,10 +190,10 @@ class Search:
         if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
 
-    def better(self, stand: Stand) -> Stand | None:
+    def better(self, stand: Footing) -> Footing | None:
         """Give where the best further imperfection leads; None: none foretells what was held back better."""
         slow = [item for item, gain in self.profile(stand) if gain > 0.0][:TRIED]
-        lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
+        lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED] + self.holds(stand)[:1]
         if not slow and not lags:
             return None
         self.tell(f"fitting {', '.join(item.words for item in (*slow, *lags))}")
@@ -201,7 +202,7 @@ class Search:
         found = [ground.climbed(stand, item) for item in slow if ground is not None]
         for item in lags:
             ground = self._ground(with_imperfections(stand.graph, (replace(item, size=LAG_GRID * self.step),)))
-            found.append(ground.climbed(stand, ground.best_lag(stand, item)))
+            found.append(ground.climbed(stand, ground.best_lag(stand, item) if item.kind is Kind.LAG else item))
         gained = [item.held - stand.held for item in found]
         most = max(gained)
         if not most >= WORTH:
@@ -211,13 +212,13 @@ class Search:
         alike = tuple(item.added[-1].what for item in near if item is not best)
         return replace(best, added=(*best.added[:-1], replace(best.added[-1], alike=alike)))
 
-    def lags(self, stand: Stand) -> list[tuple[Imperfection, float]]:
+    def lags(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.
 
         What lags by T is behind by about T times its rate: errors go with the last changes of what is expected of a
         sensor, or of an input.
         """
-        taken = {item.lag for item in (*stand.graph.inputs, *stand.graph.sensors)} | set(stand.values)
+        taken = set(stand.values)
         found = []
         for k, sensor in enumerate(self.graph.sensors):
             parts = zip(stand.innovations, stand.expected, strict=True)
@@ -230,7 +231,19 @@ class Search:
         free = [item for item in found if lag_name(item[0]) not in taken]
         return sorted(free, key=lambda item: item[1], reverse=True)
 
-    def profile(self, stand: Stand) -> list[tuple[Imperfection, float]]:
+    def holds(self, stand: Footing) -> list[Imperfection]:
+        """Give inputs that move all the time and may go on between two rows, the likeliest first."""
+        found = []
+        for k, item in enumerate(stand.graph.inputs):
+            courses = [record.u[:, k] for record in self.trained]
+            moves = float(np.mean(np.concatenate([np.diff(u) != 0.0 for u in courses])))
+            parts = zip(stand.innovations, courses, strict=True)
+            gain = sum(_explained(column, _changes(u)) for off, u in parts for column in off.T)
+            if not item.linear and moves > RESTLESS and gain > HINT:
+                found.append((gain, Imperfection(kind=Kind.HOLD, place=item.name)))
+        return [item for _, item in sorted(found, key=lambda one: one[0], reverse=True)]
+
+    def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
         record = _shortened(self.trained[0])
@@ -264,7 +277,7 @@ class Search:
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
 
-    def _sizes(self, stand: Stand, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
+    def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
         if item.kind is Kind.RELATIVE:
             return SIZES if usual.get(item.place, 0.0) > 0.0 else ()
         if item.is_sensor:
@@ -311,7 +324,7 @@ class _Ground:
                 starts[r, column], sizes[r, column] = first, size
         return FitPoint(values=begin.values, starts=starts, sizes=sizes)
 
-    def starts_of(self, stand: Stand) -> FloatArray:
+    def starts_of(self, stand: Footing) -> FloatArray:
         """Give the starts of the recordings that are fitted as they stand, (n_records, n_own)."""
         begin = self.begin_of(self.search.trained, self.search.begin).starts
         for column, name in enumerate(self.columns):
@@ -323,9 +336,9 @@ class _Ground:
         """Give what recordings show with all numbers known but where they start."""
         plant = self.plant(q)
         summit = foretold(plant, records, begin, q)
-        return [score_recording(at_rest(plant, q), item, summit.point, r) for r, item in enumerate(records)]
+        return [score_recording(all_known(plant, q), item, summit.point, r) for r, item in enumerate(records)]
 
-    def best_lag(self, stand: Stand, item: Imperfection) -> Imperfection:
+    def best_lag(self, stand: Footing, item: Imperfection) -> Imperfection:
         """Give a lag as long as it explains most with all else as it stands."""
         times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
         times = times or [self.search.step]
@@ -334,7 +347,7 @@ class _Ground:
         gains = likelihoods(self.plant(q), self.search.trained, starts, tried)
         return replace(item, size=times[int(np.argmax(gains))])
 
-    def q_of(self, stand: Stand) -> FloatArray:
+    def q_of(self, stand: Footing) -> FloatArray:
         """Give q with everything as it stands, (n_q,); what is not part of it is next to nothing."""
         q, layout = nominal_q(self.model), self.layout
         for k, item in enumerate(self.graph.parameters):
@@ -352,6 +365,8 @@ class _Ground:
     def with_one(self, q: FloatArray, item: Imperfection) -> FloatArray:
         """Give q with one imperfection of a size."""
         changed = q.copy()
+        if item.kind is Kind.HOLD:
+            return changed
         place = size_place(self.graph, self.layout, item)
         if item.kind is Kind.LAG:
             changed[place] = item.size / self.graph.parameters[place].scale
@@ -367,7 +382,7 @@ class _Ground:
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
         lags = {lag_name(item) for item in opened if item.kind is Kind.LAG}
-        sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind is not Kind.LAG}
+        sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
         declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))
         noises = tuple(sorted({*declared, *sizes, *memories}))
@@ -398,7 +413,7 @@ class _Ground:
             own=tuple((k, item.accuracy / abs(item.scale)) for k, item in self.own),
         )
 
-    def climbed(self, stand: Stand, more: Imperfection | None = None) -> Stand:
+    def climbed(self, stand: Footing, more: Imperfection | None = None) -> Footing:
         """Give where a climb leads that begins where it stands, with one more imperfection or none."""
         search = self.search
         opened = [*(item.what for item in stand.added), *([] if more is None else [more])]
@@ -418,7 +433,9 @@ class _Ground:
         gained = Added(what=last, trained=stood.trained - stand.trained, held=stood.held - stand.held)
         return replace(stood, added=(*stood.added, gained))
 
-    def _stood(self, stand: Stand, opened: Sequence[Imperfection], q: FloatArray, summit: Summit, held: float) -> Stand:
+    def _stood(
+        self, stand: Footing, opened: Sequence[Imperfection], q: FloatArray, summit: Summit, held: float
+    ) -> Footing:
         layout, search = self.layout, self.search
         noise = np.exp(q[layout.n_p : layout.n_p + layout.n_y])
         sizes = _found(self, q, opened)
@@ -432,10 +449,10 @@ class _Ground:
         for item, factor in zip(self.graph.parameters, q[: layout.n_p].tolist(), strict=True):
             values[item.name] = factor * item.scale
         seen = [
-            score_recording(at_rest(plant, q), item, replace(summit.point, values=np.zeros(0)), r)
+            score_recording(all_known(plant, q), item, replace(summit.point, values=np.zeros(0)), r)
             for r, item in enumerate(search.trained)
         ]
-        return Stand(
+        return Footing(
             graph=with_imperfections(_with_noise(stand.graph, noise), sizes),
             values=values,
             starts=dict(zip(self.columns, summit.point.starts.T, strict=True)),
@@ -474,7 +491,7 @@ class _Padded:
         return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
 
 
-def values_of(plant: FittedPlant, stand: Stand) -> FloatArray:
+def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:
     """Give the unknowns (n,) of another fit of the same plant, with parameters as they stand."""
     q = plant.base.copy()
     for place, item in zip(plant.unknowns.places, plant.unknowns.parameters, strict=False):
@@ -495,6 +512,9 @@ def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tu
     """Give imperfections with the sizes and memories of q."""
     found = []
     for item in opened:
+        if item.kind is Kind.HOLD:
+            found.append(item)
+            continue
         place = size_place(ground.graph, ground.layout, item)
         if item.kind is Kind.LAG:
             found.append(replace(item, size=float(q[place] * ground.graph.parameters[place].scale)))
