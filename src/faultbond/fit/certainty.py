@@ -21,6 +21,7 @@ IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked
 INVOLVED = 0.05  # of the largest part in a combination
 LINKED = 0.15  # of the largest part; a smaller one does not tie a parameter to the others
 SHOWN = 0.1  # the largest change in a combination
+PARTNER, SEVERAL = 0.3, 3  # of the largest part; parameters that only a scale in common moves together
 MOST_BANDWIDTH = 0.2  # of a recording
 
 
@@ -29,13 +30,16 @@ class Certainty:
     """Of the unknowns without the starts, in their own units (logarithms, factors).
 
     covariance (n, n): with the prior; inflation (n,): standard errors by the sandwich in those of a right model, at
-    least 1; alone (n,): sd from the data alone, inflated; silent: combinations of parameters that do not show, rows.
+    least 1; alone (n,): sd from the data alone, inflated; silent: combinations of parameters that do not show, rows;
+    faint (n_combinations, n_theta): those of several parameters that the data fix, but less well than is declared,
+    in accuracies, of length 1, times their sd from the data alone.
     """
 
     covariance: FloatArray
     inflation: FloatArray
     alone: FloatArray
     silent: FloatArray
+    faint: FloatArray
 
     @property
     def sd(self) -> FloatArray:
@@ -79,6 +83,7 @@ def certainty_of(
         inflation=inflation,
         alone=alone,
         silent=_silent(data[:n_theta, :n_theta]),
+        faint=_faint(data[:n_theta, :n_theta] * np.outer(inflation, inflation)[:n_theta, :n_theta], accuracies),
     )
 
 
@@ -148,6 +153,18 @@ def _silent(covariance: FloatArray) -> FloatArray:
     size = np.max(np.abs(rows), axis=1, initial=0.0, keepdims=True)
     rows = SHOWN * rows / np.where(size > 0.0, size, 1.0)
     return np.asarray(np.where(np.abs(rows) >= INVOLVED * SHOWN, rows, 0.0))
+
+
+def _faint(covariance: FloatArray, accuracies: FloatArray) -> FloatArray:
+    """Give combinations of at least `SEVERAL` parameters that the data fix less well than declared, rows."""
+    if not len(covariance):
+        return np.zeros((0, 0))
+    values, vectors = np.linalg.eigh(covariance / np.outer(accuracies, accuracies))
+    rows = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
+    size = np.max(np.abs(rows), axis=1, keepdims=True)
+    several = np.sum(np.abs(rows) > PARTNER * size, axis=1) >= SEVERAL
+    fixed = np.max(np.abs(rows) * accuracies, axis=1) <= UNSURE
+    return np.asarray(rows[(values > 1.0) & several & fixed])
 
 
 def _echelon(rows: FloatArray) -> FloatArray:
