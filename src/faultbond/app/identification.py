@@ -39,7 +39,10 @@ def fit(
     from faultbond.report.fit_result import fit_record, print_fit  # noqa: PLC0415 - loads rich
 
     text = model.read_text(encoding="utf-8")
-    with threadpool_limits(1), _waiting() as status:  # matrices are small here, and threads would only wait
+    with (
+        threadpool_limits(1),
+        _waiting(long=wishes.until_quiet) as status,
+    ):  # matrices are small here, and threads would only wait
         quieted = _quieted(text, graph, read, wishes, status) if wishes.until_quiet else None
         fitted = _fitted(graph, read, wishes, status) if quieted is None else quieted.fitted
     refused: OSError | None = None
@@ -160,10 +163,10 @@ def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
         raise RecordingError(f"{twice}: it is named twice; give each recording once")
 
 
-def _waiting() -> AbstractContextManager[Callable[[str], None]]:
-    """Say what is being done: on a terminal in a line that moves, else in a line each on standard error."""
+def _waiting(*, long: bool = False) -> AbstractContextManager[Callable[[str], None]]:
+    """Say what is being done: on a terminal in a line that moves, else, if it takes long, in a line each."""
     if not sys.stderr.isatty():
-        return nullcontext(_tell)
+        return nullcontext(_tell if long else lambda text: None)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     return _spinning(Console(stderr=True))
