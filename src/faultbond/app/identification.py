@@ -3,18 +3,15 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from faultbond.app.engine import build_watcher
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
-from faultbond.contract.spec import Engine
 from faultbond.errors import ModelError, RecordingError
-from faultbond.fit.library import load_likelihood
-from faultbond.io.cache import loadable
 from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.out import Out
@@ -39,32 +36,33 @@ def fit(
     read = tuple((name, read_points(graph, name)) for name in recordings)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
-    from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
-    from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
-    from faultbond.report.fit_result import fit_record, fitted_model, print_fit  # noqa: PLC0415 - loads rich
-    from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
+    from faultbond.report.fit_result import fit_record, print_fit  # noqa: PLC0415 - loads rich
 
-    parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
-    with threadpool_limits(1), _waiting() as status:  # matrices are small here, and threads would only wait
-        step_model = build_model(graph)
-        core = build_watcher(graph)
-        likelihood = likelihood_engine(step_model)
-        plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
-        found = fit_plant(
-            plant, records, begin, prior=Prior(wishes.prior), starts=wishes.starts, seed=wishes.seed, tell=status
-        )
-    fitted = fitted_model(graph, found, core.spec.version)
+    text = model.read_text(encoding="utf-8")
+    with (
+        threadpool_limits(1),
+        _waiting(long=wishes.until_quiet) as status,
+    ):  # matrices are small here, and threads would only wait
+        quieted = _quieted(text, graph, read, wishes, status) if wishes.until_quiet else None
+        fitted = _fitted(graph, read, wishes, status) if quieted is None else quieted.fitted
     refused: OSError | None = None
     try:
         if output is not None:
-            _write(output, fitted.model_text(model.read_text(encoding="utf-8")))
+            _write(output, fitted.model_text(text) if quieted is None else quieted.text)
     except OSError as error:  # what was found is told all the same
         output, refused = None, error
     out.record(fit_record(fitted, output))
+    if quieted is not None:
+        from faultbond.report.quiet_result import print_quiet, quiet_record  # noqa: PLC0415 - loads rich
+
+        out.record(quiet_record(quieted))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
 
-        print_fit(Console(file=out.text), fitted, output)
+        console = Console(file=out.text)
+        print_fit(console, fitted, output)
+        if quieted is not None:
+            print_quiet(console, graph, quieted)
     if report is not None:
         from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
 
@@ -72,6 +70,38 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
+
+
+def _fitted(
+    graph: BondGraph, read: tuple[tuple[str, list[Sample]], ...], wishes: FitWishes, tell: Callable[[str], None]
+) -> Any:
+    """Fit a model as it stands."""
+    from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
+    from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
+    from faultbond.report.fit_result import fitted_model  # noqa: PLC0415 - loads rich
+    from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
+
+    parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
+    step_model = build_model(graph)
+    core = build_watcher(graph)
+    likelihood = likelihood_engine(step_model)
+    plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
+    prior = Prior(wishes.prior)
+    found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
+    return fitted_model(graph, found, core.spec.version)
+
+
+def _quieted(
+    text: str,
+    graph: BondGraph,
+    read: tuple[tuple[str, list[Sample]], ...],
+    wishes: FitWishes,
+    tell: Callable[[str], None],
+) -> Any:
+    """Fit a model and add to it until the recordings are quiet."""
+    from faultbond.app.quiet_fit import fit_until_quiet  # noqa: PLC0415 - loads casadi and scipy
+
+    return fit_until_quiet(text, graph, read, wishes, tell)
 
 
 def _write(path: Path, text: str) -> None:
@@ -123,25 +153,6 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     return points
 
 
-def likelihood_engine(step_model: Any) -> Engine:
-    """Build what evaluates the likelihood of a model in discrete time.
-
-    Raises
-    ------
-    GenerationError
-        Where there is no C compiler, it fails, or what was built cannot be loaded.
-    """
-    from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
-    from faultbond.synthesis.compile import compile_library, compiler_title, required_compiler  # noqa: PLC0415 - as emit
-    from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
-
-    compiler, function = required_compiler(), build_likelihood(step_model)
-    template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
-    library = compile_library(emit_filter(function, template), compiler)
-    with loadable([library]) as (path,):
-        return load_likelihood(path, function.numel_out(1), compiler_title(compiler))
-
-
 def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
     """Refuse what cannot be fitted."""
     if graph.grid is TimeGrid.NONE:
@@ -152,13 +163,17 @@ def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
         raise RecordingError(f"{twice}: it is named twice; give each recording once")
 
 
-def _waiting() -> AbstractContextManager[Callable[[str], None]]:
-    """Say on a terminal what is being done."""
+def _waiting(*, long: bool = False) -> AbstractContextManager[Callable[[str], None]]:
+    """Say what is being done: on a terminal in a line that moves, else, if it takes long, in a line each."""
     if not sys.stderr.isatty():
-        return nullcontext(lambda text: None)
+        return nullcontext(_tell if long else lambda text: None)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     return _spinning(Console(stderr=True))
+
+
+def _tell(text: str) -> None:
+    sys.stderr.write(f"faultbond: {text} ...\n")
 
 
 @contextmanager

@@ -32,7 +32,8 @@ class FitWishes:
 
     fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
     accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
-    for itself, such as the temperature at its start; they are not written.
+    for itself, such as the temperature at its start; they are not written. until_quiet: whether what the recordings
+    call for is added to the model.
     """
 
     fixed: tuple[str, ...] = ()
@@ -41,6 +42,7 @@ class FitWishes:
     starts: int = 4
     seed: int = 0
     own: tuple[str, ...] = ()
+    until_quiet: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -146,6 +146,7 @@ def _add_fit(verbs: Subparsers) -> None:
             starts=arguments.starts,
             seed=arguments.seed,
             own=arguments.per_recording,
+            until_quiet=arguments.until_quiet,
         )
         app.fit(
             arguments.model,
@@ -164,6 +165,11 @@ def _add_fit(verbs: Subparsers) -> None:
     add("recordings", metavar="REC", nargs="+", help="healthy recording; several are fitted together")
     add("-o", "--output", metavar="MODEL2", type=Path, help="model file to write")
     add("--report", metavar="FILE.html", type=Path, help=REPORT)
+    add(
+        "--until-quiet",
+        action="store_true",
+        help="add what the recordings call for, slow errors, lags, noise, until they are as quiet as promised",
+    )
     add("--fixed", metavar="NAMES", type=_names, default=(), help="parameters that are known: G,K_meter")
     add("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
     add(

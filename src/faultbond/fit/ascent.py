@@ -53,6 +53,7 @@ def ascend(
     prior: FloatArray,
     *,
     anchor: FloatArray | None = None,
+    turns: int | None = None,
 ) -> Summit:
     """Climb from a point.
 
@@ -65,9 +66,12 @@ def ascend(
     begin : where to start
     prior : sd of each unknown about its nominal value, (n,)
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
+    turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
     """
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
-    now = _straight(hill, hill.at(begin), TURNS)
+    now = _straight(hill, hill.at(begin), TURNS if turns is None else turns)
+    if turns is not None:
+        return replace(now, steps=hill.calls)
     rng = np.random.default_rng(len(prior))
     for _ in range(SHAKES):
         if now.settled or not np.isfinite(now.posterior):

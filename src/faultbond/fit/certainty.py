@@ -21,6 +21,7 @@ IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked
 INVOLVED = 0.05  # of the largest part in a combination
 LINKED = 0.15  # of the largest part; a smaller one does not tie a parameter to the others
 SHOWN = 0.1  # the largest change in a combination
+PARTNER, SEVERAL = 0.3, 3  # of the largest part; parameters that only a scale in common moves together
 MOST_BANDWIDTH = 0.2  # of a recording
 
 
@@ -29,13 +30,16 @@ class Certainty:
     """Of the unknowns without the starts, in their own units (logarithms, factors).
 
     covariance (n, n): with the prior; inflation (n,): standard errors by the sandwich in those of a right model, at
-    least 1; alone (n,): sd from the data alone, inflated; silent: combinations of parameters that do not show, rows.
+    least 1; alone (n,): sd from the data alone, inflated; silent: combinations of parameters that do not show, rows;
+    faint (n_combinations, n_theta): those of several parameters that the data fix, but less well than is declared,
+    in accuracies, of length 1, times their sd from the data alone.
     """
 
     covariance: FloatArray
     inflation: FloatArray
     alone: FloatArray
     silent: FloatArray
+    faint: FloatArray
 
     @property
     def sd(self) -> FloatArray:
@@ -61,7 +65,7 @@ def certainty_of(
     n, n_theta : number of unknowns without the starts, and of parameters
     accuracies : (n_theta,), declared accuracies in units of the unknowns
     """
-    inverse = _inverse(information + np.diag(prior**-2.0))
+    inverse = inverse_of(information + np.diag(prior**-2.0))
     meat, first = np.diag(prior**-2.0), n
     for item in courses:  # the long-run variance of the summed scores
         last = first + item.scores.shape[1] - n
@@ -72,18 +76,19 @@ def certainty_of(
     plain = np.maximum(np.diag(inverse), 1e-300)
     inflation = np.sqrt(np.maximum(np.diag(sandwich) / plain, 1.0))[:n]
     wide = np.concatenate([IGNORANT * accuracies, prior[n_theta:]])
-    data = _inverse(information + np.diag(wide**-2.0))
+    data = inverse_of(information + np.diag(wide**-2.0))
     alone = np.sqrt(np.maximum(np.diag(data), 0.0))[:n] * inflation
     return Certainty(
         covariance=inverse[:n, :n],
         inflation=inflation,
         alone=alone,
         silent=_silent(data[:n_theta, :n_theta]),
+        faint=_faint(data[:n_theta, :n_theta] * np.outer(inflation, inflation)[:n_theta, :n_theta], accuracies),
     )
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """Invert a positive matrix whose entries differ by many orders of magnitude."""
+def inverse_of(matrix: FloatArray) -> FloatArray:
+    """Invert a positive matrix (n, n) whose entries differ by many orders of magnitude; gives (n, n)."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale))
@@ -125,7 +130,7 @@ def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolAr
     """
     weight = np.zeros(len(information))
     weight[: len(prior)] = prior**-2.0
-    covariance = _inverse(information + np.diag(weight))[:n_theta, :n_theta]
+    covariance = inverse_of(information + np.diag(weight))[:n_theta, :n_theta]
     rows = np.abs(_silent(covariance)) > LINKED * SHOWN
     linked: BoolArray = np.eye(n_theta, dtype=bool)
     for row in rows:
@@ -148,6 +153,18 @@ def _silent(covariance: FloatArray) -> FloatArray:
     size = np.max(np.abs(rows), axis=1, initial=0.0, keepdims=True)
     rows = SHOWN * rows / np.where(size > 0.0, size, 1.0)
     return np.asarray(np.where(np.abs(rows) >= INVOLVED * SHOWN, rows, 0.0))
+
+
+def _faint(covariance: FloatArray, accuracies: FloatArray) -> FloatArray:
+    """Give combinations of at least `SEVERAL` parameters that the data fix less well than declared, rows."""
+    if not len(covariance):
+        return np.zeros((0, 0))
+    values, vectors = np.linalg.eigh(covariance / np.outer(accuracies, accuracies))
+    rows = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
+    size = np.max(np.abs(rows), axis=1, keepdims=True)
+    several = np.sum(np.abs(rows) > PARTNER * size, axis=1) >= SEVERAL
+    fixed = np.max(np.abs(rows) * accuracies, axis=1) <= UNSURE
+    return np.asarray(rows[(values > 1.0) & several & fixed])
 
 
 def _echelon(rows: FloatArray) -> FloatArray:

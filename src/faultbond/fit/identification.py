@@ -17,7 +17,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.fit.ascent import START_PRIOR, Summit, ascend, spread_noise
-from faultbond.fit.certainty import Certainty, certainty_of, together
+from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
@@ -120,17 +120,8 @@ def fit_plant(
     records, best = _without_wild(plant, records, best)
     tell("weighing the declared accuracies")
     best, widths = _weigh(plant, records, begin, best, prior)
-    unknowns = plant.unknowns
-    courses = tuple(score_recording(plant, record, best.point, r) for r, record in enumerate(records))
-    full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
-    found = certainty_of(
-        best.evaluation.information,
-        full,
-        courses,
-        len(unknowns.places),
-        unknowns.n_theta,
-        unknowns.prior[: unknowns.n_theta],
-    )
+    widths = np.maximum(widths, 1.0)
+    courses, found = _certainty(plant, records, best, widths)
     return Fit(
         plant=plant,
         records=tuple(records),
@@ -148,6 +139,17 @@ def fit_plant(
         ),
         changes=changes_of(plant, records, courses),
     )
+
+
+def _certainty(
+    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit, widths: FloatArray
+) -> tuple[tuple[Scored, ...], Certainty]:
+    """Give what each recording says at the summit, and how sure that is."""
+    unknowns = plant.unknowns
+    courses = tuple(score_recording(plant, record, best.point, r) for r, record in enumerate(records))
+    full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
+    n, n_theta = len(unknowns.places), unknowns.n_theta
+    return courses, certainty_of(best.evaluation.information, full, courses, n, n_theta, unknowns.prior[:n_theta])
 
 
 def _search(
@@ -203,13 +205,18 @@ def _weigh(
     accuracies = unknowns.prior[:n]
     groups: BoolArray = together(best.evaluation.information, unknowns.widened(WIDE), n)
     alone = groups.sum(axis=1) == 1
-    widths = np.ones(n)
+    widths, most = np.ones(n), np.full(n, WIDE)
     if prior is Prior.WIDENED:
+        # What the data fix less well than declared, a scale that all have in common say, they fix by what the model
+        # gets a little wrong: there they count less, as their errors are alike for long, and no accuracy is widened.
+        sure = _certainty(plant, records, best, np.full(n, WIDE))[1]
+        for row in np.abs(sure.faint):
+            most = np.where(row > PARTNER * row.max(), 1.0 / sure.inflation[:n], most)
         # From a narrow prior the widening may not get away, where this outweighs data that are clear. So it begins at
         # how many times as wide as declared accuracies must be for what the data say almost alone.
         known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
         away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
-        widths = np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE)
+        widths = np.minimum(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE), most)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
         best = ascend(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
@@ -220,6 +227,7 @@ def _weigh(
         if prior is Prior.DECLARED:
             break
         wanted = np.where(groups @ told < LEAST_TOLD, np.minimum(wanted, widths), wanted)
+        wanted = np.minimum(wanted, most)
         if np.all(np.abs(wanted - widths) <= STEADY * widths):
             break
         widths = wanted

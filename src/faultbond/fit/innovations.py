@@ -19,10 +19,10 @@ from faultbond.runtime.monitor import Monitor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """What is declared, in what the model declares: accuracies, noise of sensors, sizes of slow errors."""
+    """What is declared, in what the model declares: accuracies, noise of sensors (of each, if several), slow errors."""
 
     accuracy: float = 1.0
-    noise: float = 1.0
+    noise: float | tuple[float, ...] = 1.0
     slow: float = 1.0
 
 
@@ -123,7 +123,7 @@ def _filtered(core: Core, taken: _Taken, variant: Variant) -> tuple[FloatArray, 
     slow = np.zeros((len(rows), len(spec.slow_errors)))
     if not len(rows):
         return np.zeros((0, n_y)), slow
-    rows[:, place["scale"]] *= variant.noise**2
+    rows[:, place["scale"]] *= np.square(variant.noise)
     for k, error in enumerate(spec.slow_errors):
         decay = np.exp(-rows[:, place["dt"]][:, 0] / error.memory)
         more = (variant.slow**2 - 1.0) * error.sd**2 * (1.0 - decay**2)

@@ -22,7 +22,8 @@ class Layout:
     """How the numbers of a lane and of a sample lie.
 
     A lane: filter mean and packed covariance, q, implicit signals, then the direction of mean, covariance and q.
-    q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy inputs.
+    q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy inputs, and of the
+    memories of slow errors, s.
     """
 
     n_x: int
@@ -46,12 +47,17 @@ class Layout:
     @property
     def n_q(self) -> int:
         """Numbers that may be unknown, without the start."""
-        return self.n_p + self.n_y + self.n_b + self.n_w
+        return self.first_memory + self.n_b
 
     @property
     def first_noise(self) -> int:
         """Where the sizes of noise begin in q: sensors, slow errors, inputs."""
         return self.n_p
+
+    @property
+    def first_memory(self) -> int:
+        """Where the memories of slow errors begin in q."""
+        return self.n_p + self.n_y + self.n_b + self.n_w
 
     @property
     def sample_fields(self) -> dict[str, slice]:
@@ -118,8 +124,8 @@ def _sample(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Predict and update; give filter state, innovations with variances, implicit signals."""
     n = size.n_mean
-    mean, packed, factors, sensor_noise, slow_noise, input_noise = ca.vertsplit(
-        moving, list(np.cumsum([0, n, size.n_filter - n, size.n_p, size.n_y, size.n_b, size.n_w]))
+    mean, packed, factors, sensor_noise, slow_noise, input_noise, memories = ca.vertsplit(
+        moving, list(np.cumsum([0, n, size.n_filter - n, size.n_p, size.n_y, size.n_b, size.n_w, size.n_b]))
     )
     covariance = _unpacked(packed, n)
     kept = [*range(size.n_x + size.n_b), *range(n + size.n_p - size.n_w, n + size.n_p)]
@@ -128,10 +134,10 @@ def _sample(
     )
     transition, added = ca.SX(n, n), ca.SX(n, n)
     transition[: size.n_x, :] = slope[:, kept]
-    for k, error in enumerate(model.plant.graph.slow_errors, size.n_x):
-        decay = ca.exp(-fields["dt"] / error.memory)
-        transition[k, k] = decay
-        added[k, k] = ca.exp(2 * slow_noise[k - size.n_x]) * (1 - decay * decay) + fields["kick"][k - size.n_x]
+    for k in range(size.n_b):
+        decay, place = ca.exp(-fields["dt"] * ca.exp(-memories[k])), size.n_x + k
+        transition[place, place] = decay
+        added[place, place] = ca.exp(2 * slow_noise[k]) * (1 - decay * decay) + fields["kick"][k]
     for k in range(size.n_w):
         added[n - size.n_w + k, n - size.n_w + k] = ca.exp(2 * input_noise[k])
     slow = [transition[k, k] * mean[k] for k in range(size.n_x, size.n_x + size.n_b)]
@@ -190,7 +196,8 @@ def build_begin(model: StepModel) -> ca.Function:
     """
     size, graph = layout_of(model), model.plant.graph
     q, start = ca.SX.sym("q", size.n_q), ca.SX.sym("start", size.n_x)
-    factors, _, slow, noise = ca.vertsplit(q, list(np.cumsum([0, size.n_p, size.n_y, size.n_b, size.n_w])))
+    parts = ca.vertsplit(q, list(np.cumsum([0, size.n_p, size.n_y, size.n_b, size.n_w, size.n_b])))
+    factors, _, slow, noise, _ = parts
     theta = factors * ca.DM(model.scales) if size.n_p else factors
     nominal = np.array([item.nominal for item in graph.parameters])
     content = model.contents(model.reference_state, nominal).full()[:, 0]
@@ -232,7 +239,8 @@ def nominal_q(model: StepModel) -> FloatArray:
         *(item.sd for item in graph.slow_errors),
         *(graph.inputs[k].noise for k in model.noisy),
     ]
-    return np.array([*factors, *np.log(np.maximum(noises, _LEAST))])
+    memories = [item.memory for item in graph.slow_errors]
+    return np.array([*factors, *np.log(np.maximum(noises, _LEAST)), *np.log(memories)])
 
 
 _LEAST = 1e-150  # a size of noise whose square is still a number

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.fit.certainty import UNSURE
+from faultbond.fit.certainty import PARTNER, UNSURE
 from faultbond.fit.identification import Fit
 from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
 
@@ -120,6 +120,17 @@ def silences_of(found: Fit) -> tuple[Silence, ...]:
         Silence(changes=tuple((name, float(part)) for name, part in zip(names, row, strict=True) if part))
         for row in found.certainty.silent
     )
+
+
+def faint_of(found: Fit) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Give combinations that the data fix less well than declared: names, and how well, in parts of their values."""
+    unknowns = found.plant.unknowns
+    accuracies, combinations = unknowns.prior[: unknowns.n_theta], []
+    for row in np.abs(found.certainty.faint):
+        chosen = np.flatnonzero(row > PARTNER * row.max())
+        names = tuple(unknowns.parameters[k].name for k in chosen)
+        combinations.append((names, float(np.max(row * accuracies))))
+    return tuple(combinations)
 
 
 def residual_sizes(found: Fit) -> tuple[tuple[FloatArray, FloatArray], ...]:

@@ -5,14 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
+from faultbond.contract.spec import EngineSpec
+from faultbond.fit.cusum import added, height_of, no_sums
 from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
 from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
+from faultbond.runtime.monitor import Monitor
 
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 MONTH = 30.0 * 86400.0  # s
+WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
+RISE, MOST_RISES = 1.25, 24  # by which noise or slow errors rise, and how often
 KINDS = ("accuracy", "noise", "slow")
 
 
@@ -73,7 +79,9 @@ class Health:
         return found
 
 
-def on_trial(core: Core, records: Sequence[HealthyRecording], promise: float = MONTH) -> Health:
+def on_trial(
+    core: Core, records: Sequence[HealthyRecording], promise: float = MONTH, factors: Sequence[float] = FACTORS
+) -> Health:
     """Put a model on trial.
 
     Parameters
@@ -81,12 +89,12 @@ def on_trial(core: Core, records: Sequence[HealthyRecording], promise: float = M
     core : of the model, as the monitor runs it
     records : healthy recordings
     promise : seconds between false alarms that are wanted at least
+    factors : how many times as large accuracies, noise or slow errors are tried
     """
     spec = core.spec
-    steps = np.concatenate([item.samples[1:, 0] for item in records])
-    step = float(np.median(steps)) if len(steps) else 1.0
+    step = _step(records)
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
-    tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in FACTORS}
+    tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in factors}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
     seen = list(zip(*(watch_recording(core, item, variants) for item in records), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
@@ -105,3 +113,77 @@ def on_trial(core: Core, records: Sequence[HealthyRecording], promise: float = M
         moments=moments(spec, records, seen[0]),
         trials=tuple(trials),
     )
+
+
+def first_alarm(core: Core, record: HealthyRecording) -> float | None:
+    """Give the time, s, at which the monitor itself alarms on a recording; None: it does not."""
+    monitor = Monitor(core)
+    for point in record.points:
+        if monitor.push(point) and (found := monitor.report.detection) is not None:
+            return found.time
+    return None
+
+
+def alarms_of(core: Core, records: Sequence[HealthyRecording]) -> dict[str, float]:
+    """Give when the monitor alarms, s, by the name of the recording; none of those on which it does not."""
+    found = {item.name: first_alarm(core, item) for item in records}
+    return {name: time for name, time in found.items() if time is not None}
+
+
+def enough(core: Core, records: Sequence[HealthyRecording], promise: float) -> Variant | None:
+    """Give what must be declared larger for the promise to be kept, as little as that takes; None: nothing is enough.
+
+    First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
+    step the noise of the sensor that alarms most often, or the slow errors where one of them does.
+    """
+    step = _step(records)
+
+    def rates(variant: Variant) -> tuple[Rate, ...]:
+        seen = [watch_recording(core, item, (variant,))[0] for item in records]
+        return alarm_rates(core.spec, seen, step)
+
+    def keeps(found: tuple[Rate, ...]) -> bool:
+        return max((item.peak for item in found), default=0.0) <= 1.0 and between_alarms(found) >= promise
+
+    for factor in WIDER if core.spec.parameters else ():
+        if keeps(rates(Variant(accuracy=factor))):
+            return Variant(accuracy=factor)
+    noise, slow = [1.0] * len(core.spec.outputs), 1.0
+    for _ in range(MOST_RISES):
+        now = Variant(noise=tuple(noise), slow=slow)
+        found = rates(now)
+        if keeps(found):
+            return now
+        worst = min(range(len(found)), key=lambda k: (found[k].between, -found[k].peak))
+        if found[worst].is_sensor:
+            noise[worst] *= RISE
+        else:
+            slow *= RISE
+    return None
+
+
+def _step(records: Sequence[HealthyRecording]) -> float:
+    """Give the usual time between samples, s."""
+    steps = np.concatenate([item.samples[1:, 0] for item in records])
+    return float(np.median(steps)) if len(steps) else 1.0
+
+
+def highest(spec: EngineSpec, scores: Sequence[FloatArray]) -> float:
+    """Give the highest that the sums of the detector climb on innovations in their standard deviations.
+
+    Parameters
+    ----------
+    spec : limits of the sums
+    scores : (N, n_outputs) of each recording, nan where there is none
+
+    Returns
+    -------
+    float, as a part of the limit
+    """
+    found = 0.0
+    for course in scores:
+        sums = no_sums(course.shape[1])
+        for score in course[spec.thresholds.warm_up_samples :]:
+            sums = added(spec.thresholds, sums, score, np.isfinite(score))
+            found = max(found, float(np.max(height_of(spec.thresholds, sums))))
+    return found / spec.thresholds.cusum_limit

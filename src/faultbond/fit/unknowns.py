@@ -53,7 +53,12 @@ class Unknowns:
 
 
 def unknowns_of(
-    layout: Layout, base: FloatArray, parameters: tuple[tuple[int, Parameter], ...], noises: tuple[int, ...]
+    layout: Layout,
+    base: FloatArray,
+    parameters: tuple[tuple[int, Parameter], ...],
+    noises: tuple[int, ...],
+    *,
+    grow: bool = False,
 ) -> Unknowns:
     """Give the unknowns.
 
@@ -62,8 +67,8 @@ def unknowns_of(
     layout : of q
     base : float array, shape (n_q,), as the model file states it
     parameters : those to be found, with their places in q
-    noises : places in q of the sizes of noise to be found; slow errors are not larger than declared, since one that
-        may grow explains away whatever the model does wrong
+    noises : places in q of the sizes of noise, and of the memories, to be found
+    grow : whether slow errors may be larger than declared; one that may explains away whatever the model does wrong
     """
     logs = [  # those that stay on the side of zero on which their nominal is
         (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
@@ -78,6 +83,7 @@ def unknowns_of(
         upper.append(np.log(min(ends[1], FURTHEST)) if log else ends[1])
     several = len(noises)
     own = base[list(noises)]
+    bounded = [not grow and layout.n_p + layout.n_y <= place < layout.first_memory for place in noises]
     return Unknowns(
         places=np.array([*(place for place, _ in parameters), *noises], dtype=np.intp),
         parameters=tuple(item for _, item in parameters),
@@ -85,5 +91,5 @@ def unknowns_of(
         nominal=np.array([*nominal, *own]),
         prior=np.array([*prior, *([NOISE_PRIOR] * several)]),
         lower=np.array([*lower, *(own - np.log(1e8))]),
-        upper=np.array([*upper, *(own + np.where(np.array(noises) < layout.n_p + layout.n_y, np.log(1e8), 0.0))]),
+        upper=np.array([*upper, *(own + np.where(bounded, 0.0, np.log(1e8)))]),
     )

@@ -11,7 +11,16 @@ from rich.text import Text
 from faultbond.contract.json_records import Record
 from faultbond.errors import ModelError
 from faultbond.fit.identification import Fit
-from faultbond.fit.outcome import Estimate, NoiseFound, Silence, estimates_of, noises_of, residual_sizes, silences_of
+from faultbond.fit.outcome import (
+    Estimate,
+    NoiseFound,
+    Silence,
+    estimates_of,
+    faint_of,
+    noises_of,
+    residual_sizes,
+    silences_of,
+)
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
@@ -180,6 +189,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
             for item in found.whiteness
         ],
         "alike": [dict(item.changes) for item in fitted.silences],
+        "hardly_fixed": [{"parameters": list(names), "sd": sd} for names, sd in faint_of(found)],
         "widened": {
             item.name: float(times) for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
         },
@@ -242,6 +252,12 @@ def parameter_row(item: Estimate) -> tuple[str, ...]:
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     """Say what the parameters' table does not: combinations that do not show, and wider errors."""
     told = under("looks alike", [_silence_text(item) for item in fitted.silences])
+    faint = [
+        f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
+        "declared decides. Name with --fixed what is known"
+        for names, sd in faint_of(fitted.found)
+    ]
+    told += under("hardly shows", faint)
     if fitted.found.changes:
         first = fitted.found.changes[0]
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))

@@ -72,12 +72,14 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     for item in found.rates:
         name = item.name if item.is_sensor else f"slow error of {item.name}"
         score = f"{item.mean:+.2f} ± {item.spread:.2f}".replace("-", MINUS)
-        rows.append((name, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), _time(item.between)))
+        rows.append((name, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), spacing_text(item.between)))
     table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
-    lines(console, _where_lines(graph, found) or [("", "nowhere that the detector would mind")])
-    title(console, "What must be declared", f"for a false alarm every {_time(found.promise)} at most")
-    tried = {(item.kind, item.factor): "alarm" if item.peak > 1.0 else _time(item.between) for item in found.trials}
+    lines(console, where_lines(graph, found) or [("", "nowhere that the detector would mind")])
+    title(console, "What must be declared", f"for a false alarm every {spacing_text(found.promise)} at most")
+    tried = {
+        (item.kind, item.factor): "alarm" if item.peak > 1.0 else spacing_text(item.between) for item in found.trials
+    }
     header = ("times", *(WORDS[kind] for kind in found.needed))
     table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in found.needed)) for x in FACTORS])
     lines(console, under("needed", _needed_texts(found)))
@@ -85,13 +87,14 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     console.print(Text(health_verdict(found), style="bold green" if found.keeps else "bold yellow"))
 
 
-def _time(seconds: float) -> str:
+def spacing_text(seconds: float) -> str:
+    """Give a time between false alarms."""
     if not math.isfinite(seconds) or seconds >= min(1e3 * YEAR, FARTHEST):
         return "1000 years or more"
     return f"{seconds / YEAR:.0f} years" if seconds >= 2 * YEAR else duration_text(seconds)
 
 
-def _where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
+def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
     """Say in which regions and at which moments the sensors are off."""
     units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
     told = under("regions", [_region_text(item, units) for item in found.regions[:MOST_REGIONS]])
@@ -137,10 +140,9 @@ def _needed_texts(found: Health) -> Iterator[str]:
 def health_verdict(found: Health) -> str:
     """Say in a sentence what came of it."""
     if found.keeps:
-        return (
-            f"The model keeps the promise: a false alarm every {_time(found.between)}, as far as these recordings tell."
-        )
-    now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {_time(found.between)}"
+        often = spacing_text(found.between)
+        return f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
+    now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]
     ways += [f"{WORDS[kind]} {factor:g} times those declared" for kind, factor in factors.items() if factor < 1.0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultbond.app.identification import likelihood_engine
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, score_recording

@@ -1,0 +1,27 @@
+"""The likelihood of a model, as the verbs build it."""
+
+from importlib import resources
+from typing import Any
+
+from faultbond.contract.spec import Engine
+from faultbond.fit.library import load_likelihood
+from faultbond.io.cache import loadable
+
+
+def likelihood_engine(step_model: Any) -> Engine:
+    """Build what evaluates the likelihood of a model in discrete time.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no C compiler, it fails, or what was built cannot be loaded.
+    """
+    from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.compile import compile_library, compiler_title, required_compiler  # noqa: PLC0415 - as emit
+    from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
+
+    compiler, function = required_compiler(), build_likelihood(step_model)
+    template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+    library = compile_library(emit_filter(function, template), compiler)
+    with loadable([library]) as (path,):
+        return load_likelihood(path, function.numel_out(1), compiler_title(compiler))

@@ -1,0 +1,162 @@
+"""`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
+
+from dataclasses import dataclass, replace
+
+from faultbond.analysis.smallest import SmallestFault, smallest_faults
+from faultbond.app.engine import build_watcher
+from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.wishes import FitWishes
+from faultbond.errors import FaultbondError
+from faultbond.fit.identification import Prior, fit_plant
+from faultbond.fit.quiet_search import ROUNDS, Footing, Recordings, Search, Tell, parted, values_of
+from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.trial import MONTH, Health, alarms_of, enough, highest, on_trial
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import parse_model
+from faultbond.report.fit_result import Fitted, fitted_model
+from faultbond.report.quiet_result import Quieted, Raised, amended_text, raised_text
+from faultbond.runtime.core import Core
+from faultbond.synthesis.engine import build_model
+
+LEAST = 60  # samples of a part of the recordings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Attempt:
+    """A model with what the search has found, fitted to all recordings and put on trial."""
+
+    text: str
+    graph: BondGraph
+    core: Core
+    records: tuple[HealthyRecording, ...]
+    fitted: Fitted
+    health: Health
+    alarms: dict[str, float]
+
+    @property
+    def quiet(self) -> bool:
+        """Whether it keeps its promise and the monitor itself does not alarm."""
+        return self.health.keeps and not self.alarms
+
+
+def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
+    """Fit a model and add what the recordings call for until they are quiet.
+
+    Raises
+    ------
+    NoVerdictError
+        Where the recordings are too short for a part of them to be held back.
+    """
+    promise = graph.time_between_false_alarms or MONTH
+    fitted, held = parted(read, LEAST)
+    tell("building the engine")
+    core, model = build_watcher(graph), build_model(graph)
+    likelihood = likelihood_engine(model)
+    parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
+    plant, records, begin = build_fit(model, likelihood, core, fitted, parameters, wishes.own)
+    _, records_held, begin_held = build_fit(model, likelihood, core, held, parameters, wishes.own)
+    prior = Prior(wishes.prior)
+    found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
+    tell("putting the first model on trial")
+    before = on_trial(core, (*records, *records_held), promise, factors=())
+    search = Search(
+        graph, likelihood_engine, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
+    )
+    attempt, stand, rounds = _searched(search, search.first(found), text, graph, read, wishes, core, tell)
+    raised: tuple[Raised, ...] = ()
+    if not attempt.quiet:
+        tell("raising what must be declared larger")
+        attempt, raised = _raised(attempt, promise, tell)
+    tell("working out the smallest faults before and after")
+    return Quieted(
+        fitted=attempt.fitted,
+        text=attempt.text,
+        held=tuple(name for name, _ in held),
+        added=stand.added,
+        raised=raised,
+        before=before,
+        health=attempt.health,
+        alarms=attempt.alarms,
+        rounds=rounds,
+        left=tuple(item for item in search.asked if item[1] > 0.0),
+        smallest_before=_smallest(graph, core),
+        smallest_after=_smallest(attempt.graph, attempt.core),
+    )
+
+
+def _searched(
+    search: Search,
+    stand: Footing,
+    text: str,
+    graph: BondGraph,
+    read: Recordings,
+    wishes: FitWishes,
+    core: Core,
+    tell: Tell,
+) -> tuple[Attempt, Footing, int]:
+    """Add one thing after the other until it is quiet or nothing gains."""
+    tried: Attempt | None = None
+    for rounds in range(ROUNDS + 1):
+        if highest(core.spec, stand.innovations) <= 1.0:
+            tried = _attempt(stand, text, graph, read, wishes, tell)
+            if tried.quiet:
+                return tried, stand, rounds
+        better = search.better(stand) if rounds < ROUNDS else None
+        if better is None:
+            break
+        stand, tried = better, None
+        last = stand.added[-1]
+        tell(f"added: {last.what.words}; what was held back gains {last.held:.0f} nats")
+    return tried or _attempt(stand, text, graph, read, wishes, tell), stand, rounds
+
+
+def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Attempt:
+    """Write what was found into the model, fit that to all recordings, and put it on trial."""
+    tell("fitting all recordings")
+    with_added = amended_text(text, graph, stand.added)
+    first = parse_model(with_added, file=graph.file)
+    core, model = build_watcher(first), build_model(first)
+    lags = {item.name for item in first.parameters} - {item.name for item in graph.parameters}
+    free = None if wishes.free is None else (*wishes.free, *sorted(lags))
+    parameters = free_parameters(first, wishes.fixed, free, wishes.own)
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
+    begin = replace(begin, values=values_of(plant, stand))
+    found = fit_plant(plant, records, begin, prior=Prior(wishes.prior), starts=1, seed=wishes.seed)
+    fitted = fitted_model(first, found, core.spec.version)
+    return _on_trial(fitted.model_text(with_added), fitted, read, tell)
+
+
+def _on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:
+    tell("putting the model on trial")
+    graph = parse_model(text, file=fitted.graph.file)
+    core = build_watcher(graph)
+    records = tuple(healthy_recording(name, points, core) for name, points in read)
+    promise = graph.time_between_false_alarms or MONTH
+    return Attempt(
+        text=text,
+        graph=graph,
+        core=core,
+        records=records,
+        fitted=fitted,
+        health=on_trial(core, records, promise, factors=()),
+        alarms=alarms_of(core, records),
+    )
+
+
+def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Raised, ...]]:
+    """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough."""
+    variant = enough(attempt.core, attempt.records, promise)
+    if variant is None:
+        return attempt, ()
+    text, raised = raised_text(attempt.text, attempt.graph, variant)
+    read = [(item.name, item.points) for item in attempt.records]
+    return _on_trial(text, attempt.fitted, read, tell), raised
+
+
+def _smallest(graph: BondGraph, core: Core) -> tuple[SmallestFault, ...]:
+    """Give the smallest faults as `analyse` does; none where it cannot."""
+    try:
+        return tuple(smallest_faults(build_model(graph), core.spec, core))
+    except FaultbondError:
+        return ()

@@ -1,0 +1,86 @@
+"""What imperfections would gain: likelihoods of many declarations at once, and of recordings that were held back."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from faultbond.arrays import FloatArray
+from faultbond.fit.ascent import Summit, ascend
+from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant
+from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.unknowns import Unknowns
+
+_NONE = np.zeros(0)
+_TURNS = 12  # of the climb to the starts alone
+_PLACES = 50  # moments of a recording at which signals are looked at
+
+
+def likelihoods(
+    plant: FittedPlant, records: Sequence[HealthyRecording], starts: FloatArray, declared: FloatArray
+) -> FloatArray:
+    """Give the logarithm of the likelihood of recordings for each way to declare, (n,).
+
+    Parameters
+    ----------
+    plant, records : what is asked
+    starts : (n_records, n_own), see `FitPoint`
+    declared : float array, shape (n, n_q); q of each way, see `Layout`
+    """
+    total, n_y = np.zeros(len(declared)), plant.layout.n_y
+    with np.errstate(all="ignore"):
+        for record, start in zip(records, starts, strict=True):
+            lanes = _still_lanes(plant, start, declared)
+            for first in range(0, len(record.time), BLOCK):
+                part = slice(first, first + BLOCK)
+                lanes, found = plant.engine.advance(lanes, record.samples[part])
+                use = record.use[part][:, :, None]
+                e, s = found[:, :n_y], found[:, n_y : 2 * n_y]
+                total -= 0.5 * np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
+    return np.where(np.isfinite(total), total, -np.inf)
+
+
+def _still_lanes(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:
+    """Give lanes (n_numbers, n) at the begin of a recording that move in no direction."""
+    layout, n_free = plant.layout, len(plant.free)
+    x = np.zeros(layout.n_x)
+    x[list(plant.free)] = start[:n_free]
+    held = []
+    for row in declared:
+        q = row.copy()
+        q[[place for place, _ in plant.own]] = start[n_free:]
+        held.append(np.concatenate([plant.begin(q, x)[0].full()[:, 0], q, plant.implicit]))
+    still = np.zeros((layout.n_filter + layout.n_q, len(held)))
+    return np.concatenate([np.array(held).T, still])
+
+
+def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArray, q: FloatArray) -> FloatArray:
+    """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v)."""
+    layout, lanes, found = plant.layout, _still_lanes(plant, start, q[None]), []
+    n_known = layout.n_x + layout.n_b
+    ends = np.unique(np.linspace(0, len(record.time), _PLACES + 1).astype(int))
+    for first, last in pairwise(ends.tolist()):
+        lanes = plant.engine.advance(lanes, record.samples[first:last])[0]
+        mean = lanes[: layout.n_mean, 0]
+        found.append(np.concatenate([record.u[last - 1], mean[:n_known], q[: layout.n_p], mean[n_known:]]))
+    return np.array(found)
+
+
+def all_known(plant: FittedPlant, q: FloatArray) -> FittedPlant:
+    """Give the plant with all numbers q (n_q,) known, so that nothing but starts is to be found."""
+    nothing = Unknowns(
+        places=np.zeros(0, dtype=np.intp),
+        parameters=(),
+        logarithmic=np.zeros(0, dtype=bool),
+        nominal=_NONE,
+        prior=_NONE,
+        lower=_NONE,
+        upper=_NONE,
+    )
+    return replace(plant, base=q, unknowns=nothing)
+
+
+def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> Summit:
+    """Give the likelihood of recordings that were held back: all of q (n_q,) is known but where they start."""
+    return ascend(all_known(plant, q), records, replace(begin, values=_NONE), _NONE, turns=_TURNS)

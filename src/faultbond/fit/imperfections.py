@@ -1,0 +1,181 @@
+"""What a model may leave out, as things that can be added to it: slow errors, lags, noise of inputs.
+
+A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
+the same is its memory.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import inf
+
+from faultbond.equations.sequence import Assignment, Step
+from faultbond.equations.step import StepModel
+from faultbond.fit.likelihood import Layout
+from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
+
+MOST_PLACES = 24  # slow errors that are tried at once; each makes every step of the filter dearer
+LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
+UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
+
+
+class Kind(Enum):
+    """What is added to a model; the value is the word in records."""
+
+    RELATIVE = "relative slow error"
+    ABSOLUTE = "slow error"
+    INPUT_NOISE = "noise"
+    LAG = "lag"
+    HOLD = "linear hold"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imperfection:
+    """Something that a model may leave out: of which kind, of what, how large, over which time (s).
+
+    size : standard deviation, SI or in parts; of a lag its time constant, s; a linear hold has none
+    """
+
+    kind: Kind
+    place: str
+    is_sensor: bool = False
+    size: float = UNTRIED
+    memory: float = 1.0
+
+    @property
+    def key(self) -> tuple[Kind, str]:
+        """What it is without its size."""
+        return self.kind, self.place
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether it has a memory."""
+        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE)
+
+    @property
+    def words(self) -> str:
+        """What it is, without its size."""
+        return f"{self.kind.value} of {self.place}"
+
+
+def law_signals(model: StepModel) -> tuple[str, ...]:
+    """Give the signals that laws of components without a store give, in the order of the network."""
+    network, plant = model.plant.network, model.plant
+    owners = {item.name for item in plant.graph.components if not item.type.is_store}
+    given = {item.signal for item in _assignments(plant.steps) if item.owner in owners}
+    given -= {store.rate for store in network.states}
+    return tuple(name for name in network.signals if name in given)
+
+
+def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
+    for step in steps:
+        if isinstance(step, Assignment):
+            yield step
+        else:
+            yield from step.inner
+
+
+def possible(graph: BondGraph, signals: tuple[str, ...]) -> tuple[Imperfection, ...]:
+    """Give what may be missing: slow errors of sensors and of the signals of laws, noise of inputs.
+
+    What the model declares may be larger than declared; a signal has one slow error, a part of its value or absolute.
+    """
+    found = [_declared(item) for item in graph.slow_errors if not item.after]
+    taken = {item.target for item in graph.slow_errors}
+    sensors = [
+        Imperfection(kind=Kind.ABSOLUTE, place=item.name, is_sensor=True)
+        for item in graph.sensors
+        if item.name not in taken
+    ]
+    laws = [
+        Imperfection(kind=kind, place=name)
+        for name in signals
+        for kind in (Kind.RELATIVE, Kind.ABSOLUTE)
+        if name not in taken
+    ]
+    noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in graph.inputs]
+    return (*found, *[*sensors, *laws][: max(MOST_PLACES - len(found), 0)], *noises)
+
+
+def _declared(item: SlowError) -> Imperfection:
+    kind = Kind.RELATIVE if item.relative else Kind.ABSOLUTE
+    return Imperfection(kind=kind, place=item.target, is_sensor=item.is_sensor, size=item.sd, memory=item.memory)
+
+
+def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> BondGraph:
+    """Give a plant with imperfections, in place of those of the same kind that it declares for the same thing."""
+    errors, inputs = list(graph.slow_errors), list(graph.inputs)
+    for item in added:
+        if item.kind is Kind.LAG:
+            continue
+        if not item.is_slow:
+            k = next(k for k, known in enumerate(inputs) if known.name == item.place)
+            linear = item.kind is Kind.HOLD
+            inputs[k] = replace(inputs[k], linear=True) if linear else replace(inputs[k], noise=max(item.size, UNTRIED))
+            continue
+        new = SlowError(
+            target=item.place,
+            sd=item.size,
+            relative=item.kind is Kind.RELATIVE,
+            memory=item.memory,
+            is_sensor=item.is_sensor,
+        )
+        at = next(
+            (k for k, known in enumerate(errors) if (known.target, known.relative) == (new.target, new.relative)), -1
+        )
+        if at < 0:
+            errors.append(new)
+        else:
+            errors[at] = replace(errors[at], sd=new.sd, memory=new.memory)
+    graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
+    for item in added:
+        graph = _lagging(graph, item) if item.kind is Kind.LAG else graph
+    return graph
+
+
+def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which an input or a sensor lags; where it does already, so long."""
+    name = lag_name(item)
+    parameters = {known.name: known for known in graph.parameters}
+    lag = parameters.get(name) or Parameter(
+        name=name,
+        owner=item.place,
+        nominal=1.0,
+        unit=Unit("s"),
+        accuracy=0,
+        change=0,
+        lower=0,
+        upper=inf,
+        suspect=False,
+    )
+    size = item.size
+    parameters[name] = replace(lag, nominal=size, accuracy=LAG_ACCURACY * size, change=LAG_CHANGE * size)
+    inputs = (replace(known, lag=name) if known.name == item.place else known for known in graph.inputs)
+    sensors = (replace(known, lag=name) if known.name == item.place else known for known in graph.sensors)
+    return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
+
+
+def lag_name(item: Imperfection) -> str:
+    """Give the name of the parameter that is the time constant of a lag."""
+    return f"{item.place}_lag"
+
+
+def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
+    """Give where the size of an imperfection of a plant stands in q."""
+    if item.kind is Kind.LAG:
+        return [known.name for known in graph.parameters].index(lag_name(item))
+    first = layout.first_noise + layout.n_y
+    if item.is_slow:
+        return first + _number(graph, item)
+    noisy = [known.name for known in graph.inputs if known.noise > 0.0]
+    return first + layout.n_b + noisy.index(item.place)
+
+
+def memory_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
+    """Give where the memory of a slow error of a plant stands in q."""
+    return layout.first_memory + _number(graph, item)
+
+
+def _number(graph: BondGraph, item: Imperfection) -> int:
+    wanted = item.place, item.kind is Kind.RELATIVE
+    return [(known.target, known.relative) for known in graph.slow_errors].index(wanted)

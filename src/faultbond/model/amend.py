@@ -1,0 +1,73 @@
+"""A model file with more in it: values under keys that may not stand there yet; all else stays as it was written."""
+
+from collections.abc import Sequence
+
+import yaml
+
+from faultbond.errors import ModelError
+
+Path = tuple[str, ...]  # keys from the top of the file
+
+
+def amended(text: str, values: Sequence[tuple[Path, str]], file: str = "model") -> str:
+    """Give a model text with values put at paths of keys, in place of what stands there or behind the last key.
+
+    Where a short form stands for a table, as `V: V` for an input, it becomes the first value of the table that
+    `SHORT` names.
+
+    Raises
+    ------
+    ModelError
+        Where a path leads into something that is no table.
+    """
+    for path, value in values:
+        text = _put(text, path, value, file)
+    return text
+
+
+SHORT = {"inputs": "unit", "slow_error": "size"}  # what a plain value stands for, by section
+
+
+def _put(text: str, path: Path, value: str, file: str) -> str:
+    node = yaml.compose(text, Loader=yaml.SafeLoader)
+    for depth, key in enumerate(path):
+        if isinstance(node, yaml.ScalarNode) and path[0] in SHORT and depth == 2:  # a short form, or nothing
+            stated = f"{SHORT[path[0]]}: {text[node.start_mark.index : node.end_mark.index]}, " if node.value else ""
+            table = f"{{{stated}{key}: {value}}}"
+            gap = "" if node.value or text[node.start_mark.index - 1 : node.start_mark.index] == " " else " "
+            return text[: node.start_mark.index] + gap + table + text[node.end_mark.index :]
+        if not isinstance(node, yaml.MappingNode):
+            raise ModelError(f"{file}: `{'.'.join(path)}` cannot be written, since `{path[depth - 1]}` is no table")
+        found = next((item for name, item in node.value if name.value == key), None)
+        if found is None:
+            new = value
+            for inner in reversed(path[depth + 1 :]):
+                new = f"{{{inner}: {new}}}"
+            return _with_key(text, node, key, new)
+        node = found
+    if node is None:
+        raise ModelError(f"{file}: the model is empty")
+    return text[: node.start_mark.index] + value + text[node.end_mark.index :]
+
+
+def _with_key(text: str, table: yaml.MappingNode, key: str, value: str) -> str:
+    """Put a key behind the last of a table, written as the table is."""
+    if table.flow_style:
+        end = table.end_mark.index - 1
+        comma = ", " if table.value else ""
+        head = text[:end].rstrip() if comma else text[:end]
+        return f"{head.removesuffix(',')}{comma}{key}: {value}{text[end:]}"
+    last = _end(table)
+    line_end = text.find("\n", last)
+    line_end = len(text) if line_end < 0 else line_end
+    column = table.value[0][0].start_mark.column
+    return f"{text[:line_end]}\n{' ' * column}{key}: {value}{text[line_end:]}"
+
+
+def _end(node: yaml.Node) -> int:
+    """Give where the text of a node ends; of a table in lines, that of its last value."""
+    if isinstance(node, yaml.MappingNode) and not node.flow_style and node.value:
+        return _end(node.value[-1][1])
+    if isinstance(node, yaml.SequenceNode) and not node.flow_style and node.value:
+        return _end(node.value[-1])
+    return int(node.end_mark.index)

@@ -1,0 +1,244 @@
+"""A model that was made quiet: what was added and raised, what it cost, what was not mended; text, record, file."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.text import Text
+
+from faultbond.analysis.smallest import SmallestFault
+from faultbond.contract.json_records import Record
+from faultbond.fit.imperfections import Imperfection, Kind
+from faultbond.fit.innovations import Variant
+from faultbond.fit.quiet_search import Added
+from faultbond.fit.trial import Health
+from faultbond.model.amend import Path, amended
+from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.rewrite import NewSize, rewrite
+from faultbond.report.console import lines, table, title, under
+from faultbond.report.fit_result import Fitted
+from faultbond.report.health import spacing_text, where_lines
+from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, unit_text
+
+MOST_LEFT = 3  # places that are named as worth a look
+TOLD = 3.0  # nats; what gains less is no place to look at
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Raised:
+    """Something that must be declared larger, and how many times."""
+
+    what: str
+    times: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Quieted:
+    """What came of a fit until quiet.
+
+    text : of the model file; held : recordings, or parts, that were held back; before, health : the model as given and
+    as it is now, on trial; alarms : when the monitor itself alarms still, by recording; left : what the last round
+    would have added, with what it would gain on the recordings that are fitted
+    """
+
+    fitted: Fitted
+    text: str
+    held: tuple[str, ...]
+    added: tuple[Added, ...]
+    raised: tuple[Raised, ...]
+    before: Health
+    health: Health
+    alarms: dict[str, float]
+    rounds: int
+    left: tuple[tuple[Imperfection, float], ...]
+    smallest_before: tuple[SmallestFault, ...]
+    smallest_after: tuple[SmallestFault, ...]
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the recordings are as quiet as promised."""
+        return self.health.keeps and not self.alarms
+
+
+def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
+    """Give a model text with imperfections."""
+    return amended(text, [_entry(graph, item.what) for item in added], graph.file)
+
+
+def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
+    """Give where an imperfection stands in a model file, and what stands there."""
+    section = "sensors" if item.is_sensor else "inputs"
+    if item.kind is Kind.LAG:
+        return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, accuracy: 10 %}}"
+    if item.kind is Kind.HOLD:
+        return (section, item.place, "hold"), "linear"
+    size, unit = _sized(graph, item)
+    words = f"{_up(size)} {unit}".rstrip()
+    if item.kind is Kind.INPUT_NOISE:
+        return (section, item.place, "noise"), words
+    return ("slow_error", item.place), f"{words} over {item.memory:.2g} s"
+
+
+def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
+    """Give a size in the unit of what it is of, and the unit; of a signal without a known one in SI."""
+    if item.kind is Kind.RELATIVE:
+        return 100.0 * item.size, "%"
+    if item.kind is Kind.LAG:
+        return item.size, "s"
+    known = {one.name: one.unit for one in graph.sensors} | {one.name: one.unit for one in graph.inputs}
+    declared = {one.target: one.unit for one in graph.slow_errors if not one.relative}
+    unit = known.get(item.place) or declared.get(item.place) or Unit("")
+    if unit.offset:  # a difference of temperatures
+        return item.size, "K"
+    return item.size / unit.factor, unit.text
+
+
+def _up(value: float) -> str:
+    """Write a size with two digits, rounded up."""
+    place = math.floor(math.log10(value)) - 1
+    return f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"
+
+
+def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Raised, ...]]:
+    """Give a model text with accuracies, noise and slow errors so many times as large, and what was raised."""
+    noise = variant.noise if isinstance(variant.noise, tuple) else (variant.noise,) * len(graph.sensors)
+    raised = [Raised(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
+    sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
+    if variant.slow != 1.0:
+        sizes += [NewSize(name=item.target, times=variant.slow, slow=True) for item in graph.slow_errors]
+    text = rewrite(text, graph, (), sizes)
+    if variant.accuracy != 1.0:
+        text = amended(text, list(_accuracies(graph, variant.accuracy)), graph.file)
+    told = (
+        *raised,
+        Raised(what="slow errors", times=variant.slow),
+        Raised(what="accuracies of the parameters", times=variant.accuracy),
+    )
+    return text, tuple(item for item in told if item.times != 1.0)
+
+
+def _accuracies(graph: BondGraph, times: float) -> Iterator[tuple[Path, str]]:
+    section = "blocks" if graph.is_block_network else "components"
+    lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
+    lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
+    for item in graph.parameters:
+        path = lags.get(item.name) or (section, item.owner, "parameters", item.name)
+        if item.accuracy > 0.0:
+            wider = times * item.accuracy
+            part = f"{_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
+            yield (*path, "accuracy"), part or f"{_up(wider / item.unit.factor)} {item.unit.text}".rstrip()
+
+
+def quiet_record(found: Quieted) -> Record:
+    """Give the record of a fit until quiet; SI."""
+    return {
+        "record": "quiet",
+        "quiet": found.quiet,
+        "held_back": list(found.held),
+        "rounds": found.rounds,
+        "added": [
+            {
+                "kind": item.what.kind.value,
+                "of": item.what.place,
+                "size": None if item.what.kind is Kind.HOLD else item.what.size,
+                "memory": item.what.memory if item.what.is_slow else None,
+                "gain": item.trained,
+                "gain_held_back": item.held,
+                "alike": [{"kind": other.kind.value, "of": other.place} for other in item.alike],
+            }
+            for item in found.added
+        ],
+        "raised": [{"what": item.what, "times": item.times} for item in found.raised],
+        "promise": found.health.promise,
+        "between_alarms_before": found.before.between,
+        "between_alarms": found.health.between,
+        "peak_before": found.before.peak,
+        "peak": found.health.peak,
+        "alarms": found.alarms,
+        "smallest_before": {item.parameter: item.value for item in found.smallest_before},
+        "smallest": {item.parameter: item.value for item in found.smallest_after},
+        "left": [{"kind": item.kind.value, "of": item.place, "gain": gain} for item, gain in found.left],
+    }
+
+
+def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
+    """Print what was done to a model, and what it cost.
+
+    graph: the model as it was given
+    """
+    title(console, "What the recordings call for", f"judged by {join(found.held)}, held back")
+    if found.added:
+        header = ("added", "of", "size", "unit", "over", "gain, nats", "held back")
+        table(console, header, [_added_row(graph, item) for item in found.added])
+        texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
+        lines(console, under("as good", texts))
+    else:
+        lines(console, [("", "nothing that foretells what was held back better")])
+    if found.raised:
+        texts = [f"{item.what} {item.times:.2g} times as large" for item in found.raised]
+        lines(console, under("raised", texts))
+    if found.smallest_after:
+        title(console, "What it costs", _within(found.smallest_after))
+        table(console, ("parameter", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
+    if not found.quiet or found.raised:
+        title(console, "What could not be mended")
+        lines(console, list(_left_lines(found)))
+    console.print()
+    console.print(Text(quiet_verdict(found), style="bold green" if found.quiet else "bold yellow"))
+
+
+def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
+    size, unit = _sized(graph, item.what)
+    memory = duration_text(item.what.memory) if item.what.is_slow else ""
+    number, words = figure(size, digits=3).number(), unit_text(unit) if unit else "SI"
+    if item.what.kind is Kind.HOLD:
+        number = words = ""
+    return (
+        item.what.kind.value,
+        item.what.place,
+        number,
+        words,
+        memory,
+        *(f"{gain:+.0f}".replace("-", MINUS) for gain in (item.trained, item.held)),
+    )
+
+
+def _within(found: Sequence[SmallestFault]) -> str:
+    return f"found within {duration_text(found[0].within)}, in {100 * found[0].certainty:.0f} of 100 cases"
+
+
+def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
+    before = {item.parameter: item for item in found.smallest_before}
+    graph = found.fitted.graph
+    for item in found.smallest_after:
+        parameter = graph.parameter(item.parameter)
+        texts = []
+        for one in (before.get(item.parameter), item):
+            if one is None or one.value is None:
+                texts.append("not found")
+                continue
+            part = f" ({100 * one.value / abs(parameter.nominal):.2g} %)" if parameter.nominal else ""
+            texts.append(figure(parameter.unit.difference_from_si(one.value), digits=3).number() + part)
+        yield item.parameter, *texts, unit_text(parameter.unit.text)
+
+
+def _left_lines(found: Quieted) -> Iterator[tuple[str, str]]:
+    """Say where the model is wrong still, and which places would gain."""
+    yield from where_lines(found.fitted.graph, found.health)
+    yield from under("alarms", [f"at {clock_text(time)} of {name}" for name, time in found.alarms.items()])
+    places = [item.place for item, gain in found.left if gain > TOLD]
+    if places:
+        yield (
+            "look at",
+            f"{join(list(dict.fromkeys(places))[:MOST_LEFT])}: there the recordings gain most from an error",
+        )
+
+
+def quiet_verdict(found: Quieted) -> str:
+    """Say in a sentence what came of it."""
+    between = spacing_text(found.health.between)
+    if found.quiet:
+        return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell."
+    now = "it alarms on them" if found.alarms or found.health.peak > 1.0 else f"a false alarm every {between}"
+    return f"The model is not as quiet as promised: {now}. Mend it where it is wrong, and fit again."

@@ -1,0 +1,170 @@
+"""`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.cli import DONE, main
+from faultbond.cli.program import NO_VERDICT
+from faultbond.io.recording import write_recording
+from faultbond.model.amend import amended
+from faultbond.model.text import load_model
+
+MODEL = """# a motor
+name: motor
+sample_time: 0.02 s
+accuracy: 3 %
+time_between_false_alarms: 1 h
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 3 ohm}}      # winding
+  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+junctions: {armature: 1}
+bonds: [source -> armature -> R, armature -> L]
+sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
+"""
+R, L, NOISE, STEP = 3.3, 2.2, 0.02, 0.02
+
+
+def write(path: Path, *, seed: int, rows: int = 1200, lag: float = 0.0, wander: float = 0.0) -> Path:
+    """Write a recording of the winding: its sensor lags by `lag` s; its voltage wanders by a part, over a second."""
+    rng = np.random.default_rng(seed)
+    voltage = np.repeat(rng.choice([-4.0, -1.0, 2.0, 5.0], rows // 40 + 1), 40)[:rows]
+    current, seen, slow, values = 0.0, 0.0, 0.0, []
+    for k in range(rows):
+        values.append((seen if lag else current) + NOISE * rng.standard_normal())
+        slow = slow * np.exp(-STEP) + wander * np.sqrt(1 - np.exp(-2 * STEP)) * rng.standard_normal()
+        decay = np.exp(-R / L * STEP)
+        after = decay * current + (1 - decay) * voltage[k] * (1 + slow) / R
+        if lag:
+            seen += (1 - np.exp(-STEP / lag)) * (0.5 * (current + after) - seen)
+        current = after
+    time = np.asarray(STEP * np.arange(rows), dtype=np.float64)
+    write_recording(path, {"time": time, "V": voltage, "i": np.array(values)})
+    return path
+
+
+def records(folder: Path, *words: object) -> dict[str, dict[str, Any]]:
+    """Fit until quiet, and give the records by their kind."""
+    target = folder / "records.jsonl"
+    assert main(["fit", *map(str, words), "--until-quiet", "--starts", "1", "--json", str(target)]) == DONE
+    lines = [json.loads(line) for line in target.read_text(encoding="utf-8").splitlines()]
+    return {item["record"]: item for item in lines}
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """Write the model file."""
+    path = tmp_path / "model.yaml"
+    path.write_text(MODEL, encoding="utf-8")
+    return path
+
+
+def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path) -> None:
+    """A sensor lags: that is added with its time constant, nothing else; noise is that of the sensor.
+
+    In a linear circuit a lag of the voltage shows alike; whichever is taken, the other is named.
+    """
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, lag=0.12) for k in (1, 2)]
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
+    (added,) = found["quiet"]["added"]
+    named = [added, *added["alike"]]
+    assert {item["of"] for item in named} == {"i", "V"}
+    assert {item["kind"] for item in named} == {"lag"}
+    assert found["quiet"]["quiet"]
+    assert found["quiet"]["peak"] < 1.0 < found["quiet"]["peak_before"]
+    graph = load_model(tmp_path / "new.yaml")
+    assert graph.parameter(f"{added['of']}_lag").nominal == pytest.approx(0.12, rel=0.05)
+    assert graph.sensors[0].noise == pytest.approx(NOISE, rel=0.1)
+    text = (tmp_path / "new.yaml").read_text(encoding="utf-8")
+    assert "# winding\n" in text
+
+
+def test_a_slow_error_is_found_with_its_size_and_memory(model: Path, tmp_path: Path) -> None:
+    """The voltage wanders by 5 % over a second: a slow error about so large and long is added there."""
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, wander=0.05) for k in (1, 2)]
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
+    (added,) = found["quiet"]["added"]
+    assert (added["kind"], added["of"]) == ("relative slow error", "source.e")
+    assert added["size"] == pytest.approx(0.05, rel=0.4)
+    assert 0.4 < added["memory"] < 2.5
+    assert added["gain_held_back"] > 100.0
+    assert found["quiet"]["quiet"]
+    (error,) = load_model(tmp_path / "new.yaml").slow_errors
+    assert (error.target, error.relative) == ("source.e", True)
+    assert error.sd >= added["size"]
+
+
+def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
+    """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller."""
+    recordings = [write(tmp_path / f"{k}.csv", seed=k) for k in (1, 2)]
+    found = records(tmp_path, model, *recordings)
+    assert found["quiet"]["added"] == []
+    assert found["quiet"]["raised"] == []
+    assert found["quiet"]["quiet"]
+    assert 0.0 < found["quiet"]["smallest"]["R"] < found["quiet"]["smallest_before"]["R"]
+
+
+def test_one_recording_is_parted(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a single recording the last third is held back, and said so; what is being done is told on standard error."""
+    recording = write(tmp_path / "a.csv", seed=3, rows=900)
+    assert main(["fit", str(model), str(recording), "--until-quiet", "--starts", "1"]) == DONE
+    said = capsys.readouterr()
+    assert f"the last third of {recording}" in " ".join(said.out.split()).replace(" a.csv", "a.csv")
+    assert "putting the model on trial" in said.err
+
+
+def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where nothing can be held back, the message says how much is needed."""
+    recording = write(tmp_path / "a.csv", seed=3, rows=90)
+    assert main(["fit", str(model), str(recording), "--until-quiet"]) == NO_VERDICT
+    assert "at least 60 are needed" in capsys.readouterr().err
+
+
+def test_an_input_at_rest_is_no_obstacle(model: Path, tmp_path: Path) -> None:
+    """A recording in which the input never moves is fitted all the same."""
+    rng = np.random.default_rng(5)
+    time = np.asarray(STEP * np.arange(600), dtype=np.float64)
+    reading = 2.0 / R + NOISE * rng.standard_normal(600)
+    write_recording(tmp_path / "a.csv", {"time": time, "V": np.full(600, 2.0), "i": reading})
+    found = records(tmp_path, model, tmp_path / "a.csv", "--fixed", "L")
+    assert found["fit"]["parameters"][0]["estimate"] > 0.0
+
+
+def test_values_are_put_where_they_belong() -> None:
+    """Keys go into tables as these are written, short forms become tables, and the rest stays as it was."""
+    text = """# first
+inputs:
+  V: V   # volts
+  n: {unit: percent, settling: 8 s}
+  w:
+    unit: A
+    # last
+sensors: {i: {reads: a.f}}
+"""
+    values = [
+        (("inputs", "V", "noise"), "1 V"),
+        (("inputs", "n", "noise"), "2 percent"),
+        (("inputs", "w", "noise"), "3 A"),
+        (("sensors", "i", "reads"), "b.f"),
+        (("slow_error", "q"), "2 % over 5 s"),
+        (("slow_error", "i"), "1 A over 3 s"),
+    ]
+    assert (
+        amended(text, values)
+        == """# first
+inputs:
+  V: {unit: V, noise: 1 V}   # volts
+  n: {unit: percent, settling: 8 s, noise: 2 percent}
+  w:
+    unit: A
+    noise: 3 A
+    # last
+sensors: {i: {reads: b.f}}
+slow_error: {q: 2 % over 5 s, i: 1 A over 3 s}
+"""
+    )
