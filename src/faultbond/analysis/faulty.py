@@ -66,7 +66,8 @@ class Faults:
             error = error + learned @ operation.gain[k].transpose(0, 2, 1)
             innovations[w] = np.clip(deviation / spread, -_MOST, _MOST).transpose(1, 0, 2)
             if slow.shape[-1]:
-                slow[w] = np.clip(ratios_of(spec, error), -_MOST, _MOST).transpose(1, 0, 2)
+                ratios = ratios_of(spec, error, operation.aged[k][:, None])
+                slow[w] = np.clip(ratios, -_MOST, _MOST).transpose(1, 0, 2)
         largest = np.max(np.abs(moved), axis=(0, 2))
         return Shift(innovations=innovations, slow=slow, largest=largest, whole=whole)
 
