@@ -134,7 +134,7 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
 
 def _general(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record=analysis.groups_record(study.graph, view),
+        record=analysis.groups_record(view),
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What the sensors can tell", "with everything excited"
         ),
@@ -149,12 +149,14 @@ def _recorded(study: _Study) -> CapabilityView:
     times = np.array([point.time for point in study.points])
     inputs = np.array([point.u for point in study.points]).reshape(len(times), len(study.graph.inputs))
     readings = np.array([point.y for point in study.points]).reshape(len(times), len(study.graph.sensors))
-    return on_record(model, recorded_runs(model, study.recursion, times, inputs, start, readings))
+    return on_record(
+        model, study.recursion, recorded_runs(model, study.recursion, times, inputs, start, readings)
+    )
 
 
 def _on_data(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record={"on_data": analysis.groups_record(study.graph, view)},
+        record={"on_data": analysis.groups_record(view)},
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What this recording can tell", "effects that its noise does not hide"
         ),
@@ -266,11 +268,14 @@ def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> S
 
 
 def _look_alikes(view: CapabilityView) -> list[list[int]]:
-    """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several."""
+    """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several.
+
+    Instruments are none: no input is advised for them.
+    """
     found = [[chosen[0] for chosen in group.sets] for group in view.groups if len(group.sets[0]) == 1]
     near: list[set[int]] = []
     for pair in view.near_groups:
-        if len(pair.sets[0]) == 1:
+        if len(pair.sets[0]) == 1 and not any(view.is_instrument(chosen) for chosen in pair.sets):
             joined = {chosen[0] for chosen in pair.sets}.union(*(item for item in near if not _apart(item, pair)))
             near = [*(item for item in near if _apart(item, pair)), joined]
     return found + sorted(sorted(item) for item in near)
@@ -289,7 +294,8 @@ def _at_rest(study: _Study) -> CapabilityView:
         for stand in begins:
             with suppress(StructureError):
                 held = np.tile(levels, (count, 1))
-                return on_record(model, recorded_runs(model, study.recursion, times, held, stand.contents))
+                runs = recorded_runs(model, study.recursion, times, held, stand.contents)
+                return on_record(model, study.recursion, runs)
     raise StructureError(
         f"{study.graph.file}: {study.graph.name} has no finite solution while its inputs stand still at their "
         "references; give a recording of the healthy plant with --data"
