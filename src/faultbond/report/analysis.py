@@ -13,13 +13,14 @@ from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
 from faultbond.analysis.other_roots import OtherSolutions
+from faultbond.analysis.sensitivity import BIAS
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
 from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
 
@@ -275,6 +276,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
                 "down": item.down,
                 "certainty": item.certainty,
                 "reason": item.reason or None,
+                "alike": list(item.alike),
                 "effects": {
                     effect.output: {"size": effect.size, "in_noise": effect.in_noise} for effect in item.effects
                 },
@@ -292,15 +294,24 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
     title(console, "Smallest faults that are detected", within)
     rows = []
     for item in found:
-        parameter = graph.parameter(item.parameter)
+        unit, nominal = _unit_of(graph, item.parameter)
         change, part, effects = "not found", "", item.reason
         if item.value is not None:
-            change = figure(parameter.unit.difference_from_si(item.value), digits=3).number()
-            part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
+            change = figure(unit.difference_from_si(item.value), digits=3).number()
+            part = f"{100 * item.value / abs(nominal):.3g} %" if nominal else ""
             sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
             effects = ", ".join(sizes)
-        rows.append((item.parameter, change, unit_text(parameter.unit.text), part, effects))
-    table(console, ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd"), rows)
+        rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
+    header = ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd", "then alike")
+    table(console, header, rows)
+
+
+def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:
+    """Give the unit of a parameter, or of the bias of an instrument, and its nominal value, SI."""
+    if name.endswith(BIAS):
+        return next(item.unit for item in (*graph.sensors, *graph.inputs) if item.name == name.removesuffix(BIAS)), 0.0
+    parameter = graph.parameter(name)
+    return parameter.unit, parameter.nominal
 
 
 def sensors_record(graph: BondGraph, advice: SensorAdvice) -> Record:
