@@ -31,12 +31,12 @@ _NO_MODE = 10.0  # samples per step where the plant only integrates
 def random_experiments(
     model: StepModel, recursion: Recursion, seed: int = 0, *, sudden: bool = False
 ) -> tuple[Experiment, ...]:
-    """Give one random run for each of `INPUT_KINDS`, one with inputs in percent of both signs, and one from a start of
-    its own, all of the same length; where it is `sudden`, with healthy samples before, enough to tell the start.
+    """Give one random run for each of `INPUT_KINDS`, then those for what they miss, all of the same length.
 
-    A valve that is driven by a percentage may go both ways, and what it drives with it; one whose range begins at 0
-    does not. The last run is for a store that is empty in the nominal run, as all are where there is no input: the size of its
-    effort or flow is drawn about one SI unit, so that what it shows while it empties is seen.
+    One is for a store that is empty in the nominal run, as all are where there is no input: the size of its effort or
+    flow is drawn about one SI unit, so that what it shows while it empties is seen. One has inputs in percent of both
+    signs: a valve may go both ways, and what it drives with it, unless its range begins at 0. Where changes are
+    `sudden`, they come after healthy samples, enough to tell the start.
     """
     graph, begin = model.plant.graph, reference(model).contents
     rng = np.random.default_rng(seed)

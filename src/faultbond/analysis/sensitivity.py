@@ -106,7 +106,9 @@ def build_recursion(plant: Plant) -> Recursion:
         misfit=Batch(ca.Function("misfit", arguments, [ca.densify(residual), ca.densify(slope)], {"cse": True})),
         slopes=Batch(ca.Function("slopes", arguments, [ca.densify(part) for part in parts], {"cse": True})),
         by_inputs=Batch(
-            ca.Function("by_inputs", arguments, [ca.densify(ca.jacobian(item, plant.u)) for item in (residual, readings)])
+            ca.Function(
+                "by_inputs", arguments, [ca.densify(ca.jacobian(item, plant.u)) for item in (residual, readings)]
+            )
         ),
     )
 

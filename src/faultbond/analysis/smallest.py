@@ -1,4 +1,4 @@
-"""The smallest fault of each parameter and instrument that the detector finds within a given time, at the stated noise and accuracy.
+"""The smallest fault of each parameter and instrument that the detector finds in a given time, at the stated noise.
 
 Derived from the detector itself. The healthy filter is linear about a run of the healthy plant (`operation`), so its
 innovations are those of noise plus those of the fault: the first come from many realisations of sensor noise, input

@@ -309,7 +309,8 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
 def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:
     """Give the unit of a parameter, or of the bias of an instrument, and its nominal value, SI."""
     if name.endswith(BIAS):
-        return next(item.unit for item in (*graph.sensors, *graph.inputs) if item.name == name.removesuffix(BIAS)), 0.0
+        units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
+        return units[name.removesuffix(BIAS)], 0.0
     parameter = graph.parameter(name)
     return parameter.unit, parameter.nominal
 
