@@ -41,19 +41,21 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
         progress = _Progress()
         parts = sections(graph, network, wishes)
-        while (part := progress.through("what the sensors can tell", lambda: next(parts, None))) is not None:
+        part = progress.through("the model", lambda: next(parts, None))
+        while part is not None:
             title, work = part
             try:
                 section = progress.through(title, work)
             except StructureError as error:  # what cannot be told is said, and the rest goes on
                 if console is not None:
                     print_refusal(console, title, str(error))
-                continue
-            told = True
-            record |= section.record
-            if console is not None:
-                section.show(console)
-                console.file.flush()
+            else:
+                told = True
+                record |= section.record
+                if console is not None:
+                    section.show(console)
+                    console.file.flush()
+            part = next(parts, None)
     out.record(record)
     return told
 

@@ -11,11 +11,12 @@ from faultbond.algebra.solving.solve import SolvingLimits
 from faultbond.analysis.comparison import Allowance
 from faultbond.app.wishes import Wishes
 from faultbond.equations.component_network import ComponentNetwork
+from faultbond.errors import StructureError
 from faultbond.io.cache import cache_folder
 from faultbond.model.graph import BondGraph
 
 MOST_SETS = 300  # of suspects that are given a route
-MOST_WORK = 10**9  # in products, beyond which nothing is said of noise and closed forms
+MOST_EQUATIONS = 200  # of a plant that routes are looked for in: one alone of a larger one takes minutes
 ROUTE_SECONDS = 8.0  # of processor time, for all routes together, beside that of the closed forms
 PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take
 
@@ -34,22 +35,32 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Answ
 
     Closed forms of parameters are looked for first; when `wishes.patience` is over, the others and the noise of the
     routes that are left are left out. So are routes when their own time is over.
+
+    Raises
+    ------
+    StructureError
+        Where the plant is too large for routes.
     """
+    most = MOST_EQUATIONS * wishes.budget
+    if len(network.equations) > most:
+        raise StructureError(
+            f"{graph.file}: {graph.name} has {len(network.equations)} equations, and routes are looked for in up to "
+            f"{most}; raise --budget to {-(-len(network.equations) // MOST_EQUATIONS)}"
+        )
     plant = plant_of(graph)
     largest = _largest(len(network.suspects), max(graph.max_faults, wishes.closed))
     preference, folder = Preference(wishes.preference), cache_folder() / "closed_forms"
     patience = wishes.patience * wishes.budget
     limits = SolvingLimits(seconds=patience / PARTS_OF_PATIENCE)
     questions = asked(network, largest)
-    small = _work(network, largest) <= MOST_WORK * wishes.budget
-    record = trial_record(network, plant, largest) if small else None
+    record = trial_record(network, plant, largest)
     clock, end = Allowance(seconds=ROUTE_SECONDS * wishes.budget + patience), monotonic() + patience
     found: dict[int, Function] = {}
     for k in sorted(range(len(questions)), key=lambda k: _turn(questions[k])):
         if clock.over():
             break
         timely = monotonic() < end
-        cache = folder if timely and small and is_wanted(questions[k], wishes) else None
+        cache = folder if timely and is_wanted(questions[k], wishes) else None
         judged = record if timely or preference is Preference.NOISE else None
         found[k] = answer(network, questions[k], plant, judged, preference=preference, cache=cache, limits=limits)
     told = tuple(found[k] for k in sorted(found))
@@ -59,11 +70,6 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Answ
         forms_left_out=sum(item.route is not None and item.solution is None for item in wanted),
         routes_left_out=len(questions) - len(told),
     )
-
-
-def _work(network: ComponentNetwork, largest: int) -> int:
-    """Give how much it is to simulate the plant for the longest route: its samples, times an elimination in each."""
-    return (len(network.states) + largest) * len(network.equations) ** 3
 
 
 def _largest(n_suspects: int, wanted: int) -> int:
