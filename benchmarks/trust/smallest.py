@@ -1,9 +1,9 @@
-"""The smallest faults that `analysis.smallest` predicts, against what the monitor finds in simulated plants.
+"""The smallest faults that `analysis.smallest` predicts, of parameters and instruments, against what the monitor finds.
 
 Each seed is a plant of its own, with parameters off by their accuracy and its own noise; inputs and the moments at
 which a fault may begin are those that the prediction was made for. For each seed the size is bisected at which the
 alarm just comes in time; the size found in 95 % of the seeds is compared with the predicted one. Asked: within a factor
-1.5 either way.
+1.5 either way. With `--promise` only the predicted sizes are tried: what is said to be found in 95 % must be.
 """
 
 import argparse
@@ -87,7 +87,10 @@ def onsets_of(folder: str) -> list[float]:
 
 @cache
 def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], ...]:
-    """Give (parameter, direction, size in nominals) of what is predicted to be found; it is printed with its time."""
+    """Give (parameter, direction, size) of what is predicted to be found; it is printed with its time.
+
+    Sizes are in nominals, those of a bias of an instrument in SI.
+    """
     graph, core = _built(folder)
     run = samples(healthy(folder, inputs_seed, inputs_seed))
     within = SAMPLES * (graph.sample_time or 1.0)
@@ -95,10 +98,15 @@ def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], 
     for item in smallest_faults(
         build_model(graph), core.spec, core, run, within=within, onsets=onsets_of(folder), certainty=CERTAINTY
     ):
-        nominal = abs(graph.parameter(item.parameter).nominal)
+        nominal = _nominal(graph, item.parameter)
         found += [(item.parameter, way, size / nominal) for way in ("up", "down") if (size := getattr(item, way))]
     print(f"{folder}: predicted in {perf_counter() - begin:.1f} s", file=sys.stderr)
     return tuple(found)
+
+
+def _nominal(graph: BondGraph, name: str) -> float:
+    """Give the size of a parameter, SI; 1 of a bias."""
+    return 1.0 if "." in name else abs(graph.parameter(name).nominal)
 
 
 def begun(folder: str, inputs_seed: int, seed: int) -> _Begun:
@@ -110,11 +118,12 @@ def begun(folder: str, inputs_seed: int, seed: int) -> _Begun:
 
 
 def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: float) -> bool:
-    """Say whether a step of a parameter by `change` nominals is found in time."""
+    """Say whether a step of a parameter by `change` nominals, or a bias of that size, is found in time."""
     graph, _ = _built(folder)
     made, row = plant.simulation, plant.row
-    k = [item.name for item in graph.parameters].index(parameter)
-    value = made.parameters[row, k] + change * abs(graph.parameters[k].nominal)
+    names = [item.name for item in graph.parameters]
+    healthy = 0.0 if "." in parameter else made.parameters[row, names.index(parameter)]
+    value = healthy + change * _nominal(graph, parameter)
     after = simulate(
         graph,
         Inputs(time=made.time[row : row + SAMPLES + 1], values=made.true_inputs[row : row + SAMPLES + 1]),
@@ -132,9 +141,12 @@ def detected(folder: str, seed: int, plant: _Begun, parameter: str, change: floa
 
 
 def needed(
-    folder: str, inputs_seed: int, wanted: tuple[tuple[str, str, float], ...], seed: int
+    folder: str, inputs_seed: int, wanted: tuple[tuple[str, str, float], ...], promise: bool, seed: int
 ) -> list[tuple[float, bool]] | None:
-    """Give for each fault the size that this seed needs, and whether the predicted size is found; None: early alarm."""
+    """Give for each fault the size that this seed needs, and whether the predicted size is found; None: early alarm.
+
+    With `promise` the size is not looked for, and is nan.
+    """
     plant = begun(folder, inputs_seed, seed)
     if plant.monitor.number("clock.alarm") >= 0:
         return None
@@ -142,7 +154,7 @@ def needed(
     for parameter, way, size in wanted:
         sign = 1.0 if way == "up" else -1.0
         find = partial(detected, folder, seed, plant, parameter)
-        results.append(_bisected(find, sign * size))
+        results.append((math.nan, find(sign * size)) if promise else _bisected(find, sign * size))
     return results
 
 
@@ -156,21 +168,34 @@ def _bisected(find: Callable[[float], bool], size: float) -> tuple[float, bool]:
     return abs(size) * math.exp((low + high) / 2), at_predicted
 
 
-def measure(folder: str, inputs_seed: int, seeds: Sequence[int], workers: int) -> list[tuple[str, ...]]:
-    """Compare prediction and simulation for one plant: a line a parameter and direction."""
+def measure(folder: str, inputs_seed: int, seeds: Sequence[int], workers: int, promise: bool) -> list[tuple[str, ...]]:
+    """Compare prediction and simulation for one plant: a line a parameter and direction, and one for all."""
     wanted = predictions(folder, inputs_seed)
     with ProcessPoolExecutor(workers) as pool:
-        outcomes = list(pool.map(partial(needed, folder, inputs_seed, wanted), seeds))
+        outcomes = list(pool.map(partial(needed, folder, inputs_seed, wanted, promise), seeds))
     good = [item for item in outcomes if item is not None]
     early = f" ({len(outcomes) - len(good)} alarmed before)" if len(good) < len(outcomes) else ""
     lines: list[tuple[str, ...]] = []
+    total = 0
     for number, (parameter, way, predicted) in enumerate(wanted):
-        simulated = quantile([item[number][0] for item in good], CERTAINTY)
-        ratio, found = predicted / simulated, sum(item[number][1] for item in good)
-        sizes = (f"{100 * predicted:.3g} %", f"{100 * simulated:.3g} %", f"{ratio:.2f}")
-        verdict = "met" if 1 / ASKED <= ratio <= ASKED else "missed"
+        found = sum(item[number][1] for item in good)
+        total += found
+        size = partial(_size, bias="." in parameter)
+        sizes, verdict = (size(predicted), "", ""), ""
+        if not promise:
+            simulated = quantile([item[number][0] for item in good], CERTAINTY)
+            ratio = predicted / simulated
+            sizes = (size(predicted), size(simulated), f"{ratio:.2f}")
+            verdict = "met" if 1 / ASKED <= ratio <= ASKED else "missed"
         lines.append((folder, f"{parameter} {way}", *sizes, f"{found} of {len(good)}{early}", verdict))
-    return lines
+    cases = len(wanted) * len(good)
+    share = f"{total} of {cases} ({100 * total / max(cases, 1):.1f} %)"
+    return [*lines, (folder, "all", "", "", "", share, "")]
+
+
+def _size(value: float, *, bias: bool) -> str:
+    """Write a size in nominals, or that of a bias in SI."""
+    return f"{value:.3g}" if bias else f"{100 * value:.3g} %"
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -181,13 +206,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--inputs-seed", type=int, default=1, help="of the inputs (default %(default)s)")
     parser.add_argument("--plants", default=",".join(PLANTS), help="examples (default %(default)s)")
     parser.add_argument("--workers", type=int, default=2, help="processes (default %(default)s)")
+    parser.add_argument("--promise", action="store_true", help="try the predicted sizes alone")
     chosen = parser.parse_args(argv)
     seeds = seeds_of(chosen)
     lines = []
     for folder in chosen.plants.split(","):
-        lines += measure(folder, chosen.inputs_seed, seeds, chosen.workers)
+        lines += measure(folder, chosen.inputs_seed, seeds, chosen.workers, chosen.promise)
     print(as_text(("plant", "fault", "predicted", "simulated", "ratio", "found at predicted", "asked"), lines))
-    print(f"\n{sum(line[-1] == 'met' for line in lines)} of {len(lines)} within a factor {ASKED:g}")
+    if not chosen.promise:
+        asked = [line[-1] for line in lines if line[-1]]
+        print(f"\n{asked.count('met')} of {len(asked)} within a factor {ASKED:g}")
     print(note(f"seeds {seeds[0]} to {seeds[-1]}"))
 
 

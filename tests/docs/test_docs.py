@@ -36,11 +36,11 @@ RECORDS = {
     "end": ("time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen wild"),
     "analyse": (
         "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "
-        "group_reasons near_groups on_data detectable isolable by_causality tests structural_sensors routes "
-        "closed_forms_left_out twins twins_left_out "
+        "group_reasons sudden_groups sudden_group_reasons near_groups on_data detectable isolable by_causality tests "
+        "structural_sensors routes closed_forms_left_out routes_left_out twins twins_left_out "
         "smallest_fault sensor_advice sensors_now sensors_not_tried input_advice "
         "parameters identifiable falsifiable testable uncertain roots other_values sets angle reason mso mtes first "
-        "second always words target question components observations equations closed_form refusal steps samples "
+        "second always words alike target question components observations equations closed_form refusal steps samples "
         "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
         "size in_noise classes near choices input level change hold before after"
     ),

@@ -12,7 +12,8 @@ import numpy as np
 
 from faultbond.analysis.groups import Group, NearGroup, groups, near_groups
 from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce
-from faultbond.analysis.sensitivity import Recursion, Sensitivity
+from faultbond.analysis.replay import sudden_runs
+from faultbond.analysis.sensitivity import BIAS, Recursion, Sensitivity
 from faultbond.analysis.testable import Judgement, generic_run, judge
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
@@ -22,11 +23,22 @@ MOST_JUDGED = 4096  # sets up to the largest size are judged as long as there ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapabilityView:
-    """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike."""
+    """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike.
+
+    groups: alike once the change has lasted. sudden_groups: alike even where it comes at once and stores keep their
+    contents, as the bank takes it; a bias of an instrument counts as a suspect of its own. near_groups: nearly so.
+    names: of what the positions in the two stand for.
+    """
 
     judgement: Judgement
     groups: tuple[Group, ...]
+    sudden_groups: tuple[Group, ...]
     near_groups: tuple[NearGroup, ...]
+    names: tuple[str, ...]
+
+    def is_instrument(self, chosen: Sequence[int]) -> bool:
+        """Whether a set is an instrument."""
+        return self.names[chosen[0]].endswith(BIAS)
 
 
 def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:
@@ -38,24 +50,24 @@ def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:
         Where the equations have no finite solution along any run.
     """
     run = generic_run(model, recursion)
-    exact = reduce([run])
-    return _view(model, exact, exact, reduce([run], _noise(model)))
+    exact, sudden = reduce([run]), generic_run(model, recursion, sudden=True)
+    return _view(model, exact, exact, [sudden])
 
 
-def on_record(model: StepModel, runs: Sequence[Sensitivity]) -> CapabilityView:
+def on_record(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity]) -> CapabilityView:
     """Give what a recording can tell: effects of a faulty parameter that its noise does not hide.
 
     Groups are sets that look exactly alike along the record, near groups those that its noise makes hard to tell apart.
 
     Parameters
     ----------
-    model : the plant
-    runs : those of `recorded.recorded_runs`
+    model, recursion : the plant
+    runs : those of `replay.recorded_runs`
     """
     reduced = reduce(runs, _noise(model))
     changes = np.array([item.change for item in model.plant.graph.parameters])
     seen = above_noise(reduced, changes / np.where(reduced.steps != 0.0, np.abs(reduced.steps), 1.0))
-    return _view(model, seen, reduced, reduced)
+    return _view(model, seen, reduced, sudden_runs(model, recursion, runs))
 
 
 def _noise(model: StepModel) -> FloatArray:
@@ -63,7 +75,7 @@ def _noise(model: StepModel) -> FloatArray:
 
 
 def _view(
-    model: StepModel, judged: ReducedSensitivities, exact: ReducedSensitivities, in_noises: ReducedSensitivities
+    model: StepModel, judged: ReducedSensitivities, exact: ReducedSensitivities, sudden: Sequence[Sensitivity]
 ) -> CapabilityView:
     graph = model.plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
@@ -73,8 +85,18 @@ def _view(
         for item in judgement.verdicts
         if item.identifiable and len(item.parameters) <= graph.max_faults and item.falsifiable
     ] or [item.parameters for item in judgement.verdicts if item.identifiable and len(item.parameters) == 1]
-    alike = groups(exact, sets)
-    return CapabilityView(judgement=judgement, groups=alike, near_groups=near_groups(in_noises, sets, alike))
+    at_once, in_noises = reduce(sudden), reduce(sudden, _noise(model))
+    shown = np.linalg.norm(at_once.matrix, axis=0) > at_once.rank.low
+    instruments = [(k,) for k in range(len(graph.parameters), len(at_once.parameters)) if shown[k]]
+    both = sorted([*sets, *instruments], key=len)
+    alike = groups(at_once, both)
+    return CapabilityView(
+        judgement=judgement,
+        groups=groups(exact, sets),
+        sudden_groups=alike,
+        near_groups=near_groups(in_noises, both, alike),
+        names=at_once.parameters,
+    )
 
 
 def largest_size(n_suspects: int, max_faults: int) -> int:

@@ -17,6 +17,7 @@ from faultbond.equations.step import StepModel, reference_inputs
 PARAMETER_SPREAD = 0.05  # of nominal; of `scale` where the nominal is 0
 START_SPREAD = 0.1
 PERCENT_RANGE = (20.0, 100.0)
+BOTH_WAYS = (-100.0, 100.0)
 # Decades of the sizes of other inputs, in units of the model file, and whether they change sign.
 INPUT_KINDS = (((-0.5, 1.0), False), ((-0.5, 1.0), True), ((1.0, 2.0), False), ((-4.0, -1.0), True))
 _LEAST_SAMPLES, _MOST_SAMPLES = 25, 600
@@ -27,25 +28,33 @@ _EMPTY = 1e-9  # SI, an effort or a flow that is none
 _NO_MODE = 10.0  # samples per step where the plant only integrates
 
 
-def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) -> tuple[Experiment, ...]:
-    """Give one random run for each of `INPUT_KINDS`, and one from a start of its own, all of the same length.
+def random_experiments(
+    model: StepModel, recursion: Recursion, seed: int = 0, *, sudden: bool = False
+) -> tuple[Experiment, ...]:
+    """Give one random run for each of `INPUT_KINDS`, then those for what they miss, all of the same length.
 
-    The last is for a store that is empty in the nominal run, as all are where there is no input: the size of its
-    effort or flow is drawn about one SI unit, so that what it shows while it empties is seen.
+    One is for a store that is empty in the nominal run, as all are where there is no input: the size of its effort or
+    flow is drawn about one SI unit, so that what it shows while it empties is seen. One has inputs in percent of both
+    signs: a valve may go both ways, and what it drives with it, unless its range begins at 0. Where changes are
+    `sudden`, they come after healthy samples, enough to tell the start.
     """
     graph, begin = model.plant.graph, reference(model).contents
     rng = np.random.default_rng(seed)
     n_unknown = len(graph.parameters) + len(model.states)
     n = int(np.clip(ceil((_SPARE * n_unknown + 10) / max(1, len(graph.sensors))), _LEAST_SAMPLES, _MOST_SAMPLES))
+    onset = int(np.clip(ceil((_SPARE * len(begin) + 10) / max(1, len(graph.sensors))), 0, _MOST_SAMPLES)) * sudden
+    n += onset
     shortest, longest = _step_range(model, recursion, begin)
-    kinds = [(begin, *kind) for kind in INPUT_KINDS]
+    kinds = [(begin, *kind, PERCENT_RANGE) for kind in INPUT_KINDS]
     empty = np.abs(model.reference_state) < _EMPTY
     if empty.any():
         nominal = np.array([item.nominal for item in graph.parameters])
         filled = model.contents(np.where(empty, 1.0, model.reference_state), nominal).full()[:, 0]
-        kinds.append((filled, *INPUT_KINDS[0]))
+        kinds.append((filled, *INPUT_KINDS[0], PERCENT_RANGE))
+    if any(item.unit.text == "percent" and item.lower < 0.0 for item in graph.inputs):
+        kinds.append((begin, *INPUT_KINDS[1], BOTH_WAYS))
     found = []
-    for start, decades, signed in kinds:
+    for start, decades, signed, percent in kinds:
         dt = np.exp(rng.uniform(np.log(shortest), np.log(longest), n))
         dt[0] = 0.0
         theta = [
@@ -56,13 +65,20 @@ def random_experiments(model: StepModel, recursion: Recursion, seed: int = 0) ->
         inputs = np.zeros((n, len(graph.inputs)))  # that jump at every sample
         for k, item in enumerate(graph.inputs):
             if item.unit.text == "percent":
-                inputs[:, k] = rng.uniform(*PERCENT_RANGE, n)
+                inputs[:, k] = rng.uniform(max(percent[0], item.lower), percent[1], n)
             else:
                 sizes = 10.0 ** rng.uniform(*decades, n)
                 values = sizes * rng.choice([-1.0, 1.0], n) if signed else sizes
                 inputs[:, k] = [item.unit.to_si(float(value)) for value in values]
         found.append(
-            Experiment(start=begun, inputs=inputs, dt=dt, theta=np.array(theta), implicit=model.reference_implicit)
+            Experiment(
+                start=begun,
+                inputs=inputs,
+                dt=dt,
+                theta=np.array(theta),
+                implicit=model.reference_implicit,
+                onset=onset,
+            )
         )
     return tuple(found)
 

@@ -52,7 +52,7 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
             innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
             error = error + innovation @ operation.gain[k].T
             scores[k] = innovation / operation.spread[k]
-        ratios[k] = ratios_of(spec, error)
+        ratios[k] = ratios_of(spec, error, operation.aged[k])
         if k in onsets:
             before[k], quiets[k] = sums, quiet
         if k >= operation.warm:
@@ -71,20 +71,18 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
 
 
 def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Draw estimate minus truth, (m, n_joint), as the filter believes it, but with slow errors at zero."""
-    n = spec.n_joint
-    slow = np.arange(n)[spec.slow_slice]
-    rest = np.setdiff1d(np.arange(n), slow)
-    known = covariance[np.ix_(rest, rest)]
-    if len(slow):
-        cross = covariance[np.ix_(rest, slow)]
-        known = known - cross @ np.linalg.solve(covariance[np.ix_(slow, slow)], cross.T)
+    """Draw estimate minus truth, (m, n_joint), as the filter believes it where the true slow errors are zero.
+
+    The estimates of slow errors are not: parameters that are off already stand in them. An error e of a filter that is
+    right has cov(e, truth) = -P; so, given slow errors s of declared variance S that are zero, e has the covariance
+    P - P_s S^-1 P_s'.
+    """
+    toward = covariance[:, spec.slow_slice] / spec.slow_sizes
+    known = covariance - toward @ toward.T
     sizes = np.sqrt(np.maximum(np.diag(known), 1e-300))
     values, vectors = np.linalg.eigh(known / np.outer(sizes, sizes))
-    errors = np.zeros((REALISATIONS, n))
     root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric: others turn with the last digit
-    errors[:, rest] = generator.standard_normal((REALISATIONS, len(rest))) @ root * sizes
-    return errors
+    return np.asarray(generator.standard_normal((REALISATIONS, spec.n_joint)) @ root * sizes)
 
 
 def alarming(spec: EngineSpec) -> list[int]:
@@ -92,10 +90,13 @@ def alarming(spec: EngineSpec) -> list[int]:
     return [k for k, error in enumerate(spec.slow_errors) if error.alarms]
 
 
-def ratios_of(spec: EngineSpec, joint: FloatArray) -> FloatArray:
-    """Give the alarming slow errors (..., n_alarming) of joint vectors (..., n_joint), in declared sd."""
+def ratios_of(spec: EngineSpec, joint: FloatArray, aged: BoolArray) -> FloatArray:
+    """Give the alarming slow errors (..., n_alarming) of joint vectors (..., n_joint), in declared sd.
+
+    aged: (..., n_slow_errors), whether each may alarm; one that may not counts as zero.
+    """
     places = alarming(spec)
-    return np.asarray(joint[..., spec.slow_slice][..., places] / spec.slow_sizes[places])
+    return np.asarray(np.where(aged, joint[..., spec.slow_slice], 0.0)[..., places] / spec.slow_sizes[places])
 
 
 def alarms(spec: EngineSpec, sums: Sums, ratios: FloatArray) -> BoolArray:

@@ -1,6 +1,7 @@
 """What a fault does to the healthy filter: the nonlinear plant with a parameter changed, through its recursion.
 
-Stores keep their contents when the parameter changes; nothing reacts to the fault meanwhile.
+Stores keep their contents when the parameter changes; nothing reacts to the fault meanwhile. A bias of an instrument
+is a fault too: a sensor gives so much more, or so much less acts than an input says.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import numpy as np
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.false_alarm_trials import alarming, ratios_of
 from faultbond.analysis.operation import Operation, advance_function
+from faultbond.analysis.sensitivity import BIAS
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
@@ -18,7 +20,53 @@ from faultbond.equations.step import StepModel
 _ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
 _MOST = 1e12  # standard deviations; more need not be told apart
 
-FaultCase = tuple[int, int]  # parameter, sign of the change
+_FIRST_PART = 0.05  # of its accuracy, the first size tried of a parameter
+_LEAST = 1e-3  # and at least so much, in factors
+_FIRST_NOISES, _MOST_NOISES = 1.0, 1e4  # the same of a sensor, and the largest; in its noise
+_FIRST_INPUT, _MOST_INPUT = 0.01, 10.0  # the same of an input, in its largest value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suspect:
+    """What may change: a parameter, a sensor or an input, by its position; -1 for the two that it is not.
+
+    scale: SI size of one factor, in which all sizes are. first: the first size tried. most: the largest up, and down.
+    """
+
+    name: str
+    scale: float
+    first: float
+    most: tuple[float, float]
+    parameter: int = -1
+    output: int = -1
+    input: int = -1
+
+
+FaultCase = tuple[Suspect, int]  # sign of the change
+
+
+def suspects_of(spec: EngineSpec, operation: Operation) -> tuple[Suspect, ...]:
+    """Give all parameters, then the biases of the instruments that may fail."""
+    found = [
+        Suspect(
+            name=item.name,
+            scale=item.scale,
+            first=max(_FIRST_PART * item.accuracy, _LEAST),
+            most=(max(item.upper - item.healthy, 0.0), max(item.healthy - item.lower, 0.0)),
+            parameter=k,
+        )
+        for k, item in enumerate(spec.parameters)
+    ]
+    largest = np.max(np.abs(operation.u), axis=0, initial=0.0)
+    for item in spec.instruments:
+        name = f"{item.name}{BIAS}"
+        if item.is_output:
+            noise, most = spec.outputs[item.index].noise, (_MOST_NOISES, _MOST_NOISES)
+            found.append(Suspect(name=name, scale=noise, first=_FIRST_NOISES, most=most, output=item.index))
+        elif largest[item.index] > 0.0:
+            size, most = float(largest[item.index]), (_MOST_INPUT, _MOST_INPUT)
+            found.append(Suspect(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,13 +91,22 @@ class Faults:
         self.advance, self.measure = Batch(advance_function(model)), Batch(model.measure)
         self.healthy = operation.mean[rows[:, 0]].copy()
         self.healthy[:, spec.noise_slice] = 0.0
-        self.outputs = self._outputs(self.healthy)
+        self.outputs = self._outputs(self.healthy, np.zeros((len(rows), len(spec.inputs))))
 
     def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
         """Give what faults of sizes (n_cases,), in factors, do to outputs, innovations and slow errors."""
         spec, operation, rows = self.spec, self.operation, self.rows
-        starts = np.concatenate([self._changed(k, sign * size) for (k, sign), size in zip(cases, sizes, strict=True)])
-        seen = self._outputs(starts).reshape(rows.shape[1], len(cases), len(rows), -1)
+        signed = [sign * size for (_, sign), size in zip(cases, sizes, strict=True)]
+        of = [item for item, _ in cases]
+        starts = np.concatenate([self._changed(item.parameter, by) for item, by in zip(of, signed, strict=True)])
+        acting, shown = np.zeros((len(cases), len(spec.inputs))), np.zeros((len(cases), len(spec.outputs)))
+        for c, (item, by) in enumerate(zip(of, signed, strict=True)):
+            if item.input >= 0:
+                acting[c, item.input] = -by * item.scale
+            if item.output >= 0:
+                shown[c, item.output] = by * item.scale
+        seen = self._outputs(starts, np.repeat(acting, len(rows), axis=0))
+        seen = seen.reshape(rows.shape[1], len(cases), len(rows), -1) + shown[:, None]
         moved = seen - self.outputs[:, None]
         whole = np.asarray((np.abs(moved) < _ABSURD * spec.output_noise).all(axis=(0, 2, 3)))  # false for nan
         moved = np.where(whole[:, None, None], moved, 0.0)
@@ -66,7 +123,8 @@ class Faults:
             error = error + learned @ operation.gain[k].transpose(0, 2, 1)
             innovations[w] = np.clip(deviation / spread, -_MOST, _MOST).transpose(1, 0, 2)
             if slow.shape[-1]:
-                slow[w] = np.clip(ratios_of(spec, error), -_MOST, _MOST).transpose(1, 0, 2)
+                ratios = ratios_of(spec, error, operation.aged[k][:, None])
+                slow[w] = np.clip(ratios, -_MOST, _MOST).transpose(1, 0, 2)
         largest = np.max(np.abs(moved), axis=(0, 2))
         return Shift(innovations=innovations, slow=slow, largest=largest, whole=whole)
 
@@ -79,8 +137,11 @@ class Faults:
         carried[..., spec.noise_slice] = 0.0
         return carried
 
-    def _outputs(self, starts: FloatArray) -> FloatArray:
-        """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn."""
+    def _outputs(self, starts: FloatArray, acting: FloatArray) -> FloatArray:
+        """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn.
+
+        acting: (n, n_inputs), what acts more than the inputs say, SI.
+        """
         operation, rows = self.operation, self.rows
         times = len(starts) // len(rows)
         v, z = starts, np.tile(operation.implicit[rows[:, 0]], (times, 1))
@@ -88,15 +149,17 @@ class Faults:
         for w in range(rows.shape[1]):
             k = np.tile(rows[:, w], times)
             if w:
-                arguments = (v, z, operation.u_before[k], operation.u[k], operation.dt[k, None])
+                arguments = (v, z, operation.u_before[k] + acting, operation.u[k] + acting, operation.dt[k, None])
                 v, z, y = (item[:, :, 0] for item in self.advance(*arguments))
             else:
-                y = self.measure(v, operation.u[k], z)[0][:, :, 0]
+                y = self.measure(v, operation.u[k] + acting, z)[0][:, :, 0]
             seen[w] = y
         return seen
 
     def _changed(self, parameter: int, change: float) -> FloatArray:
-        """Give joint vectors after a step of a parameter; stores keep their contents."""
+        """Give joint vectors after a step of a parameter, -1: of none; stores keep their contents."""
+        if parameter < 0:
+            return self.healthy
         n_x, place, scales = len(self.spec.states), self.spec.parameter_slice, self.model.scales
         changed, item = self.healthy.copy(), self.spec.parameters[parameter]
         moved = changed[:, place.start + parameter] + change

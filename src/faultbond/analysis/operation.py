@@ -40,8 +40,9 @@ class Operation:
     mean, implicit: (n, n_joint), (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample
     before; zero in the first row. slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs).
     spread: (n, n_outputs), sd of the innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the
-    value, and whether they forget those before. covariance: (n_joint, n_joint), after the first row. warm: rows before
-    the alarms are on.
+    value, and whether they forget those before. aged: (n, n_slow_errors), whether a slow error has been watched for as
+    long as its memory, before which it raises no alarm. covariance: (n_joint, n_joint), after the first row. warm: rows
+    before the alarms are on.
     """
 
     time: FloatArray
@@ -56,6 +57,7 @@ class Operation:
     spread: FloatArray
     counted: BoolArray
     blanked: BoolArray
+    aged: BoolArray
     covariance: FloatArray
     warm: int
 
@@ -87,9 +89,9 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
             for state, start, size in zip(spec.states, run.states[0].tolist(), sizes, strict=True)
         ]
         told = replace(spec, states=tuple(states))
-    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    rows, begun = list[tuple[float, FloatArray, FloatArray, FloatArray]](), 0
     with suppress(np.linalg.LinAlgError):
-        rows, warm = _filtered(told, engine, samples)
+        rows, begun = _filtered(told, engine, samples)
     if not rows:
         raise RecordingError(
             f"{spec.model}: the healthy filter does not get going on these {len(samples)} samples; "
@@ -114,8 +116,9 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
         spread=spread,
         counted=(fields["use"] > 0) & (fields["scale"] == 1.0),
         blanked=(fields["use"] > 0) & (fields["scale"] != 1.0),
+        aged=_aged(spec, fields["dt"][:, 0], begun),
         covariance=spreads[0],
-        warm=warm,
+        warm=max(begun + spec.thresholds.warm_up_samples, 0),
     )
     parts = (found.transition, found.slope, found.gain, found.spread, found.covariance)
     if not all(np.isfinite(part).all() for part in parts):
@@ -129,7 +132,7 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
 def _filtered(
     spec: EngineSpec, engine: Core, samples: Sequence[Sample]
 ) -> tuple[list[tuple[float, FloatArray, FloatArray, FloatArray]], int]:
-    """Run the monitor with its alarms off; give rows since its filter runs, and before how many alarms would be off.
+    """Run the monitor with its alarms off; give rows since its filter runs, and in which of them monitoring began.
 
     A row: time, s; packed sample (n_sample,); healthy lane (n_numbers,); sd of the innovations (n_outputs,), SI.
     """
@@ -147,7 +150,14 @@ def _filtered(
         spread = np.sqrt(np.maximum(report.variance, 0.0))
         rows.append((sample.time, packed, monitor.numbers("healthy.lane"), spread))
     first = len(samples) - len(rows)
-    return rows, max(int(monitor.number("clock.begun")) + spec.thresholds.warm_up_samples - first, 0)
+    return rows, int(monitor.number("clock.begun")) - first
+
+
+def _aged(spec: EngineSpec, dt: FloatArray, begun: int) -> BoolArray:
+    """Give whether each slow error may alarm at each row (n, n_slow_errors), as `slow_error_alarms` of the core."""
+    grid = spec.sample_time or float(np.median(dt[1:] if len(dt) > 1 else dt))
+    watched = (np.arange(len(dt)) - begun) * grid
+    return np.asarray(watched[:, None] >= np.array([error.memory for error in spec.slow_errors]))
 
 
 def _stated_variances(spec: EngineSpec) -> list[float]:

@@ -9,12 +9,21 @@ A start that is off would let the plant settle along the run, and so show what a
 fitted to the readings, with the healthy parameters free within their accuracy. Readings that are absent show nothing.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil
 
 import numpy as np
 
-from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, sensitivities, sensitivity, still
+from faultbond.analysis.sensitivity import (
+    Experiment,
+    Recursion,
+    Sensitivity,
+    no_solution,
+    sensitivities,
+    sensitivity,
+    still,
+)
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
@@ -64,6 +73,24 @@ def recorded_runs(
     window = slice(begin, begin + length)
     read = None if readings is None else readings[window]
     return whole, _run(recursion, _experiment(model, times[window], held[window], whole.x[begin // block]), read)
+
+
+def sudden_runs(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity]) -> tuple[Sensitivity, ...]:
+    """Give runs of `recorded_runs` again, for changes that come in their middle, with stores that keep their contents.
+
+    Instruments are among what changes.
+    """
+    found = []
+    for run in runs:
+        experiment = replace(
+            _experiment(model, run.times, run.inputs, run.x[0]), theta=run.theta, onset=len(run.times) // 2
+        )
+        (again,) = sensitivities(recursion, [experiment], instruments=True)
+        if again is None:
+            raise no_solution(recursion)
+        here = (run.by_theta != 0.0).any(axis=2, keepdims=True) | (run.by_start != 0.0).any(axis=2, keepdims=True)
+        found.append(replace(again, by_theta=still(again.by_theta * here), by_start=still(again.by_start * here)))
+    return tuple(found)
 
 
 def _means(values: FloatArray, first: IntArray) -> FloatArray:

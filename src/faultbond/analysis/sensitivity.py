@@ -21,8 +21,10 @@ from faultbond.analysis.batch import Batch
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.equations.plant import Plant
 from faultbond.errors import StructureError
+from faultbond.types import FaultKind
 
 TINY = 1e-300
+BIAS = f".{FaultKind.BIAS.value}"  # behind the name of an instrument; no name of a parameter has a dot
 _HUGE = 1e120
 _ITERATIONS = 40
 _PARTS = np.array([1 / 1024, 1 / 64, 1 / 16, 1 / 4, 4.0, 16.0, 64.0])[:, None, None]  # of Newton's step
@@ -38,7 +40,8 @@ class Experiment:
     """One run of the plant, all SI.
 
     start: (n_states,), stored quantities. inputs: (n_samples, n_inputs). dt: (n_samples,), seconds since the sample
-    before, 0 for the first. theta: (n_parameters,). implicit: (n_z,), a first guess of the implicit signals.
+    before, 0 for the first. theta: (n_parameters,). implicit: (n_z,), a first guess of the implicit signals. onset: the
+    sample from which parameters and instruments change; 0: they are what they are from the first sample on.
     """
 
     start: FloatArray
@@ -46,6 +49,7 @@ class Experiment:
     dt: FloatArray
     theta: FloatArray
     implicit: FloatArray
+    onset: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,12 +79,14 @@ class Sensitivity:
 class Recursion:
     """The equations of one step, as functions of (x, z, x before, u, theta, dt).
 
-    misfit -> (residuals, slope by [x, z]); slopes -> (slope by [x, z], by theta, y, y by [x, z], y by theta).
+    misfit -> (residuals, slope by [x, z]); slopes -> (slope by [x, z], by theta, y, y by [x, z], y by theta); by_inputs
+    -> (slope of the residuals by u, of y by u).
     """
 
     plant: Plant
     misfit: Batch
     slopes: Batch
+    by_inputs: Batch
 
 
 def build_recursion(plant: Plant) -> Recursion:
@@ -99,6 +105,11 @@ def build_recursion(plant: Plant) -> Recursion:
         plant=plant,
         misfit=Batch(ca.Function("misfit", arguments, [ca.densify(residual), ca.densify(slope)], {"cse": True})),
         slopes=Batch(ca.Function("slopes", arguments, [ca.densify(part) for part in parts], {"cse": True})),
+        by_inputs=Batch(
+            ca.Function(
+                "by_inputs", arguments, [ca.densify(ca.jacobian(item, plant.u)) for item in (residual, readings)]
+            )
+        ),
     )
 
 
@@ -112,16 +123,27 @@ def sensitivity(recursion: Recursion, experiment: Experiment) -> Sensitivity:
     """
     found = sensitivities(recursion, [experiment])[0]
     if found is None:
-        graph = recursion.plant.graph
-        raise StructureError(
-            f"{graph.file}: the equations of {graph.name} have no finite solution along this run; "
-            "check the laws, the inputs and the start"
-        )
+        raise no_solution(recursion)
     return found
 
 
-def sensitivities(recursion: Recursion, experiments: Sequence[Experiment]) -> tuple[Sensitivity | None, ...]:
-    """Give the trajectories of experiments of equal length, side by side; None for one without a finite solution."""
+def no_solution(recursion: Recursion) -> StructureError:
+    """Give the error of a run along which there is no finite solution."""
+    graph = recursion.plant.graph
+    return StructureError(
+        f"{graph.file}: the equations of {graph.name} have no finite solution along this run; "
+        "check the laws, the inputs and the start"
+    )
+
+
+def sensitivities(
+    recursion: Recursion, experiments: Sequence[Experiment], *, instruments: bool = False
+) -> tuple[Sensitivity | None, ...]:
+    """Give the trajectories of experiments of equal length, side by side; None for one without a finite solution.
+
+    With `instruments`, a bias of each sensor and input that may fail stands behind the parameters, as `flow.bias`: one
+    of a sensor in its noise, one of an input in the largest value that it has.
+    """
     plant, n, m = recursion.plant, len(experiments), len(experiments[0].dt)
     n_x, n_p = plant.x.numel(), plant.theta.numel()
     inputs = np.array([item.inputs for item in experiments]).reshape(n, m, plant.u.numel())
@@ -129,42 +151,98 @@ def sensitivities(recursion: Recursion, experiments: Sequence[Experiment]) -> tu
     theta = np.array([item.theta for item in experiments]).reshape(n, n_p)
     start = np.array([item.start for item in experiments]).reshape(n, n_x)
     implicit = np.array([item.implicit for item in experiments]).reshape(n, plant.z.numel())
+    begun = np.array([item.onset for item in experiments])
     zero = np.array([item.nominal == 0.0 for item in plant.graph.parameters], dtype=bool)
     steps = np.where(zero, [item.scale for item in plant.graph.parameters], theta)
+    biases = _biases(plant, inputs) if instruments else _no_biases(plant, n)
+    n_f = n_p + len(biases.names)
     march = March(recursion, inputs, dt, theta, np.hstack([start, implicit]), _SETTLED)
     x, y = np.empty((n, m, n_x)), np.empty((n, m, plant.readings.numel()))
-    by = np.empty((*y.shape, n_p + n_x))
-    moved = np.tile(np.eye(n_x, n_p + n_x, n_p), (n, 1, 1))  # of the contents, by parameters and start
+    by = np.empty((*y.shape, n_f + n_x))
+    moved = np.tile(np.eye(n_x, n_f + n_x, n_f), (n, 1, 1))  # of the contents, by what may fail and the start
     with np.errstate(all="ignore"):  # a run that blows up is found and dropped
         for k in range(m):
             before = march.step(k)
             x[:, k] = march.w[:, :n_x]
             arguments = (x[:, k], march.w[:, n_x:], before, inputs[:, k], theta, dt[:, k, None])
             slope, by_theta, readings, by_w, y_by_theta = recursion.slopes(*arguments)
-            right = np.concatenate([-by_theta * steps[:, None, :], np.zeros((*march.w.shape, n_x))], axis=2)
+            there = (k >= begun)[:, None, None]
+            right = np.concatenate([-by_theta * steps[:, None, :], np.zeros((*march.w.shape, n_f - n_p + n_x))], axis=2)
+            shown = np.concatenate([y_by_theta * steps[:, None, :], biases.by_sensor], axis=2)
+            if biases.inputs:
+                by_u, y_by_u = (item[:, :, biases.inputs] * biases.of_input for item in recursion.by_inputs(*arguments))
+                right[:, :, n_f - len(biases.inputs) : n_f] = -by_u
+                shown = np.concatenate([shown, y_by_u], axis=2)
+            right *= there
             right[:, :n_x] += moved
             found, regular = solve_scaled(slope, right, march.size)
             moved = found[:, :n_x]
             y[:, k], by[:, k] = readings[:, :, 0], by_w @ found
-            by[:, k, :, :n_p] += y_by_theta * steps[:, None, :]
+            by[:, k, :, :n_f] += shown * there
             march.good &= regular & sane(found, readings, by[:, k])
     return tuple(
         Sensitivity(
             outputs=tuple(item.name for item in plant.graph.sensors),
-            parameters=tuple(item.name for item in plant.graph.parameters),
+            parameters=(*(item.name for item in plant.graph.parameters), *biases.names),
             states=tuple(item.name for item in plant.network.states),
             times=still(np.cumsum(dt[lane])),
             inputs=still(inputs[lane].copy()),
             x=still(x[lane].copy()),
             y=still(y[lane].copy()),
-            theta=still(theta[lane].copy()),
-            steps=still(steps[lane].copy()),
-            by_theta=still(by[lane, :, :, :n_p].copy()),
-            by_start=still(by[lane, :, :, n_p:].copy()),
+            theta=still(np.append(theta[lane], np.zeros(n_f - n_p))),
+            steps=still(np.append(steps[lane], biases.steps[lane])),
+            by_theta=still(by[lane, :, :, :n_f].copy()),
+            by_start=still(by[lane, :, :, n_f:].copy()),
         )
         if march.good[lane]
         else None
         for lane in range(n)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Biases:
+    """Biases of sensors, then of inputs: names, and steps (lanes, n_biases), SI.
+
+    by_sensor: (lanes, n_outputs, n_sensors), what they do to the readings. inputs: which; of_input: (lanes, 1,
+    n_inputs), their steps, less since an input that reads too much is one that acts too little.
+    """
+
+    names: tuple[str, ...]
+    steps: FloatArray
+    by_sensor: FloatArray
+    inputs: list[int]
+    of_input: FloatArray
+
+
+def _biases(plant: Plant, inputs: FloatArray) -> _Biases:
+    """Give the biases of what may fail; inputs: (lanes, n_samples, n_inputs), SI."""
+    graph, lanes = plant.graph, len(inputs)
+    sensors = [k for k, item in enumerate(graph.sensors) if item.suspect]
+    driven = [k for k, item in enumerate(graph.inputs) if item.suspect]
+    noise = np.array([graph.sensors[k].noise or 1.0 for k in sensors])
+    largest = np.max(np.abs(inputs[:, :, driven]), axis=1, initial=0.0)
+    largest = np.where(largest > 0.0, largest, 1.0)
+    by_sensor = np.zeros((len(graph.sensors), len(sensors)))
+    by_sensor[sensors, np.arange(len(sensors))] = noise
+    names = [*(graph.sensors[k].name for k in sensors), *(graph.inputs[k].name for k in driven)]
+    return _Biases(
+        names=tuple(f"{name}{BIAS}" for name in names),
+        steps=np.hstack([np.tile(noise, (lanes, 1)), largest]),
+        by_sensor=np.tile(by_sensor, (lanes, 1, 1)),
+        inputs=driven,
+        of_input=-largest[:, None, :],
+    )
+
+
+def _no_biases(plant: Plant, lanes: int) -> _Biases:
+    """Give none, for so many lanes."""
+    return _Biases(
+        names=(),
+        steps=np.zeros((lanes, 0)),
+        by_sensor=np.zeros((lanes, plant.readings.numel(), 0)),
+        inputs=[],
+        of_input=np.zeros((lanes, 1, 0)),
     )
 
 

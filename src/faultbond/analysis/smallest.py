@@ -1,4 +1,4 @@
-"""The smallest fault of each parameter that the detector finds within a given time, at the stated noise and accuracy.
+"""The smallest fault of each parameter and instrument that the detector finds in a given time, at the stated noise.
 
 Derived from the detector itself. The healthy filter is linear about a run of the healthy plant (`operation`), so its
 innovations are those of noise plus those of the fault: the first come from many realisations of sensor noise, input
@@ -22,8 +22,9 @@ import numpy as np
 
 from faultbond.analysis.comparison import NO_TIME, Allowance
 from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
-from faultbond.analysis.faulty import FaultCase, Faults
+from faultbond.analysis.faulty import FaultCase, Faults, Suspect, suspects_of
 from faultbond.analysis.operation import Operation, operate, usual_operation
+from faultbond.analysis.sensitivity import BIAS
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
@@ -40,8 +41,7 @@ NO_EFFECT = "no sensor shows it"
 NO_SOLUTION = "not found before the plant has no finite solution any more"
 NO_HOLD = "the least change already takes the plant elsewhere"
 TOO_LARGE = "not found however large, within its range"
-_LINEAR = 0.05  # first size tried, in accuracies
-_LEAST = 1e-3  # and at least so much, in factors
+_LEAST = 1e-3  # part of a size that is enough, below which none is tried at once
 _ROUNDS = 24
 _CLOSE = 0.03  # relative change of the size below which it is found
 _NUMBERS = 2 * 10**7  # of all effects that are looked at together
@@ -61,11 +61,14 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmallestFault:
-    """The smallest step of one parameter that is found with `certainty` within `within` seconds.
+    """The smallest step of one parameter, or bias of an instrument, that is found with `certainty` within `within` s.
 
+    parameter : its name; of an instrument `flow.bias`
     value : size of the change, SI: of the two directions the one that needs more; None if neither is ever found
     up, down : size by direction; None: not found however large, within the parameter's range
     effects : of `value`, by output, without noise and while nothing reacts to it
+    alike : what else explains a change by `value` about as well at the end of that time, of what was looked at
+        together with it
     reason : why there is no `value`; empty if there is one
     """
 
@@ -76,6 +79,7 @@ class SmallestFault:
     within: float
     certainty: float
     effects: tuple[Effect, ...]
+    alike: tuple[str, ...] = ()
     reason: str = ""
 
     @property
@@ -110,7 +114,7 @@ def smallest_faults(
     ----------
     model, spec, engine : the plant
     samples : a run of the healthy plant, on the grid; default one of `operation.usual_runs`
-    parameters : names; default all suspects
+    parameters : names, of a bias `flow.bias`; default all suspects, and the biases of all instruments that may fail
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
     certainty : part of the realisations, over all onsets, that is to be found
@@ -126,12 +130,12 @@ def smallest_faults(
         Where there is no usual run.
     """
     clock = Allowance(seconds=seconds)
-    names = [item.name for item in spec.parameters]
+    names = [item.name for item in spec.parameters] + [f"{item.name}{BIAS}" for item in spec.instruments]
     for name in parameters or ():
         if name not in names:
             raise ModelError(f"{spec.model}: no parameter {name}; there are {', '.join(names)}")
-    asked = [item.name for item in spec.parameters if item.suspect] if parameters is None else parameters
-    chosen = [names.index(name) for name in asked]
+    trusted = [item.name for item in spec.parameters if not item.suspect]
+    asked = [name for name in names if name not in trusted] if parameters is None else parameters
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
     if samples is None:
@@ -141,6 +145,8 @@ def smallest_faults(
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
     detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
     search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
+    known = {item.name: item for item in suspects_of(spec, operation)}
+    chosen = [known[name] for name in asked if name in known]
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):
         yield from _report(search, chosen[first : first + together], length * grid, clock)
@@ -202,9 +208,8 @@ class _Search:
     def run(self, cases: list[FaultCase], clock: Allowance) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
         n = len(cases)
-        items = [(self.spec.parameters[k], sign) for k, sign in cases]
-        limits = [max(x.upper - x.healthy if sign > 0 else x.healthy - x.lower, 0.0) for x, sign in items]
-        first = [max(_LINEAR * item.accuracy, _LEAST) for item, _ in items]
+        limits = [item.most[sign < 0] for item, sign in cases]
+        first = [item.first for item, _ in cases]
         progress = _Progress(
             size=np.minimum(first, limits),
             limits=np.array(limits),
@@ -267,29 +272,58 @@ class _Search:
         progress.rounds[done], progress.low[done], progress.high[done] = -1, 0.0, np.inf
 
 
-def _report(search: _Search, chosen: list[int], within: float, clock: Allowance) -> Iterator[SmallestFault]:
+def _report(search: _Search, chosen: list[Suspect], within: float, clock: Allowance) -> Iterator[SmallestFault]:
     spec = search.spec
-    progress = search.run([(k, sign) for k in chosen for sign in (1, -1)], clock)
+    progress = search.run([(item, sign) for item in chosen for sign in (1, -1)], clock)
     sizes = np.where(progress.found, progress.size, np.inf)
-    for number, k in enumerate(chosen):
-        item, both = spec.parameters[k], slice(2 * number, 2 * number + 2)
+    worst = [_worst(progress, 2 * number) for number in range(len(chosen))]
+    alike = _alike(search, [(chosen[c // 2], 1 - 2 * (c % 2)) for c in worst if c is not None], sizes, worst)
+    for number, item in enumerate(chosen):
+        both = slice(2 * number, 2 * number + 2)
         up, down = (float(size * abs(item.scale)) if np.isfinite(size) else None for size in sizes[both])
         if item.scale < 0:
             up, down = down, up
-        finite = [case for case in (2 * number, 2 * number + 1) if progress.found[case]]
-        worst = max(finite, key=lambda case: sizes[case], default=None)
-        largest = () if worst is None else zip(spec.outputs, progress.largest[worst].tolist(), strict=True)
-        effects = tuple(Effect(output=of.name, size=size, in_noise=size / of.noise) for of, size in largest)
+        case = worst[number]
+        largest = () if case is None else zip(spec.outputs, progress.largest[case].tolist(), strict=True)
         yield SmallestFault(
             parameter=item.name,
-            value=None if worst is None else float(sizes[worst] * abs(item.scale)),
+            value=None if case is None else float(sizes[case] * abs(item.scale)),
             up=up,
             down=down,
             within=within,
             certainty=search.certainty,
-            effects=effects,
-            reason=_reason(spec, progress, both) if worst is None else "",
+            effects=tuple(Effect(output=of.name, size=size, in_noise=size / of.noise) for of, size in largest),
+            alike=alike.get(item.name, ()),
+            reason=_reason(spec, progress, both) if case is None else "",
         )
+
+
+def _worst(progress: _Progress, first: int) -> int | None:
+    """Give of two cases, up and down, the one that is found and needs more; None if none is found."""
+    found = [case for case in (first, first + 1) if progress.found[case]]
+    return max(found, key=lambda case: progress.size[case], default=None)
+
+
+def _alike(
+    search: _Search, cases: list[FaultCase], sizes: FloatArray, worst: Sequence[int | None]
+) -> dict[str, tuple[str, ...]]:
+    """Give for each case the others that explain it, at another size, to within `group_nats`, after most onsets.
+
+    Innovations are white and their sd is one, so half the square of what is left is the log-likelihood that is lost.
+    """
+    if not cases:
+        return {}
+    found = search.faults.shift(cases, np.array([sizes[case] for case in worst if case is not None]))
+    effects = found.innovations.transpose(2, 1, 0, 3).reshape(found.innovations.shape[2], len(cases), -1)
+    products = effects @ effects.transpose(0, 2, 1)
+    squares = np.diagonal(products, axis1=1, axis2=2)
+    left = squares[:, :, None] - products**2 / np.maximum(squares, _TINY)[:, None, :]
+    close = np.median(left, axis=0) / 2.0 < search.spec.thresholds.group_nats
+    names = [item.name for item, _ in cases]
+    return {
+        name: tuple(other for k, other in enumerate(names) if close[row, k] and k != row and found.whole[k])
+        for row, name in enumerate(names)
+    }
 
 
 def _reason(spec: EngineSpec, progress: _Progress, both: slice) -> str:

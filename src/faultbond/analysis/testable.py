@@ -59,8 +59,11 @@ class Choice:
     left_out: int = 0
 
 
-def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensitivity:
+def generic_run(model: StepModel, recursion: Recursion | None = None, *, sudden: bool = False) -> Sensitivity:
     """Give a run that shows what a plant can show when everything is excited: of several, that of the largest rank.
+
+    Where it is `sudden`, a change comes after a healthy while, stores keep their contents, and instruments are among
+    what changes; else values are what they are from the first sample on.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def generic_run(model: StepModel, recursion: Recursion | None = None) -> Sensiti
         Where the equations have no finite solution along any of the runs.
     """
     recursion = recursion if recursion is not None else build_recursion(model.plant)
-    runs = sensitivities(recursion, random_experiments(model, recursion))
+    runs = sensitivities(recursion, random_experiments(model, recursion, sudden=sudden), instruments=sudden)
     ranks = [(reduce([run]).rank, run) for run in runs if run is not None]
     if not ranks:
         raise no_run(model.plant.graph)

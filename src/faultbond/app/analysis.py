@@ -1,8 +1,10 @@
 """`analyse`: what a plant's sensors can tell of its faults, before a sample is recorded, and on a recording."""
 
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
+from typing import TypeVar
 
 from faultbond.app.parameter_names import check_names
 from faultbond.app.wishes import Wishes
@@ -13,6 +15,9 @@ from faultbond.errors import ModelError, StructureError
 from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
+
+_SILENT = 10.0  # s without a word, where standard error is no terminal
+_Found = TypeVar("_Found")
 
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
@@ -34,19 +39,23 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
 
     told = False
     with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
-        for title, work in sections(graph, network, wishes):
+        progress = _Progress()
+        parts = sections(graph, network, wishes)
+        part = progress.through("the model", lambda: next(parts, None))
+        while part is not None:
+            title, work = part
             try:
-                with _waiting(title):
-                    section = work()
+                section = progress.through(title, work)
             except StructureError as error:  # what cannot be told is said, and the rest goes on
                 if console is not None:
                     print_refusal(console, title, str(error))
-                continue
-            told = True
-            record |= section.record
-            if console is not None:
-                section.show(console)
-                console.file.flush()
+            else:
+                told = True
+                record |= section.record
+                if console is not None:
+                    section.show(console)
+                    console.file.flush()
+            part = next(parts, None)
     out.record(record)
     return told
 
@@ -56,12 +65,12 @@ def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
     graph, network = _plant(model)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
-    from faultbond.app.answers import answers, left_out  # noqa: PLC0415 - loads casadi and sympy
+    from faultbond.app.answers import answers  # noqa: PLC0415 - loads casadi and sympy
     from faultbond.report.closed_forms import CodeForm, code  # noqa: PLC0415 - loads rich
 
     with threadpool_limits(1):  # as in `analyse`
         found = answers(graph, network, wishes)
-    text = code(found, network.parameters, CodeForm(form), left_out(found, wishes))
+    text = code(found.found, network.parameters, CodeForm(form), found.forms_left_out)
     if out.text is not None:
         out.text.write(text)
     out.record({"record": "code", "model": graph.name, "form": form, "text": text})
@@ -87,10 +96,23 @@ def _plant(model: Path) -> tuple[BondGraph, ComponentNetwork]:
     return graph, build_components(graph, build_network(graph, assign_causality(graph)))
 
 
-def _waiting(title: str) -> AbstractContextManager[object]:
-    """Say on a terminal what is being worked out."""
-    if not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console  # noqa: PLC0415 - slow to load
+class _Progress:
+    """Says on standard error what is being worked out: on a terminal always, else once it has taken long."""
 
-    return Console(stderr=True).status(f"{title} ...")
+    def __init__(self) -> None:
+        self.begun = monotonic()
+
+    def through(self, title: str, work: Callable[[], _Found]) -> _Found:
+        """Do a part of the work; give what it gives."""
+        if sys.stderr.isatty():
+            from rich.console import Console  # noqa: PLC0415 - slow to load
+            from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+            columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+            with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+                shown.add_task(f"{title} ...", total=None)
+                return work()
+        gone = monotonic() - self.begun
+        if gone > _SILENT:
+            print(f"analyse: {title}, after {gone:.0f} s", file=sys.stderr, flush=True)  # noqa: T201 - not the result
+        return work()

@@ -1,6 +1,6 @@
 """The functions of a plant that `analyse` answers, within a time: routes always, closed forms as long as it lasts."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from math import comb
 from time import monotonic
 
@@ -8,35 +8,68 @@ from faultbond.algebra.route import Question
 from faultbond.algebra.routes.functions import Function, Preference, answer, asked, trial_record
 from faultbond.algebra.solving.backward_euler import plant_of
 from faultbond.algebra.solving.solve import SolvingLimits
+from faultbond.analysis.comparison import Allowance
 from faultbond.app.wishes import Wishes
 from faultbond.equations.component_network import ComponentNetwork
+from faultbond.errors import StructureError
 from faultbond.io.cache import cache_folder
 from faultbond.model.graph import BondGraph
 
 MOST_SETS = 300  # of suspects that are given a route
+MOST_EQUATIONS = 200  # of a plant that routes are looked for in: one alone of a larger one takes minutes
+ROUTE_SECONDS = 8.0  # of processor time, for all routes together, beside that of the closed forms
 PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take
 
 
-def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> tuple[Function, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """The functions that were answered; how many closed forms, and how many whole answers, there was no time for."""
+
+    found: tuple[Function, ...]
+    forms_left_out: int
+    routes_left_out: int
+
+
+def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Answers:
     """Answer every function of thesis 4.2; closed forms for sets of up to `wishes.closed` suspects.
 
     Closed forms of parameters are looked for first; when `wishes.patience` is over, the others and the noise of the
-    routes that are left are left out.
+    routes that are left are left out. So are routes when their own time is over.
+
+    Raises
+    ------
+    StructureError
+        Where the plant is too large for routes.
     """
+    most = MOST_EQUATIONS * wishes.budget
+    if len(network.equations) > most:
+        raise StructureError(
+            f"{graph.file}: {graph.name} has {len(network.equations)} equations, and routes are looked for in up to "
+            f"{most}; raise --budget to {-(-len(network.equations) // MOST_EQUATIONS)}"
+        )
     plant = plant_of(graph)
     largest = _largest(len(network.suspects), max(graph.max_faults, wishes.closed))
-    record = trial_record(network, plant, largest)
     preference, folder = Preference(wishes.preference), cache_folder() / "closed_forms"
-    limits = SolvingLimits(seconds=wishes.patience / PARTS_OF_PATIENCE)
-    end = monotonic() + wishes.patience
+    patience = wishes.patience * wishes.budget
+    limits = SolvingLimits(seconds=patience / PARTS_OF_PATIENCE)
     questions = asked(network, largest)
+    record = trial_record(network, plant, largest)
+    clock, end = Allowance(seconds=ROUTE_SECONDS * wishes.budget + patience), monotonic() + patience
     found: dict[int, Function] = {}
     for k in sorted(range(len(questions)), key=lambda k: _turn(questions[k])):
+        if clock.over():
+            break
         timely = monotonic() < end
         cache = folder if timely and is_wanted(questions[k], wishes) else None
         judged = record if timely or preference is Preference.NOISE else None
         found[k] = answer(network, questions[k], plant, judged, preference=preference, cache=cache, limits=limits)
-    return tuple(found[k] for k in range(len(questions)))
+    told = tuple(found[k] for k in sorted(found))
+    wanted = (item for item in told if is_wanted(item.question, wishes))
+    return Answers(
+        found=told,
+        forms_left_out=sum(item.route is not None and item.solution is None for item in wanted),
+        routes_left_out=len(questions) - len(told),
+    )
 
 
 def _largest(n_suspects: int, wanted: int) -> int:
@@ -51,12 +84,6 @@ def _largest(n_suspects: int, wanted: int) -> int:
 def is_wanted(question: Question, wishes: Wishes) -> bool:
     """Whether a closed form was asked for."""
     return wishes.closed > 0 and _size(question) <= wishes.closed
-
-
-def left_out(found: Sequence[Function], wishes: Wishes) -> int:
-    """Give the number of closed forms that were asked for and that there was no time for."""
-    asked_for = (item for item in found if is_wanted(item.question, wishes))
-    return sum(item.route is not None and item.solution is None for item in asked_for)
 
 
 def _size(question: Question) -> int:

@@ -11,13 +11,16 @@ from faultbond.analysis.capability import CapabilityView, in_general, on_record
 from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.groups import NearGroup
 from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
+from faultbond.analysis.other_roots import SECONDS as ROOT_SECONDS
 from faultbond.analysis.other_roots import other_solutions
 from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import Recursion, build_recursion
 from faultbond.analysis.sensor_advice import advise_sensors
+from faultbond.analysis.smallest import SECONDS as SIZE_SECONDS
 from faultbond.analysis.smallest import smallest_faults
+from faultbond.analysis.twins import SECONDS as TWIN_SECONDS
 from faultbond.analysis.twins import compare
-from faultbond.app.answers import answers, left_out
+from faultbond.app.answers import answers
 from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.simulation import solved_start
@@ -88,7 +91,7 @@ def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Ite
         yield "the recording", lambda: _on_data(study, recorded)
     yield "structure", lambda: _structure(study)
     yield "routes", lambda: _routes(study, wishes)
-    yield "other solutions", lambda: _solutions(study, view, recorded)
+    yield "other solutions", lambda: _solutions(study, wishes, view, recorded)
     if study.graph.grid is not TimeGrid.NONE:
         yield "smallest faults", lambda: _smallest(study, wishes)
     yield "further sensors", lambda: _sensors(study)
@@ -134,7 +137,7 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
 
 def _general(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record=analysis.groups_record(study.graph, view),
+        record=analysis.groups_record(view),
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What the sensors can tell", "with everything excited"
         ),
@@ -149,12 +152,12 @@ def _recorded(study: _Study) -> CapabilityView:
     times = np.array([point.time for point in study.points])
     inputs = np.array([point.u for point in study.points]).reshape(len(times), len(study.graph.inputs))
     readings = np.array([point.y for point in study.points]).reshape(len(times), len(study.graph.sensors))
-    return on_record(model, recorded_runs(model, study.recursion, times, inputs, start, readings))
+    return on_record(model, study.recursion, recorded_runs(model, study.recursion, times, inputs, start, readings))
 
 
 def _on_data(study: _Study, view: CapabilityView) -> Section:
     return Section(
-        record={"on_data": analysis.groups_record(study.graph, view)},
+        record={"on_data": analysis.groups_record(view)},
         show=lambda console: analysis.print_view(
             console, study.graph, view, "What this recording can tell", "effects that its noise does not hide"
         ),
@@ -197,15 +200,15 @@ def _structural_sensors(model: StructuralModel, unread: Collection[str]) -> tupl
 
 
 def _routes(study: _Study, wishes: Wishes) -> Section:
-    found = answers(study.graph, study.network, wishes)
-    late = left_out(found, wishes)
+    told = answers(study.graph, study.network, wishes)
+    late = told.forms_left_out, told.routes_left_out
     return Section(
-        record=routes_record(study.network, found, late),
-        show=lambda console: print_routes(console, study.network, found, late),
+        record=routes_record(study.network, told.found, *late),
+        show=lambda console: print_routes(console, study.network, told.found, *late),
     )
 
 
-def _solutions(study: _Study, view: CapabilityView, recorded: CapabilityView | None) -> Section:
+def _solutions(study: _Study, wishes: Wishes, view: CapabilityView, recorded: CapabilityView | None) -> Section:
     """Other values of each identifiable set, and sets that imitate each other."""
     graph = study.graph
     names = [item.name for item in graph.parameters]
@@ -213,8 +216,9 @@ def _solutions(study: _Study, view: CapabilityView, recorded: CapabilityView | N
     if len(small) > MOST_SETS:
         small = [item for item in small if len(item.parameters) == 1]
     sets = [tuple(names[k] for k in item.parameters) for item in small]
-    found = other_solutions(study.model, sets) if sets else ()
-    alike = compare(study.model, largest=2 if len(study.network.suspects) <= MOST_TWINS else 1)
+    found = other_solutions(study.model, sets, seconds=ROOT_SECONDS * wishes.budget) if sets else ()
+    largest = 2 if len(study.network.suspects) <= MOST_TWINS else 1
+    alike = compare(study.model, largest=largest, seconds=TWIN_SECONDS * wishes.budget)
     return Section(
         record=analysis.hypotheses_record(graph, view, recorded, found, alike),
         show=lambda console: analysis.print_solutions(console, graph, found, alike),
@@ -223,15 +227,17 @@ def _solutions(study: _Study, view: CapabilityView, recorded: CapabilityView | N
 
 def _smallest(study: _Study, wishes: Wishes) -> Section:
     unknowns = study.model.v.numel()
-    if unknowns > MOST_UNKNOWNS:
+    if unknowns > MOST_UNKNOWNS * wishes.budget:
         raise StructureError(
             f"{study.graph.file}: the detector of {study.graph.name} follows {unknowns} states and parameters, and "
-            f"smallest faults are worked out for up to {MOST_UNKNOWNS}; state parameters that do not fail as constants"
+            f"smallest faults are worked out for up to {MOST_UNKNOWNS * wishes.budget}; state parameters that do not "
+            f"fail as constants, or raise --budget to {-(-unknowns // MOST_UNKNOWNS)}"
         )
     spec, engine = build_engine(study.graph)
     samples = [sample_of(point) for point in study.points] or None
     try:
-        found = tuple(smallest_faults(study.model, spec, engine, samples, within=wishes.within))
+        seconds = SIZE_SECONDS * wishes.budget
+        found = tuple(smallest_faults(study.model, spec, engine, samples, within=wishes.within, seconds=seconds))
     except RecordingError as error:
         raise StructureError(str(error)) from error
     return Section(
@@ -268,11 +274,14 @@ def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> S
 
 
 def _look_alikes(view: CapabilityView) -> list[list[int]]:
-    """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several."""
+    """Give the classes of single suspects that look alike, then of those nearly alike in one step or in several.
+
+    Instruments are none: no input is advised for them.
+    """
     found = [[chosen[0] for chosen in group.sets] for group in view.groups if len(group.sets[0]) == 1]
     near: list[set[int]] = []
     for pair in view.near_groups:
-        if len(pair.sets[0]) == 1:
+        if len(pair.sets[0]) == 1 and not any(view.is_instrument(chosen) for chosen in pair.sets):
             joined = {chosen[0] for chosen in pair.sets}.union(*(item for item in near if not _apart(item, pair)))
             near = [*(item for item in near if _apart(item, pair)), joined]
     return found + sorted(sorted(item) for item in near)
@@ -291,7 +300,8 @@ def _at_rest(study: _Study) -> CapabilityView:
         for stand in begins:
             with suppress(StructureError):
                 held = np.tile(levels, (count, 1))
-                return on_record(model, recorded_runs(model, study.recursion, times, held, stand.contents))
+                runs = recorded_runs(model, study.recursion, times, held, stand.contents)
+                return on_record(model, study.recursion, runs)
     raise StructureError(
         f"{study.graph.file}: {study.graph.name} has no finite solution while its inputs stand still at their "
         "references; give a recording of the healthy plant with --data"

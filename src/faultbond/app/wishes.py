@@ -15,7 +15,7 @@ class Wishes:
     data: recording, or None. within: s, for the smallest faults; None takes 300 samples. separate: sets of parameters
     that an input shall tell apart; none: those that look alike with inputs at rest. closed: largest set of parameters
     solved in closed form. patience: s, for all closed forms together. preference: which of several routes, a value of
-    `faultbond.algebra.routes.functions.Preference`.
+    `faultbond.algebra.routes.functions.Preference`. budget: how many times the usual time and size each search has.
     """
 
     data: str | None = None
@@ -24,6 +24,7 @@ class Wishes:
     closed: int = 1
     patience: float = 4.0
     preference: str = "fewest frames"
+    budget: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

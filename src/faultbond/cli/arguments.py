@@ -20,6 +20,7 @@ ENGINE = "FAULTBOND_ENGINE"
 ENGINES = ("", "auto", "c")  # names that were of use; all mean the compiled one
 LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 MAX_CLOSED = 5
+MAX_BUDGET = 1000
 MOST_STARTS = 100
 REPORT = "write a report to open in a browser"
 
@@ -91,6 +92,7 @@ def _add_analyse(verbs: Subparsers) -> None:
             closed=arguments.closed,
             patience=arguments.patience,
             preference=arguments.preference,
+            budget=arguments.budget,
         )
         if arguments.code is not None:
             app.print_code(arguments.model, arguments.code, wishes=wishes, out=out)
@@ -125,6 +127,14 @@ def _add_analyse(verbs: Subparsers) -> None:
         type=_time,
         default=4.0,
         help="time for all closed forms together; one may take a quarter of it (default: 4 s)",
+    )
+    add(
+        "--budget",
+        metavar="N",
+        type=_number("--budget", 1, MAX_BUDGET),
+        default=1,
+        help="N times the usual time for each search, and as many more unknowns for smallest faults (default: "
+        "%(default)s)",
     )
     routes = parser.add_mutually_exclusive_group()
     for option, value in (("--fewest", "fewest components"), ("--least-noise", "least noise")):

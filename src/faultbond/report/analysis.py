@@ -13,13 +13,14 @@ from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
 from faultbond.analysis.other_roots import OtherSolutions
+from faultbond.analysis.sensitivity import BIAS
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
 from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
 
@@ -36,20 +37,22 @@ class StructuralTests:
     faults: tuple[tuple[str, ...], ...]
 
 
-def groups_record(graph: BondGraph, view: CapabilityView) -> Record:
+def groups_record(view: CapabilityView) -> Record:
     """Give what cannot be told apart, and why."""
-    near = [{"sets": _named(graph, item), "angle": item.angle, "reason": item.reason} for item in view.near_groups]
+    near = [{"sets": _named(view.names, item), "angle": item.angle, "reason": item.reason} for item in view.near_groups]
     return {
         "rank": view.judgement.rank.value,
-        "groups": [_named(graph, group) for group in view.groups],
+        "groups": [_named(view.names, group) for group in view.groups],
         "group_reasons": [group.reason for group in view.groups],
+        "sudden_groups": [_named(view.names, group) for group in view.sudden_groups],
+        "sudden_group_reasons": [group.reason for group in view.sudden_groups],
         "near_groups": near,
     }
 
 
-def _named(graph: BondGraph, group: Group | NearGroup) -> list[list[str]]:
+def _named(names: Sequence[str], group: Group | NearGroup) -> list[list[str]]:
     """Give the names in the sets of a group."""
-    return [[graph.parameters[k].name for k in chosen] for chosen in group.sets]
+    return [[names[k] for k in chosen] for chosen in group.sets]
 
 
 def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading: str, note: str) -> None:
@@ -65,15 +68,26 @@ def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading
     all_of = f"the {n_parameters} parameters" if n_parameters > 1 else "the one parameter"
     guess = "" if rank.clear else "; rounding decides, so this is a guess"
     shown = f"{with_noun(rank.value, 'combination')} of {all_of}{guess}"
-    known = {frozenset(group.sets) for group in view.groups}
-    first = [group for group in view.groups if not _follows(group, known)]
-    found = under("cannot be told apart", _listed([_group_text(graph, group) for group in first]))
-    if len(first) < len(view.groups):
-        larger = with_noun(len(view.groups) - len(first), "larger group")
-        found.append(("", f"{larger} of which this follows; --json writes them"))
-    found += under("hard to tell apart", _listed([_group_text(graph, group) for group in view.near_groups]))
+    found = _groups_told(view.names, "cannot be told apart", view.sudden_groups, view.sudden_groups)
+    at_once = [set(group.sets) for group in view.sudden_groups]
+    later = [group for group in view.groups if not any(set(group.sets) <= alike for alike in at_once)]
+    found += _groups_told(view.names, "alike but for how they begin", later, view.groups)
+    found += under("hard to tell apart", _listed([_group_text(view.names, group) for group in view.near_groups]))
     alike = "all testable sets can be told apart" if testable.total() else "no set is testable"
     lines(console, [("shows", shown), *(found or [("groups", alike)])])
+
+
+def _groups_told(
+    names: Sequence[str], label: str, groups: Sequence[Group], among: Sequence[Group]
+) -> list[tuple[str, str]]:
+    """Name the groups, and count those that follow from smaller ones among them and others."""
+    known = {frozenset(group.sets) for group in among}
+    first = [group for group in groups if not _follows(group, known)]
+    found = under(label, _listed([_group_text(names, group) for group in first]))
+    if len(first) < len(groups):
+        larger = with_noun(len(groups) - len(first), "larger group")
+        found.append(("", f"{larger} of which this follows; --json writes them"))
+    return found
 
 
 def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> bool:
@@ -83,9 +97,9 @@ def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> boo
     return bool(shared) and rest in known
 
 
-def _group_text(graph: BondGraph, group: Group | NearGroup) -> str:
+def _group_text(names: Sequence[str], group: Group | NearGroup) -> str:
     """Say what a group holds, and why: `{K4} and {K6}: ...`."""
-    return f"{_some([_braced(names) for names in _named(graph, group)])}: {group.reason}"
+    return f"{_some([_braced(item) for item in _named(names, group)])}: {group.reason}"
 
 
 def _braced(names: Sequence[str]) -> str:
@@ -262,6 +276,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
                 "down": item.down,
                 "certainty": item.certainty,
                 "reason": item.reason or None,
+                "alike": list(item.alike),
                 "effects": {
                     effect.output: {"size": effect.size, "in_noise": effect.in_noise} for effect in item.effects
                 },
@@ -279,15 +294,25 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
     title(console, "Smallest faults that are detected", within)
     rows = []
     for item in found:
-        parameter = graph.parameter(item.parameter)
+        unit, nominal = _unit_of(graph, item.parameter)
         change, part, effects = "not found", "", item.reason
         if item.value is not None:
-            change = figure(parameter.unit.difference_from_si(item.value), digits=3).number()
-            part = f"{100 * item.value / abs(parameter.nominal):.3g} %" if parameter.nominal else ""
+            change = figure(unit.difference_from_si(item.value), digits=3).number()
+            part = f"{100 * item.value / abs(nominal):.3g} %" if nominal else ""
             sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
             effects = ", ".join(sizes)
-        rows.append((item.parameter, change, unit_text(parameter.unit.text), part, effects))
-    table(console, ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd"), rows)
+        rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
+    header = ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd", "then alike")
+    table(console, header, rows)
+
+
+def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:
+    """Give the unit of a parameter, or of the bias of an instrument, and its nominal value, SI."""
+    if name.endswith(BIAS):
+        units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
+        return units[name.removesuffix(BIAS)], 0.0
+    parameter = graph.parameter(name)
+    return parameter.unit, parameter.nominal
 
 
 def sensors_record(graph: BondGraph, advice: SensorAdvice) -> Record:
@@ -306,7 +331,7 @@ def _choice_record(graph: BondGraph, item: SensorChoice) -> Record:
         "testable": item.testable,
         "classes": item.classes,
         "near": item.near,
-        "groups": [_named(graph, group) for group in item.groups],
+        "groups": [_named([one.name for one in graph.parameters], group) for group in item.groups],
     }
 
 

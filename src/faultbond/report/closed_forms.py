@@ -48,7 +48,7 @@ class CodeForm(Enum):
 _REMARKS = {CodeForm.LATEX: "% {}", CodeForm.PYTHON: "# {}", CodeForm.C: "/* {} */"}
 
 
-def routes_record(network: ComponentNetwork, found: Sequence[Function], late: int) -> Record:
+def routes_record(network: ComponentNetwork, found: Sequence[Function], late: int, unsought: int = 0) -> Record:
     """Give the route of each function, and its closed form where it was asked for, in time, and there is one."""
     routes = []
     for item in found:
@@ -80,11 +80,13 @@ def routes_record(network: ComponentNetwork, found: Sequence[Function], late: in
                 "remarks": list(solution.remarks),
             }
         routes.append(record)
-    return {"routes": routes, "closed_forms_left_out": late}
+    return {"routes": routes, "closed_forms_left_out": late, "routes_left_out": unsought}
 
 
-def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Function], late: int) -> None:
-    """Print a line for each function, then the closed forms; `late` of them there was no time for."""
+def print_routes(
+    console: Console, network: ComponentNetwork, found: Sequence[Function], late: int, unsought: int = 0
+) -> None:
+    """Print a line for each function, then the closed forms; `late` of them, `unsought` routes had no time."""
 
     def remark(text: str) -> None:
         console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
@@ -102,6 +104,8 @@ def print_routes(console: Console, network: ComponentNetwork, found: Sequence[Fu
                 console.print(Padding(Text(line), (0, 0, 0, 3)))
     if late:
         remark(_left_out(late))
+    if unsought:
+        remark(f"{with_noun(unsought, 'route')} left out, the time was over; `--budget` gives more")
 
 
 def _is_unsolved_set(item: Function) -> bool:

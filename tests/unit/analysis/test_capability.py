@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.capability import CapabilityView, in_general, largest_size, on_record
+from faultbond.analysis.groups import Group
 from faultbond.analysis.replay import recorded_runs
 from faultbond.analysis.sensitivity import build_recursion
 from plants import example, stated
@@ -31,12 +32,32 @@ def test_valves_that_stand_still_hide_what_their_movement_shows() -> None:
     assert in_general(model, recursion).groups == ()
     times = np.arange(400.0)
     runs = recorded_runs(model, recursion, times, np.tile([60.0, 35.0], (400, 1)), np.array([0.05]))
-    view = on_record(model, runs)
+    view = on_record(model, recursion, runs)
     names = [item.name for item in model.plant.graph.parameters]
     found = {tuple(names[k] for chosen in group.sets for k in chosen) for group in view.groups}
     assert any({"K4", "K6"} <= set(group) for group in found)
     assert any({"K1", "K7"} <= set(group) for group in found)
     assert view.judgement.rank.value < 6
+
+
+def test_a_sudden_change_is_told_by_the_store_that_keeps_its_content() -> None:
+    """Of three tanks in a row four faults act as one once they last; from their beginning two of them do."""
+    model = example("three_tank")
+    view = in_general(model, build_recursion(model.plant))
+
+    def named(groups: tuple[Group, ...]) -> set[frozenset[str]]:
+        return {frozenset(view.names[k] for chosen in group.sets for k in chosen) for group in groups}
+
+    assert named(view.groups) == {frozenset({"V1", "V2", "V3", "T3"})}
+    assert named(view.sudden_groups) == {frozenset({"V3", "T3"}), frozenset({"T1", "q0.bias"})}
+
+
+def test_an_instrument_may_look_like_a_component() -> None:
+    """The tank's leak and an outlet valve that opens further than it says are one; the pressure's bias is another."""
+    model = example("tank")
+    view = in_general(model, build_recursion(model.plant))
+    found = [{view.names[k] for chosen in group.sets for k in chosen} for group in view.sudden_groups]
+    assert found == [{"K6", "u_out.bias"}]
 
 
 def test_where_all_explains_anything_singles_are_compared() -> None:
@@ -54,19 +75,17 @@ def test_sizes_that_are_judged(n: int, most: int, size: int) -> None:
 
 
 def test_what_only_noise_hides_is_near_not_alike() -> None:
-    """Of a motor at rest but for a trace of movement R and C differ, by less than the noise: a near group, no group."""
+    """Of a motor at rest but for a trace of movement R and K differ, by less than the noise: a near group, no group."""
     model = example("dc_motor")
     rest = np.array([2.5 * 10.0 * 0.4 / 5.2, 1.5 * 20.0 / 5.2])
     inputs = np.full((400, 1), 10.0)
     inputs[200:] += 1e-4
-    view = on_record(
-        model, recorded_runs(model, build_recursion(model.plant), np.linspace(0.0, 7.98, 400), inputs, rest)
-    )
+    recursion = build_recursion(model.plant)
+    view = on_record(model, recursion, recorded_runs(model, recursion, np.linspace(0.0, 7.98, 400), inputs, rest))
     assert view.judgement.rank.value == 1
-    assert view.groups == ()
-    names = [item.name for item in model.plant.graph.parameters]
-    near = [{names[k] for chosen in group.sets for k in chosen} for group in view.near_groups]
-    assert {"R", "C"} in near
+    assert view.groups == view.sudden_groups == ()
+    near = [{view.names[k] for chosen in group.sets for k in chosen} for group in view.near_groups]
+    assert {"R", "K"} in near
 
 
 def test_nearness_is_in_units_of_the_noise() -> None:

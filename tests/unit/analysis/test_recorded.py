@@ -93,7 +93,9 @@ def test_the_start_is_fitted_to_the_readings(n: int) -> None:
     assert fitted[0].x[0] == pytest.approx(rest, rel=0.1)
     assert fitted[0].y[:, 0] == pytest.approx(20.0 / 5.2, abs=0.06)
     pairs = [
-        sum(item.testable for item in on_record(model, found).judgement.verdicts if len(item.parameters) == 2)
+        sum(
+            item.testable for item in on_record(model, recursion, found).judgement.verdicts if len(item.parameters) == 2
+        )
         for found in (guessed, fitted)
     ]
     assert pairs == [10, 0]

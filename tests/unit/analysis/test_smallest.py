@@ -160,12 +160,16 @@ def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
 
 
 def test_a_slow_error_alarms_too() -> None:
-    """With the CUSUM switched off the tank's leak is still found, by the slow error of the flow out."""
-    model, spec, core = built(example("tank", ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")))
+    """With the CUSUM off the tank's leak is found by the slow error of the flow out, watched as long as its memory."""
+    warm = ("accuracy: 3 %", "accuracy: 3 %\nwarm_up: 20 s")
+    model, spec, core = built(example("tank", warm, ("outlet.f: 2 % over 600 s", "outlet.f: 2 % over 100 s")))
+    _, young, _ = built(example("tank", warm))
+    young = replace(young, thresholds=replace(young.thresholds, cusum_limit=inf, fast_limit=inf))
     deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
     deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf))
     assert found((model, deaf, core), parameters=["K6"], within=150.0)["K6"].up is not None
     assert found((model, deafer, core), parameters=["K6"], within=150.0)["K6"].value is None
+    assert found((model, young, core), parameters=["K6"], within=150.0)["K6"].value is None
 
 
 def test_bad_requests_are_refused(motor: Built) -> None:

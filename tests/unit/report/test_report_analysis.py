@@ -38,14 +38,24 @@ def plant(n: int) -> BondGraph:
 
 
 def view(
-    n: int, groups: tuple[Group, ...] = (), near: tuple[NearGroup, ...] = (), clear: bool = True
+    n: int,
+    groups: tuple[Group, ...] = (),
+    near: tuple[NearGroup, ...] = (),
+    clear: bool = True,
+    lasting: tuple[Group, ...] | None = None,
 ) -> CapabilityView:
     """A view in which all single suspects are testable."""
     rank = Rank(value=n, least=n, kept=1.0, dropped=0.0, clear=clear, low=0.0, high=0.0)
     verdicts = tuple(
         SetVerdict(parameters=(k,), identifiable=True, falsifiable=True, uncertain=False) for k in range(n)
     )
-    return CapabilityView(judgement=Judgement(rank=rank, verdicts=verdicts), groups=groups, near_groups=near)
+    return CapabilityView(
+        judgement=Judgement(rank=rank, verdicts=verdicts),
+        groups=groups if lasting is None else lasting,
+        sudden_groups=groups,
+        near_groups=near,
+        names=(*(f"a{k}" for k in range(n)), "y.bias"),
+    )
 
 
 def test_numbers_agree_with_their_nouns() -> None:
@@ -73,6 +83,15 @@ def test_groups_that_follow_are_counted_only() -> None:
     assert "{a0, a2} and {a1, a2}" not in text
     assert "1 larger group of which this follows; --json writes them" in text
     assert "hard to tell apart {a2} and {a3}: nearly" in text
+
+
+def test_what_only_a_beginning_tells_apart_is_said() -> None:
+    """{a0}, {a1} and {a2} are one once they last, {a1} and y's bias always: each is said under its own heading."""
+    always = Group(sets=((1,), (3,)), reason="only a1 + y.bias acts")
+    lasting = Group(sets=((0,), (1,), (2,)), reason="only a0 + a1 + a2 acts")
+    text = printed(lambda console: print_view(console, plant(3), view(3, (always,), lasting=(lasting,)), "Title", ""))
+    assert "cannot be told apart {a1} and {y.bias}: only a1 + y.bias acts" in text
+    assert "alike but for how they begin {a0}, {a1} and {a2}: only a0 + a1 + a2 acts" in text
 
 
 def test_what_is_not_listed_is_counted() -> None:
