@@ -42,7 +42,8 @@ static const Field FIELDS[] = {
     REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
-    ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), FINITE(healthy.snapshots),
+    ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), POSITIVE(healthy.windows),
+    POSITIVE(healthy.walks), POSITIVE(healthy.walk), FIELD(healthy.walker, 0.0, LARGEST_COUNT, 0, 0, 0), FINITE(healthy.snapshots),
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
@@ -60,6 +61,8 @@ static const Field FIELDS[] = {
     FINITE(normal.lane), FINITE(normal.gain), FINITE(normal.offset), ENDLESS(normal.noise), FINITE(normal.input_offset),
     FINITE(normal.rates), ENDLESS(normal.wander),
     FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
+    WHOLE(alarm.walker, -1.0, N_PARAMETERS > 0 ? N_PARAMETERS - 1.0 : 0.0), WHOLE(alarm.window, -1.0, (double)WALKS), POSITIVE(alarm.walk),
+    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
