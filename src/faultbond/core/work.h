@@ -87,7 +87,7 @@ static void clear_job(Job *job)
 }
 
 /* After a fault that began long before the trail, the healthy filter has learned from it: the lanes of the trail, from which
-   those of the bank begin, get the parameters of before, as uncertain as their usual walks make them since. */
+   those of the bank begin, get the parameters of before, as uncertain as their usual walks have made them since. */
 static void unlearn(State *state, const Trail *trail)
 {
     if (state->alarm.old < 0 || !trail->old) return;
