@@ -80,16 +80,31 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Walk:
+    """A parameter that the healthy filter has moved farther than its variance allows.
+
+    sd: by how much, in standard deviations of what is usual. from_start: since the first sample, in what the declared
+    accuracy allows; else since the onset of the alarm.
+    """
+
+    parameter: str
+    sd: float
+    from_start: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
     """An alarm: raised at `time` (grid point `sample`), estimated onset `change_time`.
 
-    signals: the sensors whose sums crossed; of an alarm of a slow error, the sensor with the largest sum.
+    signals: the sensors whose sums crossed; of an alarm that no sum raised, the sensor with the largest.
+    walk: what raised an alarm of a slow fault that the healthy filter followed, or of one from the first sample on.
     """
 
     time: float
     sample: int
     change_time: float
     signals: tuple[str, ...]
+    walk: Walk | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

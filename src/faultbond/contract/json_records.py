@@ -46,14 +46,18 @@ def run_record(
 
 
 def detection_record(detection: Detection) -> Record:
-    """Give the record of an alarm."""
-    return {
+    """Give the record of an alarm; `walk` only where that raised it."""
+    record: Record = {
         "record": "detection",
         "time": detection.time,
         "sample": detection.sample,
         "change_time": detection.change_time,
         "signals": list(detection.signals),
     }
+    walk = detection.walk
+    if walk is not None:
+        record["walk"] = {"parameter": walk.parameter, "sd": walk.sd, "from_start": walk.from_start}
+    return record
 
 
 def diagnosis_record(diagnosis: Diagnosis) -> Record:

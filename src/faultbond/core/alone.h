@@ -51,6 +51,9 @@ FB_OF_FLEETS int64_t watch_alone(Fleet *fleet, int64_t number, int l, int64_t in
     Report report;
     Sample sample;
     lane_from(group->watched, l, N_LIVE, (double *)(void *)state);
+    /* lanes that are kept for long are asked for at few samples only */
+    const int64_t n = index % WALK_EVERY == 0 || !state->clock.running ? N_WATCHED : N_LIVE;
+    if (n > N_LIVE) lane_from(group->watched, l, n, (double *)(void *)state);
     lane_from(group->normal, l, N_NORMAL, (double *)(void *)&state->normal);
     if (!state->clock.running) remake(fleet, group, l, index, state, &memory->work); /* the start is found from the trail */
     const int64_t quiet = state->clock.quiet;
@@ -60,11 +63,9 @@ FB_OF_FLEETS int64_t watch_alone(Fleet *fleet, int64_t number, int l, int64_t in
     if (report.status == LOST) return 1;
     Clock now = state->clock;
     now.index = index;
-    if (!quiet && report.status == WATCHING && is_alarming(&now, &state->sensors, state->healthy.lane)) return 1;
+    if (!quiet && report.status == WATCHING && is_alarming(&now, &state->sensors, &state->healthy)) return 1;
     state->clock.quiet = quiet;
-    lane_to(group->watched, l, N_LIVE, (const double *)(const void *)state);
-    const int64_t slot = snapshot_of(&now);
-    if (slot >= 0) lane_to(&group->watched[N_LIVE + slot * PLAIN_NUMBERS], l, PLAIN_NUMBERS, state->healthy.snapshots[slot]);
+    lane_to(group->watched, l, n, (const double *)(const void *)state);
     return 0;
 }
 
@@ -112,7 +113,9 @@ static void leave(Fleet *fleet, int64_t asset, State *state, Work *work)
     begin_state(state, 0.0, 0);
     lane_from(group->watched, l, N_WATCHED, (double *)(void *)state);
     lane_from(group->normal, l, N_NORMAL, (double *)(void *)&state->normal);
-    if (fleet->index > 0 || group->place[l] == AWAY) remake(fleet, group, l, state->clock.index, state, work);
+    if (fleet->index == 0 && group->place[l] != AWAY) return;
+    remake(fleet, group, l, state->clock.index, state, work);
+    lane_from(group->watched, l, N_WATCHED, (double *)(void *)state); /* with lanes kept for long that are as they were */
 }
 
 /* Whether what was accepted has to be taken out of each sample, or moves parameters. */

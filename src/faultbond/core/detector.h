@@ -36,8 +36,25 @@ static double beginning(const Sensors *sensors, int j)
     return first;
 }
 
-/* Raise the alarm if a sum crossed its limit, or a slow error left its size: gives the number of the sample of the estimated
-   onset, and -1 where there is none. */
+/* Note the walk that raised an alarm; gives the sample at which it began, by its window. */
+static int64_t note_walk(const State *state, Alarm *found)
+{
+    const Clock *clock = &state->clock;
+    const Healthy *healthy = &state->healthy;
+    const int64_t walker = (int64_t)healthy->walker, window = walker / (N_PARAMETERS > 0 ? N_PARAMETERS : 1);
+    const int64_t length = length_of_walk((int)window), number = compared_with(clock->index, length);
+    const int64_t slot = window == WALKS ? AT_START : kept_at((int)window, number);
+    const int64_t began = window == WALKS ? clock->begun : number * length;
+    found->walker = walker - window * N_PARAMETERS;
+    found->window = window;
+    found->walk = healthy->walk * (window == WALKS ? START_LIMIT : WALK_LIMIT);
+    found->change_time = healthy->snapshots[slot][KEPT_TIME];
+    if (began <= clock->index - DEPTH + 1 || window == WALKS) found->old = slot;
+    return began;
+}
+
+/* Raise the alarm if a sum crossed its limit, a slow error left its size, or a parameter walked too far: gives the number of the
+   sample of the estimated onset, at the earliest that of the oldest sample kept, and -1 where there is no alarm. */
 static int64_t detect(State *state)
 {
     const Clock *clock = &state->clock;
@@ -53,15 +70,18 @@ static int64_t detect(State *state)
             leading = j;
         }
     }
-    if (!crossed && !slow_error_alarms(clock, state->healthy.lane)) return -1;
-    if (!crossed) found.crossed[leading] = 1; /* of an alarm of a slow error, the sensor with the largest sum */
+    const int is_slow = slow_error_alarms(clock, state->healthy.lane), walks = !crossed && !is_slow;
+    if (walks && !(state->healthy.walk > 1.0)) return -1;
+    if (!crossed) found.crossed[leading] = 1; /* of an alarm that no sum raised, the sensor with the largest */
     int64_t oldest = clock->begun;
     if (clock->accepted + 1 > oldest) oldest = clock->accepted + 1;
     if (clock->index - HISTORY_SAMPLES > oldest) oldest = clock->index - HISTORY_SAMPLES;
-    const double began = beginning(&state->sensors, leading);
+    found.walker = found.window = found.old = -1;
+    found.walk = 0.0;
+    const double began = walks ? (double)note_walk(state, &found) : beginning(&state->sensors, leading);
     const int64_t change = began >= (double)clock->index ? clock->index : began > (double)oldest ? (int64_t)began : oldest;
     found.time = clock->time;
-    found.change_time = row_of(&state->past, change)->time;
+    if (!walks) found.change_time = row_of(&state->past, change)->time;
     state->alarm = found;
     return change;
 }

@@ -42,7 +42,8 @@ static const Field FIELDS[] = {
     REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
-    ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), FINITE(healthy.snapshots),
+    ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), POSITIVE(healthy.windows),
+    POSITIVE(healthy.walks), POSITIVE(healthy.walk), FIELD(healthy.walker, 0.0, LARGEST_COUNT, 0, 0, 0), FINITE(healthy.snapshots),
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
     WHOLE(bank.coupled, -1.0, N_COUPLES > 0 ? N_COUPLES - 1.0 : 0.0), WHOLE(bank.base, -1.0, FB_ROOM(SWITCHED) - 1.0),
@@ -62,6 +63,8 @@ static const Field FIELDS[] = {
     FINITE(normal.lane), FINITE(normal.gain), FINITE(normal.offset), ENDLESS(normal.noise), FINITE(normal.input_gain), FINITE(normal.input_offset),
     FINITE(normal.rates), ENDLESS(normal.wander),
     FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
+    WHOLE(alarm.walker, -1.0, N_PARAMETERS > 0 ? N_PARAMETERS - 1.0 : 0.0), WHOLE(alarm.window, -1.0, (double)WALKS), POSITIVE(alarm.walk),
+    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))

@@ -117,6 +117,13 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define is_alarming SIDE(is_alarming)
 #define is_sound SIDE(is_sound)
 #define learn_travel SIDE(learn_travel)
+#define walks_from SIDE(walks_from)
+#define usual_walk SIDE(usual_walk)
+#define take_walk SIDE(take_walk)
+#define judge_walk SIDE(judge_walk)
+#define judge_start SIDE(judge_start)
+#define judge_walks SIDE(judge_walks)
+#define keep_for_long SIDE(keep_for_long)
 
 #define real lanes
 #define whole mask
@@ -162,22 +169,9 @@ static mask are_ready(const Watched *watched, const Sample *sample)
     return ready;
 }
 
-/* Keep the healthy lanes for long where it is time to. */
-static void keep_for_long(const Clock *clock, Healthy *healthy, mask done)
-{
-    const mask from = larger_whole(clock->begun, clock->accepted) + SNAPSHOT_EVERY;
-    const mask since = clock->index - from, due = done & (since >= 0) & (since % SNAPSHOT_EVERY == 0);
-    for (int l = 0; l < FB_LANES && any_of(due); l++) {
-        if (!holds(due, l)) continue;
-        const int64_t slot = whole_of(since, l) / SNAPSHOT_EVERY % SNAPSHOTS;
-        for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
-            memcpy((double *)&healthy->snapshots[slot][k] + l, (const double *)&healthy->lane[k] + l, sizeof(double));
-    }
-}
-
 /* Take a sample the usual way; gives the assets, among those that `may`, for which all was as usual. What the others are then
    means nothing. */
-static mask watch_usually(Watched *watched, const Sample *sample, mask may, LanesMemory *memory)
+static mask watch_usually(Watched *watched, const Sample *sample, int64_t index, mask may, LanesMemory *memory)
 {
     Clock *clock = &watched->clock;
     Inputs *inputs = &watched->inputs;
@@ -193,8 +187,9 @@ static mask watch_usually(Watched *watched, const Sample *sample, mask may, Lane
     see(sensors, packed);
     accumulate(clock, inputs, &watched->healthy, sensors, packed, innovations);
     learn_travel(&watched->healthy);
-    done &= opposite(is_alarming(clock, sensors, watched->healthy.lane) & (clock->quiet == 0));
-    keep_for_long(clock, &watched->healthy, done);
+    judge_walks(index, clock, NULL, &watched->healthy);
+    done &= opposite(is_alarming(clock, sensors, &watched->healthy) & (clock->quiet == 0));
+    keep_for_long(index, clock, done, &watched->healthy);
     clock->index += 1;
     return done;
 }
@@ -271,7 +266,7 @@ static void watch_group(Fleet *fleet, const Portion *portion, int64_t number, in
     const int any = any_of(done);
     if (any) {
         keep_before(watched, &memory->before);
-        done = watch_usually(watched, &sample, done, memory);
+        done = watch_usually(watched, &sample, index, done, memory);
     }
     for (int l = 0; l < FB_LANES && !all_of(done); l++) {
         if (holds(done, l)) continue;
@@ -334,6 +329,13 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef is_alarming
 #undef is_sound
 #undef learn_travel
+#undef walks_from
+#undef usual_walk
+#undef take_walk
+#undef judge_walk
+#undef judge_start
+#undef judge_walks
+#undef keep_for_long
 #undef SIDE
 #endif
 

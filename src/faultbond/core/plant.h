@@ -13,6 +13,13 @@
 #define UNKNOWN_FROM 3.0    /* samples for which an input has not been told from which on it is unknown where it stands */
 #define RARELY 0.5          /* presence of an input that is logged when it changes */
 #define SPIKE 4.0           /* sd of an innovation that may be due to one; */
+#define WALK_LIMIT 6.0       /* sd of what is usual, that a parameter may walk over a window, */
+#define START_LIMIT 3.5      /* and of what its accuracy allows, since the start */
+#define WALK_USUAL 4.0       /* square of a walk over the first window that counts as usual before any was seen, */
+#define WALK_TRUST 10.0      /* for as much as so many windows; the same of what one window says for the next */
+#define WALK_MOST 16.0       /* part of the usual square that one window may add */
+#define WALK_LEAST 0.02      /* part of its variance that a parameter may walk in any case */
+#define WALK_SETTLES 200     /* samples after the start, or a diagnosis that was accepted, from which on lanes are kept */
 #define NIS_TRUST 1000    /* samples for which the declared noise counts, */
 #define NIS_MEMORY 10000  /* and over which squares are a mean */
 #define NIS_LEAST 0.25

@@ -76,10 +76,10 @@ static void narrow(const double *wide, double weight, int parameter, double *pla
     plain[PLAIN_LIKELIHOOD] = wide[WIDE_LIKELIHOOD];
 }
 
-/* A plain lane with the states of `healthy` and the parameters of `old`, uncorrelated. */
+/* A plain lane with the states of `healthy`, which it may be, and the parameters of `old`, uncorrelated. */
 static void unlearned(const double *healthy, const double *old, double *lane)
 {
-    memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
+    if (lane != healthy) memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
     for (int k = 0; k < N_PARAMETERS; k++) {
         const int i = AT_PARAMETERS + k;
         lane[i] = old[i];

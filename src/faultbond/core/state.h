@@ -6,8 +6,11 @@
 #include "filters.h"
 
 #define LAGS 4            /* innovations with which each new one is compared */
-#define SNAPSHOTS 12      /* healthy lanes that are kept for long, */
-#define SNAPSHOT_EVERY 300 /* one after so many samples */
+#define WALK_EVERY 100    /* samples after which it is judged how far the parameters have walked, */
+#define WALKS 6           /* over so many windows: the first is as long as that, */
+#define WALK_RATIO 3      /* and each so many times as long as the one before */
+#define SNAPSHOTS (2 * WALKS + 1) /* healthy lanes that are kept for long: two of each window, and that of the start */
+#define AT_START (2 * WALKS)
 #define DEPTH (HISTORY_SAMPLES + 2) /* samples of a trail */
 #define SPREAD 128                  /* samples over which work on the bank may be spread, */
 #define N_ROWS (DEPTH + SPREAD)     /* and with them those that are kept */
@@ -130,6 +133,10 @@ typedef struct {
 typedef struct {
     double time, change_time;   /* s: when it was raised, and the estimated onset */
     int64_t crossed[N_OUTPUTS]; /* 1: the sensors whose sums crossed */
+    int64_t walker, window;     /* the parameter that has walked too far, and over which window, WALKS: since the start;
+                                   -1: it was not raised by that */
+    double walk;                /* how far, in standard deviations of what is usual */
+    int64_t old;                /* the snapshot from before a walk that began before the trail; -1: it did not */
 } Alarm;
 
 /* What the rule has in mind that accepts without a person: which hypothesis has been sure, since which sample, and since when

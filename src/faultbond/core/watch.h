@@ -8,6 +8,7 @@
 
 #define START_SAMPLES 20 /* gathered before an unknown start is solved */
 #define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
+#define OLD_WINDOW 3 /* window of the lane of long ago, from which drifts under way begin */
 
 enum { WAITING, STARTING, WARMING, WATCHING, DIAGNOSING, LOST }; /* what a run is doing */
 
@@ -80,6 +81,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     begin_travel(&state->healthy);
     clear_bank(state);
     forget_sure(&state->sure);
+    state->alarm.walker = state->alarm.window = state->alarm.old = -1;
 }
 
 /* A report without anything in it. */
@@ -132,38 +134,30 @@ static void keep(State *state, const double *packed, const double *lane, double 
     work_on(state, &work->bank, &work->filters);
 }
 
-/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
-static int64_t learned_from(const Clock *clock)
-{
-    return (clock->begun > clock->accepted ? clock->begun : clock->accepted) + SNAPSHOT_EVERY;
-}
-
-/* Where the healthy lane of a sample is kept for long; -1: it is not. */
-static int64_t snapshot_of(const Clock *clock)
-{
-    const int64_t since = clock->index - learned_from(clock);
-    return since >= 0 && since % SNAPSHOT_EVERY == 0 ? since / SNAPSHOT_EVERY % SNAPSHOTS : -1;
-}
-
 /* Take the healthy lane after a sample, with what is kept of it for long. */
 static void remember(State *state, const double *lane)
 {
     Healthy *healthy = &state->healthy;
     memcpy(healthy->lane, lane, sizeof healthy->lane);
     learn_travel(healthy);
-    const int64_t slot = snapshot_of(&state->clock);
-    if (slot >= 0) memcpy(healthy->snapshots[slot], lane, sizeof healthy->snapshots[0]);
+    judge_walks(state->clock.index, &state->clock, state->normal.rates, healthy);
+    keep_for_long(state->clock.index, &state->clock, 1, healthy);
 }
 
-/* The oldest healthy lane that is kept; NULL before the first, and where that is of after the alarm. */
+/* The lane of long ago from which drifts under way begin: that from before a walk that raised the alarm, else the oldest of the
+   windows up to OLD_WINDOW; NULL: none is kept. */
 static const double *oldest_lane(const State *state)
 {
     const Clock *clock = &state->clock;
-    const int64_t first = learned_from(clock), since = clock->index - first;
-    if (since < 0) return NULL;
-    const int64_t number = since / SNAPSHOT_EVERY, oldest = number >= SNAPSHOTS ? number - SNAPSHOTS + 1 : 0;
-    if (clock->alarm >= 0 && clock->alarm < first + oldest * SNAPSHOT_EVERY) return NULL;
-    return state->healthy.snapshots[oldest % SNAPSHOTS];
+    const int64_t index = clock->alarm >= 0 ? clock->alarm : clock->index;
+    if (clock->alarm >= 0 && state->alarm.old >= 0) return state->healthy.snapshots[state->alarm.old];
+    for (int window = OLD_WINDOW; window >= 0; window--) {
+        const int64_t length = length_of_walk(window);
+        for (int64_t number = index / length - 1; number <= index / length; number++)
+            if (number >= 0 && (double)(number * length) >= walks_from(clock) && number * length < index)
+                return state->healthy.snapshots[kept_at(window, number)];
+    }
+    return NULL;
 }
 
 /* The trail up to now. */
@@ -248,6 +242,8 @@ static void gather(State *state, Report *report, Work *work)
     const int64_t wild = begin(state, count, known, again, work->gathered, work->mean, work->covariance, &work->start,
                                &work->filters.plain);
     healthy_lane(work->mean, work->covariance, AT_SLOT, known, work->lane);
+    memcpy(state->healthy.snapshots[AT_START], work->lane, sizeof work->lane);
+    state->healthy.snapshots[AT_START][KEPT_TIME] = row_of(&state->past, clock->begun)->time;
     begin_shown(&state->sensors);
     for (int64_t k = 0; k < count; k++) {
         Row *row = row_of(&state->past, clock->index - count + 1 + k);

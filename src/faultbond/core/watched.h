@@ -52,7 +52,11 @@ typedef struct {
     real lane[PLAIN_NUMBERS];
     real travel[2][FB_ROOM(N_STATES)];      /* least and greatest value of each state, */
     real astray[FB_ROOM(N_STATES)];         /* and the sd that is left of a gap */
-    real snapshots[SNAPSHOTS][PLAIN_NUMBERS]; /* the lane every so many samples, in turn */
+    real windows[WALKS];                    /* windows over which parameters were seen to walk, of each length, */
+    real walks[WALKS][FB_ROOM(N_PARAMETERS)]; /* and the sums of the squares of how far, in what their variances allow */
+    real walk;                              /* the largest walk at this sample, in its limit; 0: none is judged, */
+    real walker;                            /* and whose it is: parameter + N_PARAMETERS * window, WALKS: since the start */
+    real snapshots[SNAPSHOTS][KEPT_NUMBERS]; /* the lane now and then, see walking.h */
 } Healthy;
 
 /* All of it; a state begins with the same parts. */

@@ -302,10 +302,12 @@ static inline flag slow_error_alarms(const Clock *clock, const real *lane)
     return found;
 }
 
-/* Whether a sum crossed its limit, or a slow error left its size. */
-static inline flag is_alarming(const Clock *clock, const Sensors *sensors, const real *lane)
+#include "walking.h"
+
+/* Whether a sum crossed its limit, a slow error left its size, or a parameter walked too far. */
+static inline flag is_alarming(const Clock *clock, const Sensors *sensors, const Healthy *healthy)
 {
-    flag found = slow_error_alarms(clock, lane);
+    flag found = slow_error_alarms(clock, healthy->lane) | (healthy->walk > 1.0);
     for (int j = 0; j < N_OUTPUTS; j++) found |= statistic(sensors, j) > CUSUM_LIMIT;
     return found;
 }

@@ -71,7 +71,7 @@ static void begin_job(State *state, int64_t kind, const Trail *trail, int64_t ch
     job->kind = kind;
     job->oldest = trail->oldest;
     job->end = trail->oldest + trail->n - 1;
-    job->old = trail->old ? (trail->old - state->healthy.snapshots[0]) / PLAIN_NUMBERS : -1;
+    job->old = trail->old ? (trail->old - state->healthy.snapshots[0]) / KEPT_NUMBERS : -1;
     job->change = change;
     for (int k = 0; k < N_INPUTS; k++) job->peak[k] = peak_of(&state->inputs, k);
     job->spent = job->stage = job->group = 0;
@@ -88,11 +88,27 @@ static void clear_job(Job *job)
     job->ended = job->settled = job->onset = job->old = -1;
 }
 
+/* After a fault that began long before the trail, the healthy filter has learned from it: the lanes of the trail, from which
+   those of the bank begin, get the parameters of before, as uncertain as their usual walks have made them since. */
+static void unlearn(State *state, const Trail *trail)
+{
+    if (state->alarm.old < 0 || !trail->old) return;
+    const double *usual = trail->old + KEPT_USUAL;
+    for (int64_t number = trail->oldest; number < trail->oldest + trail->n; number++) {
+        double *lane = row_of(&state->past, number)->lane;
+        unlearned(lane, trail->old, lane);
+        for (int i = 0; i < N_PARAMETERS; i++)
+            for (int j = i; j < N_PARAMETERS; j++)
+                lane[PLAIN_PLACE(AT_PARAMETERS + i, AT_PARAMETERS + j)] *= sqrt(fmax(usual[i], 1.0) * fmax(usual[j], 1.0));
+    }
+}
+
 /* Let all lanes of the plan begin. */
 static void begin_all(State *state, const Trail *trail, int64_t change)
 {
     Job *job = &state->job;
     Bank *bank = &state->bank;
+    unlearn(state, trail);
     clear_job(job);
     begin_job(state, BEGINNING, trail, change);
     job->n_singles = N_SINGLE_LANES;
@@ -120,6 +136,7 @@ static void begin_again(State *state, Trail *trail, BankMemory *memory)
 {
     Job *job = &state->job;
     shorten(&state->bank, trail);
+    unlearn(state, trail);
     job->renewals++;
     begin_job(state, job->renewals == N_RENEWALS ? RENEWING_ALL : RENEWING, trail, trail->alarm);
     if (job->kind == RENEWING_ALL) want_leading(&state->bank, job->stands_for, memory->steps.known);

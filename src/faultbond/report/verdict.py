@@ -14,6 +14,7 @@ from faultbond.contract.findings import (
     History,
     Suspect,
     Unexplained,
+    Walk,
 )
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
@@ -163,12 +164,25 @@ def fault_probabilities(diagnosis: Diagnosis, *, instruments: bool) -> dict[str,
 
 
 def detection_sentence(detection: Detection) -> str:
-    """Say when the alarm came, in which signals, and how long after the onset."""
+    """Say when the alarm came, in which signals or by which walk, and how long after the onset."""
+    if detection.walk is not None:
+        return _walk_sentence(detection, detection.walk)
     where = f" in {join(detection.signals)}" if detection.signals else ""
     delay = duration_text(detection.time - detection.change_time)
     return (
         f"Fault detected at {clock_text(detection.time)}{where}; "
         f"it began at about {clock_text(detection.change_time)} (delay {delay})."
+    )
+
+
+def _walk_sentence(detection: Detection, walk: Walk) -> str:
+    """Say that the healthy filter had to follow a parameter too far."""
+    told = f"Fault detected at {clock_text(detection.time)}, by {walk.parameter}, which the healthy model had to move"
+    if walk.from_start:
+        return f"{told} {walk.sd:.1f} times as far as its accuracy: it was there from the first sample."
+    return (
+        f"{told} {walk.sd:.1f} times as far as is usual; it began after {clock_text(detection.change_time)}, "
+        "too slowly for the sensors to show it at once."
     )
 
 

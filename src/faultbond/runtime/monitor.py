@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.core_settings import core_settings
-from faultbond.contract.findings import Advice, Candidate, Detection, Diagnosis
+from faultbond.contract.findings import Advice, Candidate, Detection, Diagnosis, Walk
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, n_grown
 from faultbond.contract.samples import Report, Reports, Sample, Samples
@@ -242,7 +242,16 @@ class Monitor:
             sample=int(self.number("clock.alarm")),
             change_time=self.number("alarm.change_time"),
             signals=tuple(output.name for output, chosen in zip(self.spec.outputs, crossed, strict=True) if chosen),
+            walk=self._walk(),
         )
+
+    def _walk(self) -> Walk | None:
+        walker = int(self.number("alarm.walker"))
+        if walker < 0:
+            return None
+        from_start = int(self.number("alarm.window")) == core_settings()["WALKS"]
+        name = self.spec.parameters[walker].name
+        return Walk(parameter=name, sd=self.number("alarm.walk"), from_start=from_start)
 
     def _decided(self, call: Any, hypothesis: int) -> Candidate:
         refused = call(at(self._state), at(self._work), hypothesis, at(self._candidate))

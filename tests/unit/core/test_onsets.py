@@ -19,8 +19,9 @@ from faultbond.synthesis.specify import build_spec
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 SETTINGS = core_settings()
-DENSE, MOST_BURSTS, EVERY, SNAPSHOTS = (
-    int(SETTINGS[name]) for name in ("DENSE", "MOST_BURSTS", "SNAPSHOT_EVERY", "SNAPSHOTS")
+DENSE, MOST_BURSTS, EVERY, WALKS, RATIO, SETTLES, OLD = (
+    int(SETTINGS[name])
+    for name in ("DENSE", "MOST_BURSTS", "WALK_EVERY", "WALKS", "WALK_RATIO", "WALK_SETTLES", "OLD_WINDOW")
 )
 HISTORY, SMOOTH = Thresholds().history_samples, SETTINGS["SMOOTH"]
 SPARE, WANTED, SURE = range(3)  # what is to be done with an onset
@@ -329,23 +330,37 @@ def test_a_trail_begins_with_the_run_or_what_was_accepted(name: str) -> None:
 def numbered(**clock: int) -> Bare:
     """The same with lanes that are kept for long, each with its number."""
     core = running(**clock)
-    core["healthy.snapshots"] = np.repeat(np.arange(float(SNAPSHOTS)), core.spec.n_numbers)
+    core["healthy.snapshots"] = np.repeat(np.arange(2.0 * WALKS + 1.0), core.spec.n_numbers + len(core.spec.parameters) + 1)
     return core
 
 
+def oldest_kept(index: int, first: int) -> float:
+    """Which lane is the oldest of the longest window, up to the one that counts, of which one was kept."""
+    for window in range(OLD, -1, -1):
+        length = EVERY * RATIO**window
+        kept = [number for number in range(index // length + 1) if first <= number * length < index]
+        if kept:
+            return float(2 * window + kept[-2:][0] % 2)
+    return float("nan")
+
+
 @pytest.mark.parametrize("accepted", [-1, 400])
-def test_the_ring_of_old_lanes_turns(accepted: int) -> None:
-    """When more lanes have been kept than there is room for, the oldest is the one after the newest."""
-    for kept in (1, SNAPSHOTS, SNAPSHOTS + 1, 2 * SNAPSHOTS + 3):
-        core = numbered(index=max(0, accepted) + EVERY * kept, accepted=accepted)
-        assert trail_of(core)[3] == (0 if kept <= SNAPSHOTS else kept % SNAPSHOTS)
-    assert np.isnan(trail_of(numbered(index=max(0, accepted) + EVERY - 1, accepted=accepted))[3])
+def test_the_lane_of_long_ago_is_the_oldest_of_the_longest_window(accepted: int) -> None:
+    """Of each window the last two are there, from a while after the start, or after what was accepted."""
+    for index in (150, 300, 500, 700, 701, 1300, 2800, 5400, 5401, 20_000):
+        core = numbered(index=index, accepted=accepted)
+        expected = oldest_kept(index, max(0, accepted) + SETTLES)
+        assert trail_of(core)[3] == pytest.approx(expected, nan_ok=True), index
 
 
 def test_no_lane_of_after_the_alarm_is_an_old_one() -> None:
-    """A short run has no healthy lane from long before the alarm, at the alarm or later."""
-    assert trail_of(numbered(index=EVERY + 1))[3] == 0.0
-    assert np.isnan(trail_of(numbered(index=EVERY + 1, alarm=EVERY - 1))[3])
-    assert trail_of(numbered(index=EVERY + 1, alarm=EVERY))[3] == 0.0
-    late = numbered(index=EVERY * (SNAPSHOTS + 2), alarm=2 * EVERY)
-    assert np.isnan(trail_of(late)[3])
+    """After an alarm none is kept any more, and the old one is that which there was at the alarm."""
+    for index in (1000, 4000):
+        assert trail_of(numbered(index=index, alarm=900))[3] == trail_of(numbered(index=900))[3]
+
+
+def test_the_lane_from_before_a_walk_is_the_old_one() -> None:
+    """Where a walk that began before the trail raised the alarm."""
+    core = numbered(index=4000, alarm=3900)
+    core["alarm.old"] = 2 * WALKS
+    assert trail_of(core)[3] == 2.0 * WALKS

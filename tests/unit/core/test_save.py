@@ -49,6 +49,7 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     ("sensors.before", (INF, -INF)),
     ("healthy.travel", (NAN,)),
     ("healthy.astray", (NAN, -1.0)),
+    *((f"healthy.{name}", (NAN, INF, -1.0)) for name in ("windows", "walks", "walk", "walker")),
     ("healthy.snapshots", (NAN, INF)),
     ("bank.sums", (NAN, INF, -1.0)),
     ("bank.since", (NAN, INF, -1.0, 2.0**53)),
@@ -65,6 +66,8 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     *((f"normal.{name}", (NAN, -1.0)) for name in ("noise", "wander")),
     *((f"alarm.{name}", (NAN, INF)) for name in ("time", "change_time")),
     ("alarm.crossed", (-1, 2)),
+    *((f"alarm.{name}", (-2, 10**3)) for name in ("walker", "window", "old")),
+    ("alarm.walk", (NAN, INF, -1.0)),
     ("sure.hypothesis", (-2, 2**40)),
     *((f"sure.{name}", (-2, 2**53)) for name in ("since", "clear_since")),
 ]

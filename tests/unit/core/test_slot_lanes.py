@@ -65,6 +65,7 @@ void t_set(int64_t n, const double *old)
     trail.n = n;
     trail.alarm = n - 3;
     trail.old = NULL;
+    state.alarm.old = -1;
     if (old) memcpy(state.healthy.snapshots[0], old, sizeof state.healthy.snapshots[0]);
     if (old) trail.old = state.healthy.snapshots[0];
     state.clock.alarm = trail.oldest + trail.alarm;

@@ -33,19 +33,24 @@ def drifting(waited: int = 99) -> Monitor:
 
 
 def test_the_oldest_healthy_lane_is_from_before_the_drift() -> None:
-    """A healthy lane is kept every so many samples, and the oldest one has learned nothing from the drift."""
+    """Healthy lanes are kept at multiples of windows, two of each, and that which counts has learned little of the drift."""
     monitor = drifting()
-    spec, every, place = monitor.spec, core_settings()["SNAPSHOT_EVERY"], monitor.spec.parameter_slice
-    snapshots = monitor.numbers("healthy.snapshots").reshape(-1, spec.n_numbers)
-    kept = np.any(snapshots, axis=1)
-    watched = monitor.number("clock.index") - 1 - monitor.number("clock.begun")
-    assert kept.tolist() == [k < watched // every for k in range(len(kept))]
-    assert sum(kept) > 1
+    spec, settings, place = monitor.spec, core_settings(), monitor.spec.parameter_slice
+    snapshots = monitor.numbers("healthy.snapshots").reshape(-1, spec.n_numbers + len(spec.parameters) + 1)
+    alarm, walks, ratio = monitor.number("clock.alarm"), round(settings["WALKS"]), settings["WALK_RATIO"]
+    assert monitor.number("alarm.old") < 0
+    for window in range(walks):
+        length = settings["WALK_EVERY"] * ratio**window
+        for number in (alarm // length - 1, alarm // length):
+            kept = snapshots[2 * window + int(number) % 2]
+            assert np.any(kept) == (number * length >= settings["WALK_SETTLES"])
+            assert kept[-1] == (number * length if np.any(kept) else 0.0)
+            if number * length > monitor.number("clock.index") - spec.thresholds.history_samples:
+                assert np.array_equal(kept[: spec.n_numbers], monitor.row(int(number * length))[1])
+    old = snapshots[int(monitor.number("job.old"))]
+    assert old[-1] == max(settings["WALK_EVERY"] * ratio, (alarm // 300 - 1) * 300)
     drifted = monitor.numbers("healthy.lane")[place]
-    assert np.abs(snapshots[0, place] - 1.0).max() < 0.01 < np.abs(drifted - 1.0).max()
-    number = int(monitor.number("clock.begun") + every)
-    if number > monitor.number("clock.index") - spec.thresholds.history_samples:
-        assert np.array_equal(snapshots[0], monitor.row(number)[1])
+    assert np.abs(old[place] - 1.0).max() < 0.01 < np.abs(drifted - 1.0).max()
 
 
 def test_a_drift_that_is_there_is_found() -> None:

@@ -1,0 +1,108 @@
+/* How far the parameters of the healthy filter walk. A constant that is learned moves only as its variance shrinks: over a
+   window from s to t var(theta_t - theta_s) = P_s - P_t. A slow fault, which the filter follows so that no innovation tells of
+   it, moves it farther, and so does one that was there from the first sample, in what the declared accuracy allows.
+
+   Models are never perfect, and their parameters walk somewhat farther: by how much is learned, for each window as it was
+   before that began, and what one window says counts for the next longer one until that has been seen often enough.
+
+   The last two lanes at multiples of each window are kept, and compared is that of one to two windows ago. This text stands in
+   watching.h. Reasons and figures: docs/decisions/020-walks.md. */
+
+static inline int64_t length_of_walk(int window)
+{
+    int64_t length = WALK_EVERY;
+    for (int k = 0; k < window; k++) length *= WALK_RATIO;
+    return length;
+}
+
+/* Number of the lane of a window with which that after sample `index` is compared; below 0: none. */
+static inline int64_t compared_with(int64_t index, int64_t length) { return (index + length - 1) / length - 2; }
+
+/* Where lane number `number` of a window is kept. */
+static inline int64_t kept_at(int window, int64_t number) { return 2 * window + number % 2; }
+
+/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
+static inline real walks_from(const Clock *clock)
+{
+    const double settled = WARM_UP_SAMPLES > WALK_SETTLES ? WARM_UP_SAMPLES : WALK_SETTLES;
+    return greater(AS_REAL(clock->begun), AS_REAL(clock->accepted)) + settled;
+}
+
+/* The usual square of a walk of parameter k over a window, in what its variances allow. */
+static inline real usual_walk(const Healthy *healthy, int window, int k)
+{
+    real usual = SAME(WALK_USUAL);
+    for (int w = 0; w <= window; w++) usual = (WALK_TRUST * usual + healthy->walks[w][k]) / (WALK_TRUST + healthy->windows[w]);
+    return usual;
+}
+
+/* Note a walk, in its limit, if it is the largest so far and counts. */
+static inline void take_walk(Healthy *healthy, int window, int k, real part, flag counts)
+{
+    const flag larger_one = counts & (part > healthy->walk);
+    healthy->walk = PICK(larger_one, part, healthy->walk);
+    healthy->walker = PICK(larger_one, SAME((double)(k + N_PARAMETERS * window)), healthy->walker);
+}
+
+/* Judge how far parameter k has walked over a window, since a lane that was kept `weight` windows of the shortest ago; learn
+   from it where it `counts`. */
+static inline void judge_walk(Healthy *healthy, int window, int k, const real *old, real weight, flag counts)
+{
+    const int i = AT_PARAMETERS + k;
+    const real left = healthy->lane[PLAIN_PLACE(i, i)], moved = healthy->lane[i] - old[i];
+    const real allowed = greater(old[PLAIN_PLACE(i, i)] - left, WALK_LEAST * left);
+    const flag judged = counts & (allowed > 0.0);
+    const real square = moved * moved / PICK(judged, allowed, SAME(1.0));
+    const real usual = greater(usual_walk(healthy, window, k), SAME(1.0));
+    take_walk(healthy, window, k, ROOT(square / greater(old[KEPT_USUAL + k], SAME(1.0))) / WALK_LIMIT, judged);
+    healthy->walks[window][k] += PICK(judged, weight * lesser(square, WALK_MOST * usual), SAME(0.0));
+}
+
+/* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
+   1 - r, where r of its variance is left; and it walks about that as it is usual. */
+static inline void judge_start(Healthy *healthy, int k, flag counts)
+{
+    const int i = AT_PARAMETERS + k;
+    const real *start = healthy->snapshots[AT_START];
+    const real before = start[PLAIN_PLACE(i, i)], left = healthy->lane[PLAIN_PLACE(i, i)];
+    const flag judged = counts & (before > 0.0);
+    const real r = left / PICK(judged, before, SAME(1.0)), found = greater(1.0 - r, SAME(WALK_LEAST));
+    const real usual = greater(usual_walk(healthy, WALKS - 1, k), SAME(1.0));
+    const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r));
+    take_walk(healthy, WALKS, k, SIZE(healthy->lane[i] - start[i]) / (sd * START_LIMIT), judged);
+}
+
+/* Judge how far the parameters have walked up to sample `index`, where it is time to, and learn how far is usual. rates: of
+   parameters that move by themselves, which are not judged; NULL: none does. After an alarm nothing is judged. */
+static inline void judge_walks(int64_t index, const Clock *clock, const double *rates, Healthy *healthy)
+{
+    healthy->walk = healthy->walker = SAME(0.0);
+    if (index % WALK_EVERY != 0) return;
+    const flag watched = clock->alarm < 0;
+    const real from = walks_from(clock);
+    for (int window = 0; window < WALKS; window++) {
+        const int64_t length = length_of_walk(window), number = compared_with(index, length);
+        if (number < 0) break;
+        const real weight = SAME((double)WALK_EVERY / (double)(index - number * length));
+        const flag counts = watched & (SAME((double)(number * length)) >= from);
+        healthy->windows[window] += PICK(counts, weight, SAME(0.0));
+        for (int k = 0; k < N_PARAMETERS; k++)
+            if (!rates || rates[k] == 0.0)
+                judge_walk(healthy, window, k, healthy->snapshots[kept_at(window, number)], weight, counts);
+    }
+    for (int k = 0; k < N_PARAMETERS; k++)
+        judge_start(healthy, k, watched & (clock->accepted < 0) & (SAME((double)index) >= from));
+}
+
+/* Keep the healthy lane for long, where it is time to, of plants that `may`. */
+static inline void keep_for_long(int64_t index, const Clock *clock, flag may, Healthy *healthy)
+{
+    const flag kept = may & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock));
+    for (int window = 0; window < WALKS && index % length_of_walk(window) == 0; window++) {
+        real *to = healthy->snapshots[kept_at(window, index / length_of_walk(window))];
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) to[i] = PICK(kept, healthy->lane[i], to[i]);
+        for (int k = 0; k < N_PARAMETERS; k++)
+            to[KEPT_USUAL + k] = PICK(kept, usual_walk(healthy, window, k), to[KEPT_USUAL + k]);
+        to[KEPT_TIME] = PICK(kept, clock->time, to[KEPT_TIME]);
+    }
+}

@@ -1,0 +1,206 @@
+"""How far the parameters of the healthy filter walk: against the same written down plainly, and what raises the alarm."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, bare
+from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.spec import covariance_place
+from faultbond.synthesis.compile import find_compiler
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+SETTINGS = core_settings()
+EVERY, WALKS, RATIO, SETTLES = (
+    int(SETTINGS[name]) for name in ("WALK_EVERY", "WALKS", "WALK_RATIO", "WALK_SETTLES")
+)
+LIMIT, START_LIMIT, USUAL, TRUST, MOST, LEAST = (
+    SETTINGS[name] for name in ("WALK_LIMIT", "START_LIMIT", "WALK_USUAL", "WALK_TRUST", "WALK_MOST", "WALK_LEAST")
+)
+CALLS = """
+void t_remember(State *state, const double *lane) { remember(state, lane); }
+void t_start(State *state, const double *lane)
+{
+    memcpy(state->healthy.snapshots[AT_START], lane, PLAIN_NUMBERS * sizeof *lane);
+}
+int64_t t_detect(State *state) { return detect(state); }
+int64_t t_is_alarming(State *state) { return is_alarming(&state->clock, &state->sensors, &state->healthy); }
+"""
+
+
+def lane_of(core: Bare, values: FloatArray, variances: FloatArray) -> FloatArray:
+    """A healthy lane whose parameters have these values and variances, each (n_parameters,)."""
+    lane, where = np.zeros(core.spec.n_numbers), core.spec.parameter_slice
+    lane[where] = values
+    lane[[covariance_place(core.spec, k, k) for k in range(where.start, where.stop)]] = variances
+    return lane
+
+
+def begun(**clock: int) -> Bare:
+    """A core that runs since sample 0, whose parameters start at 1 with a variance of 1."""
+    core = bare(CALLS, CELL)
+    for name, value in {"begun": 0, "running": 1, **clock}.items():
+        core[f"clock.{name}"] = value
+    n = len(core.spec.parameters)
+    core.call("t_start", lane_of(core, np.ones(n), np.ones(n)))
+    return core
+
+
+def walked(core: Bare, values: FloatArray, variances: FloatArray) -> list[tuple[float, int]]:
+    """Let the parameters go this way, (rows, n_parameters), one row each EVERY samples; the largest walk at each, and whose."""
+    found = []
+    for value, variance in zip(values, variances, strict=True):
+        core.call("t_remember", lane_of(core, value, variance))
+        found.append((float(core["healthy.walk"][0]), int(core["healthy.walker"][0])))
+        core["clock.index"] += EVERY
+    return found
+
+
+def plainly(values: FloatArray, variances: FloatArray) -> list[tuple[float, int]]:
+    """The same, written down plainly from the definition."""
+    rows, n = values.shape
+    sums, windows, found = np.zeros((WALKS, n)), np.zeros(WALKS), []
+    usuals = np.full((rows, WALKS, n), np.nan)
+
+    def usual(window: int) -> FloatArray:
+        told = np.full(n, USUAL)
+        for w in range(window + 1):
+            told = (TRUST * told + sums[w]) / (TRUST + windows[w])
+        return told
+
+    for row in range(rows):
+        scores = np.zeros((WALKS + 1, n))
+        for window in range(WALKS):
+            length = RATIO**window
+            before = (-(-row // length) - 2) * length
+            if before * EVERY < SETTLES:
+                continue
+            shrunk = np.maximum(variances[before] - variances[row], LEAST * variances[row])
+            square = (values[row] - values[before]) ** 2 / shrunk
+            scores[window] = np.sqrt(square / np.maximum(usuals[before, window], 1.0)) / LIMIT
+            windows[window] += 1.0 / (row - before)
+            sums[window] += np.minimum(square, MOST * np.maximum(usual(window), 1.0)) / (row - before)
+        if row * EVERY >= SETTLES:
+            left = variances[row]
+            gone, most = np.maximum(1.0 - left, LEAST), np.maximum(usual(WALKS - 1), 1.0)
+            scores[WALKS] = np.abs(values[row] - 1.0) / np.sqrt(gone * (gone + most * left)) / START_LIMIT
+        for window in range(WALKS):
+            usuals[row, window] = usual(window)
+        k = int(np.argmax(scores))
+        found.append((float(scores.flat[k]), k if scores.flat[k] > 0.0 else 0))
+    return found
+
+
+def steady(rows: int, n: int, seed: int = 1, learned: float = 0.02) -> tuple[FloatArray, FloatArray]:
+    """Estimates of constants that move half as far as their variances allow: a row brings 1 / learned^2 of information."""
+    generator = np.random.default_rng(seed)
+    variances = 1.0 / (1.0 + np.arange(1, rows + 1) / learned**2)
+    steps = np.sqrt(-np.diff(variances, prepend=1.0))[:, None] * generator.standard_normal((rows, n))
+    return 1.0 + 0.5 * np.cumsum(steps, axis=0), np.repeat(variances[:, None], n, axis=1)
+
+
+def test_walks_are_judged_as_written_down_plainly() -> None:
+    """Over all windows and since the start, with what is usual as it was before each window."""
+    core = begun()
+    n = len(core.spec.parameters)
+    values, variances = steady(700, n)
+    values[400:, 0] += 0.002 * np.arange(300)
+    found, expected = walked(core, values, variances), plainly(values, variances)
+    assert [walk for walk, _ in found] == pytest.approx([walk for walk, _ in expected], rel=1e-9)
+    assert [walker for _, walker in found] == [walker for _, walker in expected]
+    assert {walker // n for _, walker in found} >= {0, 1, 2, 3, 4}
+
+
+def test_a_constant_that_is_learned_raises_no_alarm() -> None:
+    """Of ten that move as their variances allow none alarms; one that moves on alarms, with its name."""
+    most = []
+    for seed in range(10):
+        core = begun()
+        values, variances = steady(400, len(core.spec.parameters), seed)
+        most.append(max(walk for walk, _ in walked(core, values, variances)))
+    assert max(most) < 1.0
+    assert min(most) > 0.1
+    core = begun()
+    values, variances = steady(400, len(core.spec.parameters))
+    values[200:, 1] += 0.003 * np.arange(200)
+    found = walked(core, values, variances)
+    first = next(k for k, (walk, _) in enumerate(found) if walk > 1.0)
+    assert first > 200
+    assert found[first][1] % len(core.spec.parameters) == 1
+
+
+def test_what_walks_by_nature_is_let_walk() -> None:
+    """A parameter that has always walked four times as far as its variance allows does not alarm, one that begins to does."""
+    loud = []
+    for from_row in (3, 300):
+        core = begun()
+        n = len(core.spec.parameters)
+        values, variances = steady(600, n, 3)
+        wild = np.random.default_rng(4).standard_normal(600 - from_row) * 3.0
+        values[from_row:, 0] += wild * np.sqrt(variances[from_row:, 0] * 0.2)
+        loud.append(max(walk for walk, _ in walked(core, values, variances)))
+    assert loud[0] < loud[1]
+
+
+@pytest.mark.parametrize(("off", "alarms"), [(3.0, False), (5.0, True)])
+def test_what_was_off_from_the_first_sample_is_found(off: float, alarms: bool) -> None:
+    """Where a parameter turns out to lie so many accuracies off, and has walked no more since it was found."""
+    core = begun()
+    n = len(core.spec.parameters)
+    values, variances = steady(60, n)
+    values[:, 0] += off
+    walks = walked(core, values, variances)
+    assert (max(walk for walk, _ in walks) > 1.0) == alarms
+    assert max(walks)[1] == WALKS * n
+
+
+def alarm_at(core: Bare, walk: float, walker: int) -> list[int]:
+    """Judge a walk at sample 5000; the onset, whose it is, its window, and the lane that counts as old; -1: none."""
+    core["clock.index"], core["healthy.walk"], core["healthy.walker"] = 5000, walk, walker
+    onset = core.call("t_detect")
+    assert core.call("t_is_alarming") == (walk > 1.0)
+    return [onset, *(int(core[f"alarm.{name}"][0]) for name in ("walker", "window", "old"))]
+
+
+def test_the_alarm_knows_which_parameter_walked_and_since_when() -> None:
+    """Only of a walk that began before the trail does the bank begin with the parameters of before."""
+    n, history = len(begun().spec.parameters), begun().spec.thresholds.history_samples
+    oldest = 5000 - history
+    assert alarm_at(begun(), 0.9, 0)[0] == -1
+    assert alarm_at(begun(), 1.2, 1) == [4800 if history >= 200 else oldest, 1, 0, -1]
+    assert alarm_at(begun(), 1.2, 2 * n) == [oldest, 0, 2, 4 + 4 % 2]
+    assert alarm_at(begun(), 1.2, WALKS * n + 1) == [oldest, 1, WALKS, 2 * WALKS]
+
+
+def test_after_an_alarm_or_what_was_accepted_walks_begin_anew() -> None:
+    """Nothing is judged while an alarm is open; what was accepted starts the windows again, and has no start to be off from."""
+    values, variances = steady(60, len(begun().spec.parameters))
+    values[:, 0] += 9.0
+    assert max(walk for walk, _ in walked(begun(alarm=1), values, variances)) == 0.0
+    found = walked(begun(accepted=1000), values, variances)
+    assert max(walk for walk, _ in found) < 1.0
+    first = next(k for k, (walk, _) in enumerate(found) if walk > 0.0)
+    assert first * EVERY > 1000 + SETTLES
+
+
+def kept_by(core: Bare, samples: Sequence[int]) -> FloatArray:
+    """Which lanes are kept after some samples: the times of all, 0 where there is none."""
+    for index in samples:
+        core["clock.index"], core["clock.time"] = index, 1000.0 + index
+        core.call("t_remember", np.full(core.spec.n_numbers, 0.5))
+    width = core.spec.n_numbers + len(core.spec.parameters) + 1
+    return np.array(core["healthy.snapshots"]).reshape(-1, width)[:, -1]
+
+
+def test_two_lanes_of_each_window_are_kept() -> None:
+    """At multiples of the window, the last two, with their times."""
+    kept = kept_by(begun(), range(1, 1801))
+    expected = np.zeros(2 * WALKS + 1)
+    for window in range(WALKS):
+        length = EVERY * RATIO**window
+        for number in (1800 // length - 1, 1800 // length):
+            if number * length >= SETTLES:
+                expected[2 * window + number % 2] = 1000.0 + number * length
+    assert kept.tolist() == expected.tolist()
