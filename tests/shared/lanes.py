@@ -6,7 +6,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import LanePlan
-from faultbond.contract.slots import WANDER, SlotPlan
+from faultbond.contract.slots import SlotPlan
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 
 
