@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.slots import WANDER, SlotLane, plan_slots
+from faultbond.contract.slots import SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, unpack
 from faultbond.model.text import load_model
 from faultbond.runtime.core import Core
@@ -31,6 +31,7 @@ class Acts:
     resistor: float = 0.0
     capacitor: float = 0.0
     voltage: float = 0.0
+    obeys: float = 1.0
     reads: float = 1.0
     gain: float = 0.0
     added: float = 0.0
@@ -43,12 +44,13 @@ def acts_of(lane: SlotLane) -> Acts:
         there = float(lane.acts)
         return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))
     if lane.input >= 0:
-        return Acts(voltage=float(lane.acts))
+        return Acts(voltage=float(lane.acts), obeys=float(not lane.sticks))
     if not lane.acts:
         return Acts()
     return {
         FaultKind.BIAS: Acts(added=NOISE_Y),
         FaultKind.DRIFT: Acts(added=NOISE_Y),
+        FaultKind.RAMP: Acts(added=NOISE_Y),
         FaultKind.GAIN: Acts(gain=1.0),
         FaultKind.STUCK: Acts(reads=0.0, added=NOISE_Y, scatter=lane.noise),
         FaultKind.NOISE: Acts(scatter=lane.noise),
@@ -60,14 +62,14 @@ def charging(z: FloatArray, voltage: float, acts: Acts) -> tuple[float, FloatArr
     """Rate of the capacitor's voltage and its slope by z."""
     r = R * (z[FACTOR_R] + acts.resistor * z[SIZE])
     c = C * (z[FACTOR_C] + acts.capacitor * z[SIZE])
-    rate = (voltage + z[INPUT] + acts.voltage * z[SIZE] - z[VOLTAGE]) / (r * c)
+    rate = (acts.obeys * voltage + z[INPUT] + acts.voltage * z[SIZE] - z[VOLTAGE]) / (r * c)
     by_r, by_c = -rate * R / r, -rate * C / c
     by_size = by_r * acts.resistor + by_c * acts.capacitor + acts.voltage / (r * c)
     return rate, np.array([-1.0 / (r * c), by_r, by_c, by_size, 0.0, 1.0 / (r * c)])
 
 
 def predicted(
-    z: FloatArray, P: FloatArray, voltage: float, dt: float, unknown: float, acts: Acts, wander: float
+    z: FloatArray, P: FloatArray, voltage: float, dt: float, unknown: float, acts: Acts
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance one step later: ROS2, Jacobian inside the method held; the size goes on at its rate."""
     f, slope = charging(z, voltage, acts)
@@ -86,7 +88,7 @@ def predicted(
     following[VOLTAGE] += dt * (1.5 * k1 + 0.5 * k2)
     following[SIZE] += dt * z[RATE]
     following[INPUT] = 0.0
-    return following, F @ P @ F.T + np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, wander * dt, NOISE_V**2])
+    return following, F @ P @ F.T + np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, 0.0, NOISE_V**2])
 
 
 def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatArray, FloatArray, float]:
@@ -137,22 +139,17 @@ def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, 
     samples = recording(spec, 101)
     healthy = engine.healthy_lane(np.array([4.0]), np.array([[0.5]]))[:, 0]
     healthy[spec.parameter_slice] = [1.1, 0.95]
-    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, np.array([9.0]), samples[0, place["y"]])
+    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, np.array([9.0]), samples[0, place["y"]], samples[0, place["u"]])
     lanes[wide.slot_slice.start + 1] = 0.02  # something moves in every lane
     z, P = lanes[: wide.n_joint].T.copy(), np.array([unpack(wide, lane[wide.covariance_slice]) for lane in lanes.T])
     total = np.zeros(plan.n_lanes)
-    rates = [
-        lane.rate_sd * (healthy[spec.parameter_slice][lane.parameter] if lane.parameter >= 0 else 1.0)
-        for lane in plan.lanes
-    ]
     assert {lane.kind for lane in plan.lanes} == set(FaultKind) - {FaultKind.STEP}
     for sample in samples[1:]:
         lanes, innovations = engine.advance(lanes, sample[None, :])
         y, dt, before = (float(sample[place[name]][0]) for name in ("y", "dt", "u_before"))
         for k, lane in enumerate(plan.lanes):
             acts = acts_of(lane)
-            wander = WANDER * (rates[k] / 0.02) ** 2 / (lane.span * 0.02) if lane.span else 0.0
-            z[k], P[k] = predicted(z[k], P[k], before, dt, spec.states[0].noise ** 2, acts, wander)
+            z[k], P[k] = predicted(z[k], P[k], before, dt, spec.states[0].noise ** 2, acts)
             reading = (acts.reads + acts.gain * z[k, SIZE]) * z[k, VOLTAGE] + acts.added * z[k, SIZE]
             assert innovations[0, 0, k] == pytest.approx(y - reading, rel=1e-8, abs=1e-8)
             if sample[place["use"]] > 0:

@@ -114,7 +114,6 @@ class DenseFilter:
             size = spec.slot_slice.start
             z[size] += dt * z[size + 1]
             F[size, size + 1] = dt
-            Q[size + 1] = lane.roles["wander"][0] * dt
         z[spec.noise_slice] = 0.0  # white: every sample has its own
         F[spec.noise_slice] = 0.0
         Q[spec.noise_slice] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
@@ -135,7 +134,7 @@ class DenseFilter:
         ROS2 in equal substeps. The slopes are those of its formulas with the matrix inside them held. Inputs with a
         linear hold gain `climb` over dt.
         """
-        v, by_z = self.model_vector(z, roles)
+        v, by_z = self.model_vector(z, roles, u)
         n_x, h, gamma = len(self.spec.states), dt / self.model.substeps, 1.0 - 1.0 / np.sqrt(2.0)
         moved = np.eye(len(v))  # slope of the vector on its way by the vector at the start
         part = np.array([item.linear for item in self.spec.inputs]) * climb / self.model.substeps
@@ -162,7 +161,7 @@ class DenseFilter:
         self, z: FloatArray, roles: Fields, u: FloatArray, implicit: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the readings, their slopes by z, (n_outputs, n_joint), and the implicit signals."""
-        v, by_z = self.model_vector(z, roles)
+        v, by_z = self.model_vector(z, roles, u)
         implicit = self.solved(v, u, implicit)
         y, by_v = self.model.readings(v, u, implicit)
         plain, H = y.full()[:, 0], by_v.full() @ by_z
@@ -208,7 +207,7 @@ class DenseFilter:
 
     # The plant as a lane sees it.
 
-    def model_vector(self, z: FloatArray, roles: Fields) -> tuple[FloatArray, FloatArray]:
+    def model_vector(self, z: FloatArray, roles: Fields, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Give the vector v of the model, [states, slow errors, factors, errors of all inputs], and its slope by z."""
         spec = self.spec
         first, last = spec.parameter_slice.start, spec.parameter_slice.stop
@@ -222,6 +221,7 @@ class DenseFilter:
         v = by_z @ z
         if spec.slot:
             v[first:last] = self.in_range(v[first:last])
+            v[last:] += (roles["obeys"] - 1.0) * u  # what is recorded does not act
         return v, by_z
 
     def in_range(self, factors: FloatArray) -> FloatArray:

@@ -122,7 +122,10 @@ class Diagnosed:
             name = self.library.field_name(ctypes.c_int64(k)).decode()
             self.fields[name] = numbers.view(np.int64) if place[2] else numbers
         self["clock.index"], self["clock.alarm"], self["bank.grown"] = 500, 100, -1
-        self["normal.noise"] = self["normal.gain"] = self["sensors.nis"] = 1.0
+        self["normal.noise"] = self["normal.gain"] = self["sensors.nis"] = self["normal.input_gain"] = 1.0
+        roles = spec.slotted.role_fields
+        for k in range(self.n_slots):  # what comes and goes has gone, and a ramp took its time
+            self.lane("slot", k)[roles["returns"].start], self.lane("slot", k)[roles["took"].start] = 1.0, 1e3
 
     def __getitem__(self, name: str) -> Any:
         """Give the numbers of a name."""
@@ -195,7 +198,7 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
 
     forecast = numbers("f8", "limit", "time", "earliest", "latest")
     suspect = numbers("i8", "parameter", "input", "output", "word")
-    suspect += [*numbers("f8", "nominal", "estimate", "sd", "rate", "rate_sd"), ("n_forecasts", "i8")]
+    suspect += [*numbers("f8", "nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended"), ("n_forecasts", "i8")]
     suspect += [("forecasts", forecast, (n_limits,))]
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]

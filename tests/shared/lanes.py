@@ -6,7 +6,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import LanePlan
-from faultbond.contract.slots import WANDER, SlotPlan
+from faultbond.contract.slots import SlotPlan
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 
 
@@ -50,9 +50,15 @@ def widened(spec: EngineSpec, lane: FloatArray) -> FloatArray:
 
 
 def slot_lanes(
-    spec: EngineSpec, plan: SlotPlan, chosen: Sequence[int], healthy: FloatArray, peak: FloatArray, readings: FloatArray
+    spec: EngineSpec,
+    plan: SlotPlan,
+    chosen: Sequence[int],
+    healthy: FloatArray,
+    peak: FloatArray,
+    readings: FloatArray,
+    inputs: FloatArray,
 ) -> FloatArray:
-    """Chosen lanes of a plan, (n_numbers, n); `peak` (n_inputs,): sizes of inputs, `readings` (n_outputs,)."""
+    """Chosen lanes of a plan, (n_numbers, n); `peak`, `inputs` (n_inputs,): sizes of inputs, and what they are."""
     wide, dt = spec.slotted, spec.sample_time or 1.0
     lanes = np.repeat(widened(spec, healthy)[:, None], len(chosen), axis=1)
     lanes[wide.loop_slice.stop : -1] = plan.roles[:, list(chosen)]
@@ -63,10 +69,9 @@ def slot_lanes(
             unit = healthy[spec.parameter_slice.start + item.parameter]
         elif item.input >= 0:
             unit = peak[item.input] or 1.0
-        stuck = readings[item.output] / spec.outputs[item.output].noise
+        stuck = inputs[item.input] if item.input >= 0 else readings[item.output] / spec.outputs[item.output].noise
         lanes[size, column] = stuck if item.sticks else item.size * unit
+        lanes[rate, column] = item.rate * unit / dt
         lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2
         lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
-        if item.span:
-            lanes[wide.role_fields["wander"], column] = WANDER * (item.rate_sd * unit / dt) ** 2 / (item.span * dt)
     return lanes

@@ -69,8 +69,8 @@ def tank_lane(drifting: int | None) -> FloatArray:
         ("gain", 0.3),
         ("bias", 1e-6),
         ("noise", 1.2),
-        ("wander", 1e-8),
         ("input", 0.1),
+        ("obeys", 0.9),
     ):
         lane[wide.role_fields[name]] = value
     lane[wide.role_fields["theta"]][drifting] = 1.0

@@ -1,5 +1,6 @@
 /* The bank: lanes for every hypothesis, begun at the alarm (work.h), and how well each explains what came since. Steps of
-   parameters run in plain lanes (steps.h, growing.h), all other kinds of fault in lanes with a slot (slots.h). */
+   parameters run in plain lanes (steps.h, growing.h), all other kinds of fault in lanes with a slot (slots.h,
+   ramps.h). */
 #ifndef FB_BANK_H
 #define FB_BANK_H
 

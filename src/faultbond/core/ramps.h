@@ -10,9 +10,9 @@
 
 #include "slots.h"
 
-#define ENDING 0.5     /* probability that a ramp ends at a sample, in one over the samples that it has taken, */
+#define ENDING 0.5       /* probability that a ramp ends at a sample, in one over the samples that it has taken, */
 #define ENDS_EARLY 10.0 /* and so many more */
-#define HALF_SURE 2.0        /* of its sd a rate is half sure to be one */
+#define MOVING_SDS 2.0   /* of its sd a rate is half sure to be one */
 #define LONGEST_RAMP 1e9 /* s */
 #define N_RAMPS ((SWITCHED - RAMPED) / 2)
 
@@ -24,7 +24,7 @@ static inline int64_t stay_of(int64_t pair) { return RAMPED + 2 * pair + 1; }
    step. */
 static double ends_now(int64_t age, double rate, double variance)
 {
-    const double sure = rate * rate / (rate * rate + HALF_SURE * HALF_SURE * variance);
+    const double sure = rate * rate / (rate * rate + MOVING_SDS * MOVING_SDS * variance);
     return sure > 0.0 ? sure * ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY) : 1e-300;
 }
 

@@ -10,12 +10,14 @@ from faultbond.contract.lanes import starts_of
 from faultbond.contract.slots import (
     DRIFTING,
     FRESH,
+    INPUT_KINDS,
     NOISES,
     OLD,
     SENSOR_KINDS,
     STUCK_AT,
     STUCK_NOISES,
     SWITCHING,
+    UNSTEADY,
     SlotLane,
     SlotPlan,
     plan_slots,
@@ -40,7 +42,7 @@ def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_single_parameters_drift_or_come_and_go(name: str) -> None:
-    """Sets of one parameter have lanes of a drift and of a fault that comes and goes, each rarer than a step."""
+    """Sets of one parameter have lanes of a drift, that may end, and of a fault that comes and goes, rarer than a step."""
     spec = spec_of(name)
     plan = plan_slots(spec)
     for k, chosen in enumerate(spec.hypotheses):
@@ -51,16 +53,20 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         assert {lane.parameter for lane in own} == {chosen[0]}
         drifts = [lane for lane in own if lane.kind is FaultKind.DRIFT]
         pairs = [lane for lane in own if lane.kind is FaultKind.INTERMITTENT]
-        assert len(drifts) + len(pairs) == len(own)
+        ramps = [lane for lane in own if lane.kind is FaultKind.RAMP]
+        assert len(drifts) + len(ramps) + len(pairs) == len(own)
+        assert len(ramps) == 1
         assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
         assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
 
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
-    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input is biased or errs.
+    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input is biased, drifts, is
+    stuck or errs.
 
-    Those of an input are rarer; what comes and goes has lanes of both, with the weight of one.
+    Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended has
+    the weight of the drift that it was.
     """
     spec = spec_of(name)
     plan = plan_slots(spec)
@@ -70,11 +76,12 @@ def test_kinds_of_an_instrument(name: str) -> None:
             index = (lane.output, lane.input) if instrument.is_output else (lane.input, lane.output)
             assert index == (instrument.index, -1)
             shares[lane.kind] = shares.get(lane.kind, 0.0) + lane.acts * float(np.exp(lane.weight))
-        of_input = {FaultKind.BIAS: 0.3, FaultKind.INTERMITTENT: 0.3 * np.exp(SWITCHING)}
+        assert shares.pop(FaultKind.RAMP) == pytest.approx(shares[FaultKind.DRIFT] / 2.0)
+        of_input = {kind: 0.3 * part for kind, part in INPUT_KINDS.items()}
         assert shares == pytest.approx(SENSOR_KINDS if instrument.is_output else of_input)
         for kind in shares:
             assert len({lane.weight for lane in own if lane.kind is kind}) == 1
-    assert set(SENSOR_KINDS) == set(FaultKind) - {FaultKind.STEP}
+    assert set(SENSOR_KINDS) == set(FaultKind) - {FaultKind.STEP, FaultKind.RAMP}
 
 
 def test_instruments_that_are_trusted_have_no_lanes() -> None:
@@ -93,7 +100,7 @@ def test_nothing_to_suspect_is_an_empty_plan() -> None:
     outputs = tuple(replace(item, suspect=False) for item in SPEC.outputs)
     inputs = tuple(replace(item, suspect=False) for item in SPEC.inputs)
     plan = plan_slots(replace(SPEC, hypotheses=sets, outputs=outputs, inputs=inputs))
-    assert (plan.n_lanes, plan.switched) == (0, 0)
+    assert (plan.n_lanes, plan.ramped, plan.switched) == (0, 0, 0)
     assert plan.roles.shape == (SPEC.slotted.n_roles, 0)
 
 
@@ -108,6 +115,17 @@ def test_pairs_come_last_and_differ_only_in_whether_the_fault_is_there() -> None
         assert replace(two, acts=True) == one
 
 
+def test_ramps_are_the_first_drift_of_each_suspect_and_what_it_comes_to() -> None:
+    """From `ramped` on, lanes are pairs of a drift from the onset and what has come to stay; each suspect has one."""
+    plan = plan_slots(SPEC)
+    moves, stays = plan.lanes[plan.ramped : plan.switched : 2], plan.lanes[plan.ramped + 1 : plan.switched : 2]
+    assert sorted(lane.hypothesis for lane in moves) == sorted({lane.hypothesis for lane in plan.lanes})
+    for one, two in zip(moves, stays, strict=True):
+        assert (one.kind, two.kind, one.old) == (FaultKind.DRIFT, FaultKind.RAMP, False)
+        assert replace(two, kind=FaultKind.DRIFT) == one
+    assert all(lane.kind is not FaultKind.RAMP for lane in plan.lanes[: plan.ramped])
+
+
 def test_starts_of_parameters_are_those_of_steps() -> None:
     """A fault that comes and goes begins at the starts of a step, as what it adds; so does a drift under way."""
     plan = plan_slots(SPEC)
@@ -115,12 +133,13 @@ def test_starts_of_parameters_are_those_of_steps() -> None:
         wanted = [(start.value - 1.0, start.sd) for start in starts_of(item, 1)]
         own = lanes_of(plan, SPEC.hypotheses.index((k,)))
         pairs = [(lane.size, lane.size_sd) for lane in own if lane.kind is FaultKind.INTERMITTENT and lane.acts]
-        fresh, *old = (lane for lane in own if lane.kind is FaultKind.DRIFT)
+        *old, fresh = (lane for lane in own if lane.kind is FaultKind.DRIFT)
         assert pairs == wanted
         assert [(lane.size, lane.size_sd) for lane in old] == wanted
         assert (fresh.size, fresh.size_sd) == (0.0, item.accuracy)
-        assert (fresh.rate_sd, fresh.span) == (2.0 * item.change / FRESH, FRESH)
-        assert all(lane.rate_sd == item.change / OLD for lane in old)
+        assert (fresh.rate, fresh.rate_sd) == (0.0, 2.0 * item.change / FRESH)
+        assert [lane.rate for lane in old] == [size / OLD for size, _ in wanted]
+        assert [lane.rate_sd for lane in old] == pytest.approx([UNSTEADY * np.hypot(*start) / OLD for start in wanted])
         assert all(lane.rate_sd == 0.0 for lane in own if lane.kind is FaultKind.INTERMITTENT)
 
 
@@ -142,11 +161,13 @@ def test_a_parameter_is_acted_on_while_its_fault_is_there() -> None:
             wanted[lane.parameter] = float(lane.acts)
         assert np.array_equal(theta[:, k], wanted)
         assert np.array_equal(role(SPEC, plan, "input")[:, k], [float(lane.input == 0 and lane.acts)])
+        assert np.array_equal(role(SPEC, plan, "obeys")[:, k], [float(not (lane.input == 0 and lane.sticks))])
 
 
 SENSOR_ROLES = {  # reads, gain, bias in noise, noise variance in that declared
     FaultKind.BIAS: (1.0, 0.0, 1.0, [1.0, 1.0]),
     FaultKind.DRIFT: (1.0, 0.0, 1.0, [1.0, 1.0]),
+    FaultKind.RAMP: (1.0, 0.0, 1.0, [1.0]),
     FaultKind.GAIN: (1.0, 1.0, 0.0, [1.0]),
     FaultKind.STUCK: (0.0, 0.0, 1.0, [*STUCK_NOISES] * len(STUCK_AT)),
     FaultKind.NOISE: (1.0, 0.0, 0.0, [*NOISES]),
@@ -177,7 +198,7 @@ def test_roles_of_each_kind_of_fault_of_a_sensor() -> None:
 
 
 def test_what_moves_has_a_rate() -> None:
-    """Only drifts have an uncertain rate; only noise has no uncertain size."""
+    """Only drifts, and what they come to, have an uncertain rate; only noise has neither."""
     for lane in plan_slots(SPEC).lanes:
-        assert (lane.rate_sd > 0.0) == (lane.kind is FaultKind.DRIFT)
-        assert (lane.size_sd > 0.0) == (lane.kind is not FaultKind.NOISE)
+        assert (lane.rate_sd > 0.0) == (lane.kind in (FaultKind.DRIFT, FaultKind.RAMP))
+        assert (max(lane.size_sd, lane.rate_sd) > 0.0) == (lane.kind is not FaultKind.NOISE)

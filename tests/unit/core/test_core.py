@@ -137,7 +137,8 @@ def test_lanes_know_nothing_of_each_other() -> None:
     samples, n_x, plan = samples_of(spec, 50), len(spec.states), plan_slots(spec)
     healthy = core.healthy_lane(np.full(n_x, 0.5), np.diag(np.full(n_x, 0.1)))[:, 0]
     readings = np.ones(len(spec.outputs))
-    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, np.ones(len(spec.inputs)), readings)
+    inputs = np.ones(len(spec.inputs))
+    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, inputs, readings, inputs)
     order = np.random.default_rng(1).permutation(lanes.shape[1])
     whole, shuffled = core.slot.advance(lanes, samples)[0], core.slot.advance(lanes[:, order], samples)[0]
     assert np.array_equal(whole[:, order], shuffled, equal_nan=True)

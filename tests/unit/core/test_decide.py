@@ -51,7 +51,7 @@ def slot_lane(state: Diagnosed, lane: int, size: float, rate: float) -> FloatArr
 
 def normal(state: Diagnosed) -> dict[str, list[float]]:
     """What is accepted as normal, apart from the lane, and what hangs together with it."""
-    names = ("gain", "offset", "noise", "input_offset", "rates", "wander")
+    names = ("gain", "offset", "noise", "input_gain", "input_offset", "rates", "wander")
     return {name: list(state[f"normal.{name}"]) for name in names} | {
         name: list(state[name]) for name in ("inputs.held", "sensors.nis")
     }
@@ -120,10 +120,13 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane) -> None:
     numbers = slot_lane(state, SLOTS.index(item), 0.3, 0.1)
     after, j = normal(state), item.output
     lane = accepted(state, item.hypothesis)
-    if item.input >= 0 and item.acts:
+    if item.input >= 0 and item.sticks:
+        after["input_gain"][item.input] = 0.0
+        after["input_offset"][item.input] = after["inputs.held"][item.input] = 0.3
+    elif item.input >= 0 and item.acts:
         after["input_offset"][item.input] += 0.3
         after["inputs.held"][item.input] += 0.3
-    elif item.acts and item.kind is FaultKind.BIAS:
+    elif item.acts and item.kind in (FaultKind.BIAS, FaultKind.RAMP):
         after["offset"][j] += after["gain"][j] * 0.3 * SPEC.outputs[j].noise
     elif item.acts and item.kind is FaultKind.GAIN:
         after["gain"][j] *= 1.3

@@ -20,8 +20,8 @@ def state() -> Diagnosed:
 
 
 def test_what_does_not_fit(state: Diagnosed) -> None:
-    """The sums of the best lane tell where it is off; a drift whose rate may change is none that explains the data."""
-    lane, fickle = slot_of(output=0, kind=FaultKind.BIAS), slot_of(parameter=0, span=100.0)
+    """The sums of the best lane tell where it is off."""
+    lane = slot_of(output=0, kind=FaultKind.BIAS)
     state.only(state.n_steps + lane)
     place = state.n_steps + lane
     shape = (2, len(SPEC.outputs), -1)
@@ -35,9 +35,7 @@ def test_what_does_not_fit(state: Diagnosed) -> None:
     assert (found["is_unexplained"], found["signal"], found["since"], found["until"]) == (1, 1, 33.0, 77.0)
     assert found["unexplained_sd"] == pytest.approx(40.0 / 200 + SETTINGS.cusum_drift)
     state["bank.sums"] = 0.0
-    for better, expected in ((5.0, 0), (20.0, 1)):
-        state.lane("slot", fickle)[WIDE.n_numbers - 1] = 50.0 + better
-        assert state.diagnose()["is_unexplained"] == expected
+    assert not state.diagnose()["is_unexplained"]
 
 
 def test_what_is_rejected_has_to_explain_nothing(state: Diagnosed) -> None:

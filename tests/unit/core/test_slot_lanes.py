@@ -41,8 +41,10 @@ slow_error: {first.f: 1 % over 20 s}
 GRAPH = parse_model(CELL)
 PLANT = build_plant(GRAPH)
 SPEC = build_spec(build_step_model(PLANT))
-WIDE, PLAN, SWITCHED = SPEC.slotted, plan_slots(SPEC), plan_slots(SPEC).switched
+WIDE, PLAN = SPEC.slotted, plan_slots(SPEC)
+RAMPED, SWITCHED = PLAN.ramped, PLAN.switched
 N, SIZE, RATE = PLAN.n_lanes, WIDE.slot_slice.start, WIDE.slot_slice.start + 1
+ENDED, TOOK, RETURNS = (WIDE.role_fields[name].start for name in ("ended", "took", "returns"))
 SHARED = [k for k in range(WIDE.n_joint) if k not in (SIZE, RATE)]  # of a wide z, what a plain one holds too
 PEAK = np.array([6.0, 0.0])  # of each input; one that was always zero counts as 1
 GROUP = int(core_settings()["GROUP"])  # lanes that stand side by side
@@ -91,16 +93,17 @@ void t_renew(const double *peak)
 /* Lanes begun at one onset, and run over all samples. */
 void t_begin_at(int64_t onset, const double *peak, double *to)
 {
-    for (int64_t first = 0; first < SWITCHED; first += GROUP) {
+    for (int64_t first = 0; first < RAMPED; first += GROUP) {
         int64_t lane[GROUP];
-        for (int64_t l = 0; l < GROUP; l++) lane[l] = first + l < SWITCHED ? first + l : first;
+        for (int64_t l = 0; l < GROUP; l++) lane[l] = first + l < RAMPED ? first + l : first;
         begin_slots(lane, NULL, &trail, onset, peak, state.job.run, &state.job.walk, &work.bank.slots);
         run_slots(state.job.run, &trail, onset, trail.n, onset, &state.job.walk, &state.normal, work.bank.slots.sample,
                   &work.filters.wide);
-        for (int64_t l = 0; l < GROUP && first + l < SWITCHED; l++)
-            for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * SWITCHED + first + l] = state.job.run[i][l];
+        for (int64_t l = 0; l < GROUP && first + l < RAMPED; l++)
+            for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
 }
+void t_hand_on(int64_t number, double time) { hand_on(&state.bank, number, time, &work.bank.slots); }
 void t_advance(const double *packed, double *innovations, int64_t stride)
 {
     advance_slots(&state.bank, N_SLOT_LANES, packed, &state.normal, innovations, stride, &work.filters.wide,
@@ -138,6 +141,7 @@ class Core:
         """Set the trail, the lane of long ago, and all lanes; numbers of samples go round the end of the rows."""
         places = (len(self.rows) - 3 + np.arange(len(of[0]))) % len(self.rows)
         self.rows[places, : SPEC.n_sample], self.rows[places, SPEC.n_sample : -2] = of
+        self.rows[places, -2] = 100.0 + np.arange(len(of[0]))  # s
         self.library.t_set(ctypes.c_int64(len(of[0])), at(old))
         if lanes is not None:
             first = (N - 1) // GROUP * GROUP  # of the last block, which is filled up with it
@@ -204,15 +208,15 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
         full[own, own] = unpack(SPEC, old[SPEC.covariance_slice])[own, own]
     lane, wide = np.zeros(WIDE.n_numbers), np.zeros((WIDE.n_joint, WIDE.n_joint))
     lane[SHARED], wide[np.ix_(SHARED, SHARED)], lane[-1] = z, full, lanes[place, -1]
-    lane[SIZE] = item.size * unit
+    lane[SIZE], lane[RATE] = item.size * unit, item.rate * unit / 0.5
     wide[SIZE, SIZE], wide[RATE, RATE] = (item.size_sd * unit) ** 2, (item.rate_sd * unit / 0.5) ** 2
     role = {name: lane[where] for name, where in WIDE.role_fields.items()}
-    role["reads"][:] = role["noise"][:] = 1.0
-    role["wander"][:] = 0.5 * wide[RATE, RATE] / (item.span * 0.5) if item.span else 0.0
+    role["reads"][:] = role["noise"][:] = role["obeys"][:] = 1.0
     if item.parameter >= 0:
         role["theta"][item.parameter] = item.acts
     if item.input >= 0:
-        role["input"][item.input] = item.acts
+        role["input"][item.input], role["obeys"][item.input] = item.acts, not item.sticks
+        lane[SIZE] = samples[n_seen - 1, SPEC.sample_fields["u"]][item.input] if item.sticks else lane[SIZE]
     if item.output >= 0:
         j, noise = item.output, SPEC.outputs[item.output].noise
         role["noise"][j], role["gain"][j] = item.noise, item.kind is FaultKind.GAIN
@@ -242,10 +246,39 @@ def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> Flo
 
 
 def interacted(lanes: FloatArray) -> FloatArray:
-    """Pairs (n_numbers, 2 n), in which once in 300 samples the fault comes or goes."""
-    stay, come = np.log(299.0 / 300.0), np.log(1.0 / 300.0)
-    pairs = [(lanes[:, k], lanes[:, k ^ 1]) for k in range(lanes.shape[1])]
-    return np.array([merged(own, other, own[-1] + stay, other[-1] + come) for own, other in pairs]).T
+    """Pairs (n_numbers, 2 n), in which once in 300 samples the fault comes or goes; what goes has been there."""
+    stay, come, found = np.log(299.0 / 300.0), np.log(1.0 / 300.0), []
+    for k in range(lanes.shape[1]):
+        own, other = lanes[:, k].copy(), lanes[:, k ^ 1]
+        found.append(merged(own, other, own[-1] + stay, other[-1] + come))
+        kept = np.exp(own[-1] + stay - found[-1][-1])
+        found[-1][RETURNS] = kept * own[RETURNS] + (1.0 - kept) * (1.0 if k % 2 else other[RETURNS])
+    return np.array(found).T
+
+
+def ended(moves: FloatArray, stays: FloatArray, age: int, time: float, extra: float = 0.0) -> FloatArray:
+    """A drift of so many samples and what it comes to, both (n_numbers,), after it may have come to its end."""
+    rate, variance = moves[RATE], moves[covariance_place(WIDE, RATE, RATE)]
+    ends = max(rate**2 / (rate**2 + 4.0 * variance) * 0.5 / (age + 10.0), 1e-300)
+    come = moves[-1] + np.log(ends) + extra
+    stay, goes = merged(stays, moves, stays[-1], come), moves.copy()
+    kept, took = np.exp(stays[-1] - stay[-1]), moves[SIZE] / rate if moves[SIZE] * rate > 0.0 else 0.0
+    stay[ENDED], stay[TOOK] = kept * stays[ENDED] + (1.0 - kept) * time, kept * stays[TOOK] + (1.0 - kept) * took
+    full = unpack(WIDE, stay[WIDE.covariance_slice])
+    stay[RATE], full[RATE], full[:, RATE] = 0.0, 0.0, 0.0
+    stay[WIDE.covariance_slice] = pack(full)
+    goes[-1] += np.log1p(-ends)
+    return np.array([goes, stay])
+
+
+def ramps(core: "Core", onset: int, of: tuple[FloatArray, FloatArray], old: FloatArray | None) -> FloatArray:
+    """All pairs of the plan that begin to move at an onset, after all samples."""
+    now = np.array([begun(k, onset - 1, onset, of, old) for k in range(RAMPED, SWITCHED)]).T
+    now[-1, 1::2] = -1e300
+    for place in range(onset, len(of[0])):
+        both = [ended(now[:, k], now[:, k + 1], place - onset, 100.0 + place) for k in range(0, now.shape[1], 2)]
+        now, _ = core.advanced(np.concatenate(both).T, of[0][place, None])
+    return now
 
 
 def close(found: FloatArray, wanted: FloatArray) -> bool:
@@ -268,11 +301,12 @@ def test_the_plan_has_what_the_tests_are_about() -> None:
 
 
 def dense(core: Core, onset: int, of: tuple[FloatArray, FloatArray], old: FloatArray | None) -> FloatArray:
-    """All lanes of the plan that begin at an onset, after all samples."""
+    """All lanes of the plan that begin alone at an onset, after all samples."""
     place, n = covariance_place(WIDE, SIZE, SIZE), len(of[0])
-    lanes = np.array([begun(k, onset - 1, onset, of, old) for k in range(SWITCHED)]).T
+    lanes = np.array([begun(k, onset - 1, onset, of, old) for k in range(RAMPED)]).T
     end, _ = core.advanced(lanes, of[0][onset:])
-    own = [k for k in range(SWITCHED) if PLAN.lanes[k].input == 0]  # comes up in 12 steps over 7 s, 14 samples
+    walk = [item.input == 0 and item.kind is not FaultKind.DRIFT for item in PLAN.lanes[:RAMPED]]
+    own = [k for k in range(RAMPED) if walk[k]]  # comes up in 12 steps over 7 s, 14 samples
     steps, now = np.array_split(of[0][onset:][:14], min(12, n - onset)), lanes[:, own]
     more, now[place] = now[place] / len(steps), 0.0
     for rows in steps:
@@ -292,17 +326,27 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     core.put(of, old)
     core.rates[0], core.wander[0] = drift, 0.5 * drift
     for onset in (3, 23, 31):
-        found = np.zeros((WIDE.n_numbers, SWITCHED))
+        found = np.zeros((WIDE.n_numbers, RAMPED))
         core.library.t_begin_at(ctypes.c_int64(onset), at(PEAK), at(found))
         assert close(found, dense(core, onset, of, old))
     core.library.t_begin(ctypes.c_int64(20), at(PEAK))
     found, every = core.lanes(), np.array([dense(core, onset, of, old) for onset in range(1, 34)])
-    began = core.onsets[:SWITCHED] - (len(core.rows) - 3)
-    best = every[began - 1, :, np.arange(SWITCHED)].T
-    assert close(found[:-1, :SWITCHED], best[:-1])
+    began = core.onsets[:RAMPED] - (len(core.rows) - 3)
+    best = every[began - 1, :, np.arange(RAMPED)].T
+    assert close(found[:-1, :RAMPED], best[:-1])
     leads = every[:, -1].max(axis=0) > every[:, -1].max() - 3.0  # of others on this made-up trail it moves too wildly
     assert leads.sum() > 1
-    assert found[-1, :SWITCHED][leads] == pytest.approx(mixture(every[:, -1, leads]), abs=1.0)
+    assert found[-1, :RAMPED][leads] == pytest.approx(mixture(every[:, -1, leads]), abs=1.0)
+    every = np.array([ramps(core, onset, of, old) for onset in range(1, 34)])
+    began = core.onsets[RAMPED:SWITCHED] - (len(core.rows) - 3)
+    best = every[began - 1, :, np.arange(SWITCHED - RAMPED)].T
+    both, share = np.logaddexp(every[:, -1, ::2], every[:, -1, 1::2]), best[-1, ::2] - best[-1, 1::2]
+    assert np.array_equal(began[::2], began[1::2])
+    assert close(found[:-1, RAMPED:SWITCHED], best[:-1])
+    assert found[-1, RAMPED:SWITCHED:2] - found[-1, RAMPED + 1 : SWITCHED : 2] == pytest.approx(share, abs=1e-6)
+    total = np.logaddexp(found[-1, RAMPED:SWITCHED:2], found[-1, RAMPED + 1 : SWITCHED : 2])
+    at_best = mixture(np.logaddexp(best[-1, ::2], best[-1, 1::2])[None])
+    assert np.all((total > at_best - 1e-6) & (total < mixture(both) + 1.0))
     now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
     now[-1, ::2] = -np.inf
     for sample in of[0][1:]:
@@ -353,15 +397,15 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
     core.onsets[:] = len(core.rows) - 3 + 20
     core.library.t_renew(at(PEAK))
     wanted = lanes.copy()
-    groups: dict[int, list[int]] = {}
+    groups: dict[tuple[int, FaultKind], list[int]] = {}
     for k, item in enumerate(PLAN.lanes[:SWITCHED]):
-        if item.input >= 0 or (item.kind is FaultKind.DRIFT and item.parameter >= 0):
-            groups.setdefault(item.hypothesis, []).append(k)
+        if item.output < 0 and item.kind in (FaultKind.DRIFT, FaultKind.BIAS):
+            groups.setdefault((item.hypothesis, item.kind), []).append(k)
     for group in groups.values():
         likelihood = np.nan_to_num(lanes[-1, group], nan=-np.inf)
         best, worst = group[int(np.argmax(likelihood))], group[int(np.argmin(likelihood))]
         widest = max(group, key=lambda k: PLAN.lanes[k].size_sd)
-        spread, ends = widest if PLAN.lanes[worst].input >= 0 else worst, []
+        spread, ends = widest if PLAN.lanes[worst].kind is FaultKind.BIAS else worst, []
         for onset in range(1, 30):
             lane = begun(spread, onset - 1, onset, of, old)
             lane[SIZE], lane[RATE] = lanes[SIZE, best] - lanes[RATE, best] * 0.5 * (30 - onset), lanes[RATE, best]
@@ -373,7 +417,35 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
     assert close(np.delete(core.lanes(), 1, axis=1), np.delete(wanted, 1, axis=1))
     assert np.array_equal(np.isfinite(core.lanes()[-1]), np.isfinite(wanted[-1]))
     changed = {k for k in range(N) if not np.array_equal(core.lanes()[:, k], lanes[:, k])}
-    assert [len(changed & set(group)) for group in groups.values()] == ([1, 1, 1, 1] if likelier else [1, 0, 0, 0])
+    assert [len(changed & set(group)) for group in groups.values()] == ([1] * 6 if likelier else [1] + [0] * 5)
+
+
+def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
+    """What has come to stay becomes the mixture of what it was and of the likeliest drift of its suspect, that now ends."""
+    of, generator = trail(24), np.random.default_rng(7)
+    lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
+    lanes[SIZE], lanes[RATE] = generator.normal(0.0, [[0.3], [0.01]], (2, N))
+    lanes[RATE, RAMPED + 1 : SWITCHED : 2] = 0.0
+    lanes[-1] = generator.normal(-20.0, 3.0, N)
+    lanes[-1, RAMPED] = np.nan  # a drift that is no number hands on nothing
+    core.put(of, None, lanes)
+    core.onsets[:] = 10 + np.arange(N)
+    core.library.t_hand_on(ctypes.c_int64(200), ctypes.c_double(55.0))
+    wanted = lanes.copy()
+    for stay in range(RAMPED + 1, SWITCHED, 2):
+        drifts = [
+            k
+            for k, item in enumerate(PLAN.lanes[:SWITCHED])
+            if item.kind is FaultKind.DRIFT and item.hypothesis == PLAN.lanes[stay].hypothesis
+        ]
+        best = max(drifts, key=lambda k: np.nan_to_num(lanes[-1, k], nan=-np.inf) + PLAN.weight[k])
+        extra = PLAN.weight[best] - PLAN.weight[stay]
+        wanted[:, stay] = ended(lanes[:, best], lanes[:, stay], 190 - best, 55.0, extra)[1]
+        for k in set(drifts) - {RAMPED}:
+            wanted[-1, k] = ended(lanes[:, k], lanes[:, stay], 190 - k, 55.0)[0][-1]
+    left = [k for k in range(N) if k != RAMPED]
+    assert close(core.lanes()[:, left], wanted[:, left])
+    assert np.any(wanted[ENDED, RAMPED:SWITCHED] > 1.0)
 
 
 @pytest.mark.parametrize("parameter", [-1, 0, 1])

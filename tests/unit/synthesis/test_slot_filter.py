@@ -77,7 +77,7 @@ def with_roles(spec: EngineSpec, lane: FloatArray, **roles: FloatArray) -> Float
     """The lane with a slot; roles that are not given are neutral."""
     wide = widened(spec, lane)
     for name, place in spec.slotted.role_fields.items():
-        wide[place] = roles.get(name, np.full(place.stop - place.start, float(name in ("reads", "noise"))))
+        wide[place] = roles.get(name, np.full(place.stop - place.start, float(name in ("reads", "noise", "obeys"))))
     return wide
 
 
@@ -88,6 +88,7 @@ def acting(built: Built) -> FloatArray:
     roles = {
         "theta": generator.uniform(-0.3, 0.3, n_p),
         "input": generator.uniform(0.2, 0.6, n_u),
+        "obeys": generator.uniform(0.2, 0.8, n_u),
         "reads": generator.uniform(0.3, 0.8, n_y),
         "gain": generator.uniform(0.5, 1.5, n_y),
         "bias": generator.uniform(0.5, 1.5, n_y),
