@@ -115,6 +115,7 @@ class Diagnosed:
             name = self.library.field_name(ctypes.c_int64(k)).decode()
             self.fields[name] = numbers.view(np.int64) if place[2] else numbers
         self["clock.index"], self["clock.alarm"], self["bank.grown"] = 500, 100, -1
+        self["bank.coupled"] = self["bank.base"] = -1
         self["normal.noise"] = self["normal.gain"] = self["sensors.nis"] = 1.0
 
     def __getitem__(self, name: str) -> Any:

@@ -173,6 +173,20 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
     job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
 
+/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
+static void fill_up_couples(Bank *bank)
+{
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        int64_t one = -1;
+        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
+            if (bank->base[first + l] >= 0) one = l;
+        for (int64_t l = 0; l < GROUP && one >= 0; l++)
+            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
+                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
+    }
+}
+
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
 static void choose_couples(Bank *bank, const double *old, Job *job)
 {
@@ -193,6 +207,7 @@ static void choose_couples(Bank *bank, const double *old, Job *job)
         bank->coupled[chosen[k].row] = chosen[k].couple;
         plan_match(bank, &chosen[k], job);
     }
+    fill_up_couples(bank);
 }
 
 /* List the lanes of a group that begin; others repeat the first of these. Gives how many do. */
@@ -290,20 +305,6 @@ static int64_t put_couple(Bank *bank, Job *job, int64_t l)
     put_slot(bank, N_SLOT_LANES + lane, job->run, l);
     bank->base[lane] = base;
     return N_SLOT_LANES + lane;
-}
-
-/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
-static void fill_up_couples(Bank *bank)
-{
-    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
-        double (*block)[GROUP] = bank->couples[first / GROUP];
-        int64_t one = -1;
-        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
-            if (bank->base[first + l] >= 0) one = l;
-        for (int64_t l = 0; l < GROUP && one >= 0; l++)
-            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
-                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
-    }
 }
 
 /* Whether any lane of a block has begun. */
