@@ -219,7 +219,7 @@ static int64_t list_couples(int64_t first, Job *job)
         if (one < 0) one = lane;
         n++;
     }
-    for (int64_t l = 0; l < GROUP; l++)
+    for (int64_t l = 0; l < GROUP && n > 0; l++)
         job->lane[l] = first + l < N_COUPLE_LANES && job->bases[first + l] >= 0 ? first + l : one;
     return n;
 }
@@ -321,8 +321,7 @@ static void advance_couples(Bank *bank, const double *packed, const Normal *norm
                             Filter_wide *filter, SlotMemory *memory)
 {
     bank_sample(packed, memory->sample);
-    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++)
-        for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) innovations[i * stride + lane] = i < N_OUTPUTS ? 0.0 : 1.0;
+    put_none(0, N_COUPLE_LANES, innovations, stride);
     for (int64_t first = 0; first < N_COUPLE_LANES; first += FB_LANES) {
         double (*block)[GROUP] = bank->couples[first / GROUP];
         if (bank->rests[FIRST_COUPLES + first / GROUP] || !any_couple(bank, first / GROUP)) continue;
