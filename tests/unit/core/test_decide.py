@@ -153,7 +153,7 @@ def test_what_cannot_be_decided_changes_nothing(state: Diagnosed, what: str) -> 
 
 
 def test_with_a_set_all_fall_that_contain_it(state: Diagnosed) -> None:
-    """What is rejected is out with all larger sets, also those in reserve, and those with an instrument; others share."""
+    """What is rejected is out with all larger sets, in reserve and with instruments too; the others share."""
     state.only(0)
     state["bank.grown"][:2] = [0, 3]
     before = state.diagnose()["candidates"].copy()

@@ -60,9 +60,7 @@ def near(candidate: Candidate, values: Sequence[float]) -> bool:
         ((DRIFT, STORE), FaultKind.DRIFT, {"R": 4.8, "J": 2.25}),
     ],
 )
-def test_two_faults_of_different_kinds(
-    faults: tuple[Fault, ...], kind: FaultKind, values: dict[str, float]
-) -> None:
+def test_two_faults_of_different_kinds(faults: tuple[Fault, ...], kind: FaultKind, values: dict[str, float]) -> None:
     """A sensor and a component, an input and a store that keeps its content, a drift and a step: first, and as large.
 
     What is said of the slot comes first, and only a drift has a rate.
@@ -81,8 +79,8 @@ def test_of_one_fault_nothing_is_made_of_two(fault: Fault) -> None:
     diagnosis = ended((fault,)).conclude()
     assert best.parameters == (fault.parameter,)
     assert [item.group for item in diagnosis.candidates].count(True) == 1
-    with_it = [item for item in diagnosis.candidates if fault.parameter in item.parameters and len(item.parameters) == 2]
-    assert len([item for item in with_it if any("." in name for name in item.parameters)]) >= 3
+    pairs = [item.parameters for item in diagnosis.candidates if len(item.parameters) == 2]
+    assert sum(fault.parameter in names and any("." in name for name in names) for names in pairs) >= 3
 
 
 def test_none_is_tested_before_the_bank_is_renewed() -> None:
@@ -135,7 +133,8 @@ def test_couples_are_saved_too() -> None:
     monitor, seen = Monitor(CORE), 0
     for k, sample in enumerate(samples):
         monitor.step(sample)
-        amid = monitor.number("job.kind") > 0 and monitor.number("job.stage") == stage and monitor.number("job.pass") > 0
+        kind, at, done = (monitor.number(f"job.{name}") for name in ("kind", "stage", "pass"))
+        amid = kind > 0 and at == stage and done > 0
         if not amid and k != ROWS - 100:
             continue
         seen += amid
