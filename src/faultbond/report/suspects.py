@@ -113,11 +113,13 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     name, unit = suspect.parameter, unit_of(graph, suspect.parameter)
     signal, word = instrument_of(name)
     if is_undetermined(graph, suspect):
-        return f"{f'its {word}' if signal else name} is {UNDETERMINED}"
+        its = f"the {word} of {signal}" if len(candidate.suspects) > 1 else f"its {word}"
+        return f"{its if signal else name} is {UNDETERMINED}"
     comes_and_goes = candidate.kind is FaultKind.INTERMITTENT
     passing = f" while the fault is there; it is {'there' if candidate.present else 'gone'} now"
     if signal:
-        return _misreading(graph, suspect, notation) + (passing if comes_and_goes else "")
+        told = _misreading(graph, suspect, notation) + (passing if comes_and_goes else "")
+        return told if len(candidate.suspects) == 1 else _named(told, signal)
     nominal, rate = suspect.nominal or 0.0, suspect.rate or 0.0
     healthy = figure(unit.from_si(nominal)).number(notation)
     estimate = with_unit(unit.from_si(suspect.estimate), unit.text, notation, sd=unit.difference_from_si(suspect.sd))
@@ -141,6 +143,11 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     if not _is_off(suspect):
         return unclear
     return f"{name} {'rose' if suspect.estimate > nominal else 'fell'} from {healthy} to {estimate}{bracket}"
+
+
+def _named(told: str, signal: str) -> str:
+    """Give what is said of an instrument with its name, where others are at fault too: `flow reads ..`, not `it reads ..`."""
+    return told.replace("it ", f"{signal} ", 1) if told.startswith("it ") else told.replace("its ", f"{signal}'s ", 1)
 
 
 def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
