@@ -122,6 +122,7 @@ class Diagnosed:
             name = self.library.field_name(ctypes.c_int64(k)).decode()
             self.fields[name] = numbers.view(np.int64) if place[2] else numbers
         self["clock.index"], self["clock.alarm"], self["bank.grown"] = 500, 100, -1
+        self["bank.coupled"] = self["bank.base"] = -1
         self["normal.noise"] = self["normal.gain"] = self["sensors.nis"] = self["normal.input_gain"] = 1.0
         roles = spec.slotted.role_fields
         for k in range(self.n_slots):  # what comes and goes has gone, and a ramp took its time

@@ -1,4 +1,4 @@
-"""Couples: a fault with a slot, and a parameter that changed beside it. Too many to be tested at once: some are, later."""
+"""Couples: a fault with a slot, and a parameter that changed beside it; the likeliest are tested."""
 
 from dataclasses import dataclass
 

@@ -9,7 +9,7 @@
      5. detector.h   sums of what it did not expect, and the alarm
      6. trail.h      the samples before the alarm, and the places where the fault may have begun
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
-                     for steps of parameters, slots.h and ramps.h for all other kinds of fault
+                     for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as

@@ -174,6 +174,20 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
     job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
 
+/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
+static void fill_up_couples(Bank *bank)
+{
+    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
+        double (*block)[GROUP] = bank->couples[first / GROUP];
+        int64_t one = -1;
+        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
+            if (bank->base[first + l] >= 0) one = l;
+        for (int64_t l = 0; l < GROUP && one >= 0; l++)
+            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
+                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
+    }
+}
+
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
 static void choose_couples(Bank *bank, const double *old, Job *job)
 {
@@ -194,6 +208,7 @@ static void choose_couples(Bank *bank, const double *old, Job *job)
         bank->coupled[chosen[k].row] = chosen[k].couple;
         plan_match(bank, &chosen[k], job);
     }
+    fill_up_couples(bank);
 }
 
 /* List the lanes of a group that begin; others repeat the first of these. Gives how many do. */
@@ -205,7 +220,7 @@ static int64_t list_couples(int64_t first, Job *job)
         if (one < 0) one = lane;
         n++;
     }
-    for (int64_t l = 0; l < GROUP; l++)
+    for (int64_t l = 0; l < GROUP && n > 0; l++)
         job->lane[l] = first + l < N_COUPLE_LANES && job->bases[first + l] >= 0 ? first + l : one;
     return n;
 }
@@ -293,20 +308,6 @@ static int64_t put_couple(Bank *bank, Job *job, int64_t l)
     return N_SLOT_LANES + lane;
 }
 
-/* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
-static void fill_up_couples(Bank *bank)
-{
-    for (int64_t first = 0; first < N_COUPLE_LANES; first += GROUP) {
-        double (*block)[GROUP] = bank->couples[first / GROUP];
-        int64_t one = -1;
-        for (int64_t l = 0; l < GROUP && first + l < N_COUPLE_LANES && one < 0; l++)
-            if (bank->base[first + l] >= 0) one = l;
-        for (int64_t l = 0; l < GROUP && one >= 0; l++)
-            if (first + l >= N_COUPLE_LANES || bank->base[first + l] < 0)
-                for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = block[i][one];
-    }
-}
-
 /* Whether any lane of a block has begun. */
 static int any_couple(const Bank *bank, int64_t block)
 {
@@ -321,8 +322,7 @@ static void advance_couples(Bank *bank, const double *packed, const Normal *norm
                             Filter_wide *filter, SlotMemory *memory)
 {
     bank_sample(packed, memory->sample);
-    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++)
-        for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) innovations[i * stride + lane] = i < N_OUTPUTS ? 0.0 : 1.0;
+    put_none(0, N_COUPLE_LANES, innovations, stride);
     for (int64_t first = 0; first < N_COUPLE_LANES; first += FB_LANES) {
         double (*block)[GROUP] = bank->couples[first / GROUP];
         if (bank->rests[FIRST_COUPLES + first / GROUP] || !any_couple(bank, first / GROUP)) continue;

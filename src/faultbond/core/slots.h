@@ -463,6 +463,13 @@ static void put_innovations(const lanes *found, int64_t first, int64_t apart, in
     }
 }
 
+/* The same of lanes that expect nothing: 0, of variance 1. */
+static void put_none(int64_t first, int64_t n, double *innovations, int64_t stride)
+{
+    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++)
+        for (int64_t l = first; l < first + n; l++) innovations[i * stride + l] = i < N_OUTPUTS ? 0.0 : 1.0;
+}
+
 /* Take one more packed sample into the lanes with a slot, of which the first n_begun have begun. innovations:
    [2 * N_OUTPUTS][stride], measured less expected readings, then their variances, of the lanes in order; those of a pair
    have the innovations of their mixture. */
@@ -473,7 +480,10 @@ static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, con
     for (int64_t first = 0; first < SWITCHED && first < n_begun; first += FB_LANES) {
         const int64_t n = in_block(first, SWITCHED);
         double (*block)[GROUP] = bank->slots[first / GROUP];
-        if (bank->rests[BLOCKS(N_STEPS) + first / GROUP]) continue;
+        if (bank->rests[BLOCKS(N_STEPS) + first / GROUP]) {
+            put_none(first, n, innovations, stride);
+            continue;
+        }
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + first % GROUP);
         step_wide(filter->lane, memory->sample, normal, filter);
         put_innovations(filter->innovations, first, 1, n, innovations, stride);

@@ -123,11 +123,13 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     name, unit = suspect.parameter, unit_of(graph, suspect.parameter)
     signal, word = instrument_of(name)
     if is_undetermined(graph, suspect):
-        return f"{f'its {word}' if signal else name} is {UNDETERMINED}"
+        its = f"the {word} of {signal}" if len(candidate.suspects) > 1 else f"its {word}"
+        return f"{its if signal else name} is {UNDETERMINED}"
     comes_and_goes = candidate.kind is FaultKind.INTERMITTENT
     passing = f" while the fault is there; it is {'there' if candidate.present else 'gone'} now"
     if signal:
-        return _misreading(graph, suspect, notation) + (passing if comes_and_goes else "")
+        told = _misreading(graph, suspect, notation) + (passing if comes_and_goes else "")
+        return told if len(candidate.suspects) == 1 else _named(told, signal)
     nominal, rate = suspect.nominal or 0.0, suspect.rate or 0.0
     healthy = figure(unit.from_si(nominal)).number(notation)
     estimate = with_unit(unit.from_si(suspect.estimate), unit.text, notation, sd=unit.difference_from_si(suspect.sd))
@@ -158,6 +160,11 @@ def _course(suspect: Suspect) -> str:
     """Say over which time a ramp went, and that it has ended."""
     began, ended = suspect.began or 0.0, suspect.ended or 0.0
     return f"in {duration_text(max(ended - began, 0.0), digits=2)} up to {coarse_clock_text(ended, max(ended - began, 1e-9))}, and has stayed there since"
+
+
+def _named(told: str, signal: str) -> str:
+    """Give what is said of an instrument with its name, where others are at fault too: `flow reads ..`, not `it reads ..`."""
+    return told.replace("it ", f"{signal} ", 1) if told.startswith("it ") else told.replace("its ", f"{signal}'s ", 1)
 
 
 def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:

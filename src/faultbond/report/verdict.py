@@ -199,7 +199,8 @@ def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
     """Say what was ruled out."""
     candidate = rejected.candidate
     named = f"{set_name(graph, candidate)}, {candidate.kind.value} ({probability_text(candidate.probability)} %)"
-    more = "" if _has_instrument(candidate) else ", and every set that contains it"
+    is_mixed = _has_instrument(candidate) and len(candidate.suspects) > 1  # contained in no other
+    more = "" if is_mixed else ", and every set that contains it"
     return f"Rejected at {clock_text(rejected.time)}: {named}{more}."
 
 
@@ -246,7 +247,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
         changed = "a change" if best.kind in (FaultKind.STEP, FaultKind.RAMP) and not _has_instrument(best) else "a fault"
-        what = "a drift" if best.kind is FaultKind.DRIFT else changed
+        what = "a drift" if best.kind is FaultKind.DRIFT and not _is_couple(best) else changed
         return f"{off} Nearest comes {what} of {owners}: {changes}."
     if len(group) > 1:
         listed = _listed([f"{_set_and_kind(graph, item)} ({100.0 * item.probability:.0f} %)" for item in group])
@@ -258,7 +259,9 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
     if best.kind is FaultKind.INTERMITTENT:
         event = f"a fault of {owners} comes and goes"
-    elif best.kind in (FaultKind.STEP, FaultKind.RAMP, FaultKind.DRIFT) and not _has_instrument(best):
+    elif best.kind in (FaultKind.STEP, FaultKind.RAMP, FaultKind.DRIFT) and not (
+        _has_instrument(best) or _is_couple(best)
+    ):
         event = f"{owners} " + ("changed" if best.kind is not FaultKind.DRIFT else "drifts" if one else "drift")
     else:
         event = f"{owners} {'is' if one else 'are'} at fault"
@@ -357,6 +360,11 @@ def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:
 
 def _has_instrument(candidate: Candidate) -> bool:
     return any(instrument_of(suspect.parameter)[0] for suspect in candidate.suspects)
+
+
+def _is_couple(candidate: Candidate) -> bool:
+    """Whether one of its suspects has another kind of fault than the others, which are steps."""
+    return candidate.kind is FaultKind.DRIFT and any(suspect.rate is None for suspect in candidate.suspects)
 
 
 def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:

@@ -88,7 +88,7 @@ def test_instruments_that_are_trusted_have_no_lanes() -> None:
     """A sensor or input that is no suspect has no hypothesis; the numbers of the others go on without a gap."""
     trusting = replace(SPEC, outputs=(replace(SPEC.outputs[0], suspect=False), SPEC.outputs[1]))
     assert [item.name for item in trusting.instruments] == ["i", "V"]
-    assert trusting.n_hypotheses == SPEC.n_hypotheses - 1
+    assert trusting.n_begun == SPEC.n_begun - 1
     plan = plan_slots(trusting)
     assert {lane.output for lane in plan.lanes} == {-1, 1}
     assert set(plan.hypothesis) == {*range(5), len(SPEC.hypotheses), len(SPEC.hypotheses) + 1}

@@ -5,12 +5,13 @@ from io import StringIO
 
 from rich.console import Console
 
-from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history
+from fake import TANK_STROKES, counts_of, suspect, tank_diagnosis, tank_graph, tank_history, wrong
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, History, Unexplained, Untested
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
 from faultbond.report.verdict import RunCounts, ranking_text, rejected_sentence, verdict_sentence
+from faultbond.types import FaultKind
 
 GRAPH = tank_graph()
 PIPE = Candidate(suspects=(suspect(GRAPH, "K1", 1.85, 0.03),), probability=0.997, group=True)
@@ -123,12 +124,13 @@ def test_what_is_left_after_a_rejection() -> None:
     assert not any("K1, step" in line and "with" not in line for line in lines)
 
 
-def test_an_instrument_is_in_no_set_but_its_own() -> None:
-    """Of a rejected sensor nothing is said of other sets."""
-    sensor = Candidate(suspects=(suspect(GRAPH, "K1", 1.0, 0.1),), probability=0.5, group=True)
-    bias = replace(sensor, suspects=(replace(sensor.suspects[0], parameter="flow.bias", component="flow"),))
-    told = rejected_sentence(GRAPH, Decision(time=60.0, candidate=bias, by=Decider.PERSON))
-    assert told.endswith("(50.0 %).")
+def test_what_falls_with_an_instrument() -> None:
+    """With a rejected sensor all sets fall that contain it; of a sensor with a component there is none."""
+    sensor = replace(PIPE, suspects=(wrong("flow.bias", 0.0, 1e-5, 1e-6),), kind=FaultKind.BIAS)
+    both = replace(sensor, suspects=(*sensor.suspects, *PIPE.suspects))
+    for candidate, more in ((sensor, ", and every set that contains it."), (both, ".")):
+        told = rejected_sentence(GRAPH, Decision(time=60.0, candidate=candidate, by=Decider.PERSON))
+        assert told.endswith(f", bias (99.7 %){more}")
 
 
 def test_what_is_left_may_explain_nothing() -> None:

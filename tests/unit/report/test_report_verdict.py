@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from fake import counts_of, kind_of, suspect, tank_graph, tank_history, with_last, wrong
-from faultbond.contract.findings import Candidate, Diagnosis, History
+from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
+from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
@@ -47,6 +48,40 @@ def test_verdict_of_a_pair_names_both(history: History) -> None:
     text = sentence(history, Candidate(suspects=pair, probability=0.97, group=True))
     assert "the pipe and the outlet changed" in text
     assert "K4 fell from 2.35e-6" in text
+
+
+def couple(first: Suspect, second: Suspect, kind: FaultKind) -> Candidate:
+    """A fault of a kind, and a parameter that changed beside it."""
+    return Candidate(suspects=(first, second), probability=0.97, group=True, kind=kind, kinds=((kind, 1.0),))
+
+
+@pytest.mark.parametrize(
+    ("first", "kind", "text"),
+    [
+        (wrong("flow.bias", 0.0, 1e-3 / 60.0, 2e-5 / 60.0), FaultKind.BIAS, "flow reads 1.000 l/min too high (bias)"),
+        (wrong("flow.bias", 0.0, 1e-6, 1e-6), FaultKind.BIAS, "flow's bias may still be 0"),
+        (wrong("flow.stuck", None, 1e-4, 1e-7), FaultKind.STUCK, "flow is stuck at 6.000 l/min"),
+        (wrong("flow.bias", 0.0, 1e-3, np.inf), FaultKind.BIAS, f"the bias of flow is {UNDETERMINED}"),
+    ],
+)
+def test_verdict_of_an_instrument_with_a_component(
+    history: History, first: Suspect, kind: FaultKind, text: str
+) -> None:
+    """Both are at fault, and it is said which of them reads wrongly."""
+    told = sentence(history, couple(first, suspect(GRAPH, "K4", 0.5, 0.01), kind))
+    assert "the flow sensor and the outlet are at fault: " in told
+    assert f"{text}; K4 fell from 2.35e-6" in told
+
+
+def test_verdict_of_a_drift_beside_a_step(history: History) -> None:
+    """One moves, the other changed: neither word is used of both, also where nothing explains the data."""
+    one = couple(moving(GRAPH, "K1", 1.5, 1e8), suspect(GRAPH, "K4", 0.5, 0.01), FaultKind.DRIFT)
+    told = sentence(history, one)
+    assert "the pipe and the outlet are at fault: K1 is " in told
+    assert "and rises by" in told
+    assert told.count(" per ") == 1
+    both = replace(one, suspects=(one.suspects[0], moving(GRAPH, "K4", 0.5, -1e-10)))
+    assert "the pipe and the outlet drift: " in sentence(history, both)
 
 
 def test_group_of_several_is_not_decided(history: History) -> None:

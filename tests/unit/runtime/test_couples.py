@@ -1,0 +1,146 @@
+"""Two faults of different kinds at once: they are found together, accepted, rejected and saved together."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from faultbond.contract.couples import n_coupled, plan_couples
+from faultbond.contract.findings import Candidate
+from faultbond.contract.samples import Sample
+from faultbond.runtime.monitor import Monitor
+from faultbond.runtime.names import find_hypothesis
+from faultbond.simulate import Fault, Inputs, random_steps, simulate
+from faultbond.types import FaultKind
+from made import differing, graph_of, plant, run, samples_of
+
+GRAPH, SPEC, CORE = plant("dc_motor_current")
+ROWS, BEGINS = 700, 5.0
+SENSOR = Fault(parameter="omega.bias", value=0.6, start=BEGINS)
+COMPONENT = Fault(parameter="R", factor=1.5, start=BEGINS)
+STORE = Fault(parameter="J", factor=1.5, start=BEGINS)
+INPUT = Fault(parameter="V.bias", value=-1.5, start=BEGINS)
+DRIFT = Fault(parameter="R", factor=1.6, start=BEGINS, end=ROWS * 0.02)
+
+
+@cache
+def recording(faults: tuple[Fault, ...]) -> tuple[Sample, ...]:
+    """The motor with these faults."""
+    time = np.asarray(np.arange(ROWS) * 0.02, dtype=np.float64)
+    voltage = random_steps(time, np.random.default_rng(6), low=2, high=12, shortest=0.5, longest=1.5)
+    made = simulate(graph_of("dc_motor_current"), Inputs(time=time, values=voltage[:, None]), faults, seed=12)
+    return samples_of(time, made.inputs, made.outputs)
+
+
+@cache
+def ended(faults: tuple[Fault, ...]) -> Monitor:
+    """The monitor at the end."""
+    return run(CORE, recording(faults))[0]
+
+
+def first_of(faults: tuple[Fault, ...]) -> Candidate:
+    """What comes first at the end, without anything unexplained."""
+    diagnosis = ended(faults).conclude()
+    assert diagnosis.unexplained is None
+    return diagnosis.candidates[0]
+
+
+def near(candidate: Candidate, values: Sequence[float]) -> bool:
+    """Whether all suspects have these values, within four standard deviations and a tenth."""
+    pairs = zip(candidate.suspects, values, strict=True)
+    return all(abs(item.estimate - value) < min(4.0 * item.sd, 0.1 * abs(value)) for item, value in pairs)
+
+
+@pytest.mark.parametrize(
+    ("faults", "kind", "values"),
+    [
+        ((SENSOR, COMPONENT), FaultKind.BIAS, {"omega.bias": 0.6, "R": 4.5}),
+        ((INPUT, STORE), FaultKind.BIAS, {"V.bias": -1.5, "J": 2.25}),
+        ((DRIFT, STORE), FaultKind.DRIFT, {"R": 4.8, "J": 2.25}),
+    ],
+)
+def test_two_faults_of_different_kinds(faults: tuple[Fault, ...], kind: FaultKind, values: dict[str, float]) -> None:
+    """A sensor and a component, an input and a store that keeps its content, a drift and a step: first, and as large.
+
+    What is said of the slot comes first, and only a drift has a rate.
+    """
+    best = first_of(faults)
+    assert (best.parameters, best.kind) == (tuple(values), kind)
+    assert best.probability > 0.99
+    assert near(best, list(values.values()))
+    assert [item.rate is None for item in best.suspects] == [kind is not FaultKind.DRIFT, True]
+
+
+@pytest.mark.parametrize("fault", [SENSOR, COMPONENT, STORE])
+def test_of_one_fault_nothing_is_made_of_two(fault: Fault) -> None:
+    """Where one thing is wrong it comes first, and alone in its group, though all couples with it are tested."""
+    best = first_of((fault,))
+    diagnosis = ended((fault,)).conclude()
+    assert best.parameters == (fault.parameter,)
+    assert [item.group for item in diagnosis.candidates].count(True) == 1
+    pairs = [item.parameters for item in diagnosis.candidates if len(item.parameters) == 2]
+    assert sum(fault.parameter in names and any("." in name for name in names) for names in pairs) >= 3
+
+
+def test_none_is_tested_before_the_bank_is_renewed() -> None:
+    """Soon after the alarm no couple has lanes, and none is a candidate; at the end as many have as can be tested."""
+    alarm = int(ended((SENSOR, COMPONENT)).number("clock.alarm"))
+    begun = run(CORE, recording((SENSOR, COMPONENT))[: alarm + 25])[0]
+    assert np.all(begun.numbers("bank.coupled") == -1.0)
+    assert {item.hypothesis for item in begun.conclude().candidates} <= set(range(SPEC.n_begun))
+    coupled = ended((SENSOR, COMPONENT)).numbers("bank.coupled")
+    couples = plan_couples(SPEC)
+    assert len(coupled) == sum(n_coupled(SPEC))
+    chosen = [couples[int(k)] for k in coupled if k >= 0]
+    assert len({(item.slot, item.parameter) for item in chosen}) == len(chosen)
+    assert sum(item.slot >= len(SPEC.hypotheses) for item in chosen) == n_coupled(SPEC)[0]
+
+
+def test_an_accepted_couple_becomes_the_healthy_model() -> None:
+    """The sensor is corrected and the component keeps its new value; both are normal from then on."""
+    samples, late = recording((SENSOR, COMPONENT)), ROWS - 150
+    monitor, _ = run(CORE, samples[:late])
+    best = monitor.conclude().candidates[0]
+    accepted = monitor.accept(best.hypothesis)
+    assert accepted.parameters == ("omega.bias", "R")
+    assert monitor.numbers("normal.offset")[0] == pytest.approx(best.suspects[0].estimate)
+    assert np.all(monitor.numbers("normal.offset")[1:] == 0.0)
+    resistance = monitor.numbers("healthy.lane")[SPEC.parameter_slice.start]
+    assert SPEC.parameters[0].scale * resistance == pytest.approx(best.suspects[1].estimate)
+    _, reports = run(CORE, samples[late:], monitor)
+    assert all(report.detection is None for report in reports)
+
+
+def test_with_an_instrument_all_couples_with_it_are_rejected() -> None:
+    """Who has found the sensor healthy has said so of all sets with it; of a rejected couple each part stays."""
+    monitor = ended((SENSOR, COMPONENT)).copy()
+    couple, sensor = (find_hypothesis(SPEC, names) for names in (["omega", "R"], ["omega"]))
+    monitor.reject(couple)
+    left = {item.hypothesis for item in monitor.conclude().candidates if item.probability > 0.0}
+    assert couple not in left
+    assert np.flatnonzero(monitor.numbers("bank.rejected")).tolist() == [couple]
+    monitor.reject(sensor)
+    out = {k for k in range(SPEC.n_hypotheses) if (thing := SPEC.instrument_in(k)) and thing.name == "omega"}
+    assert set(np.flatnonzero(monitor.numbers("bank.rejected"))) == out
+    assert len(out) == 6
+
+
+def test_couples_are_saved_too() -> None:
+    """Saved and restored while couples begin, and after, the run goes on to the same end, to the last bit."""
+    samples = recording((SENSOR, COMPONENT))
+    stage = 5  # of the work, that of couples
+    monitor, seen = Monitor(CORE), 0
+    for k, sample in enumerate(samples):
+        monitor.step(sample)
+        kind, at, done = (monitor.number(f"job.{name}") for name in ("kind", "stage", "pass"))
+        amid = kind > 0 and at == stage and done > 0
+        if not amid and k != ROWS - 100:
+            continue
+        seen += amid
+        restored = Monitor(CORE, monitor.save())
+        assert not differing(restored, monitor)
+        if seen in {1, 3} or k == ROWS - 100:
+            again, _ = run(CORE, samples[k + 1 :], restored)
+            assert not differing(again, ended((SENSOR, COMPONENT)))
+    assert seen >= 3
