@@ -70,6 +70,7 @@ void t_group(int64_t *lane, int64_t *began, int64_t *begins)
 void t_grown(int64_t *grown) { memcpy(grown, S.bank.grown, sizeof S.bank.grown); }
 void t_reject(int64_t hypothesis) { S.bank.rejected[hypothesis] = 1; }
 void t_onsets(int64_t *to) { memcpy(to, S.bank.onset, N_STEPS * sizeof *to); }
+void t_put_onset(int64_t lane, int64_t place) { S.bank.onset[lane] = S.job.oldest + place; }
 /* Forget since when lanes are judged, and ask for it. */
 void t_unjudged(void) { for (int64_t l = 0; l < N_STEPS; l++) S.bank.since[0][0][l] = -1.0; }
 void t_changed(uint8_t *to)

@@ -176,7 +176,7 @@ def test_a_lane_that_ran_away_is_not_accepted(state: Diagnosed, what: str) -> No
 
 @pytest.mark.parametrize("what", ["step", "slot"])
 def test_a_lane_whose_covariance_is_none_is_not_accepted(state: Diagnosed, what: str) -> None:
-    """Where the numbers of a lane go together more than exactly, but for rounding, it is not made the healthy filter."""
+    """Where numbers of a lane go together more than exactly, but for rounding, it is not made the healthy filter."""
     bias = next(k for k, item in enumerate(SLOTS) if item.kind is FaultKind.BIAS and item.output >= 0)
     spec, place = (WIDE, bias) if what == "slot" else (SPEC, 0)
     hypothesis = SLOTS[bias].hypothesis if what == "slot" else int(STEPS.hypothesis[0])

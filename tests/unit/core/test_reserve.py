@@ -108,24 +108,29 @@ def test_where_lanes_of_a_set_begin(part: int) -> None:
         assert lane[:2] == pytest.approx([healthy[0], healthy[1] * healthy[first + 3] / value])
 
 
-def test_sets_keep_their_lanes_where_these_are_likelier() -> None:
+@pytest.mark.parametrize("kept", [[2, 0], [3, 2], [0, 3]])
+def test_sets_keep_their_lanes_where_these_are_likelier(kept: list[int]) -> None:
     """A set that is chosen again has its lanes, wherever it now stands; new sets stand where they are foretold."""
     motor, n = core(), core().n_planned
     motor.begin_bank()
     bank, _ = motor.renewed()
-    first, began = motor.grown(), motor.onsets()[n:].reshape(GROWN, 3)
+    first, began = motor.grown(), 20 + np.arange(3 * GROWN).reshape(GROWN, 3)
+    for k, place in enumerate(began.ravel()):
+        motor("t_put_onset", n + k, int(place))
     rows = bank[n:].reshape(GROWN, 3, -1)
-    rows[:, :, -1] = 1e6 + np.array([20.0, 1.0, 40.0, 0.0])[:, None] + np.arange(3)
+    rows[:, :, -1] = 1e6 + np.arange(3)
+    rows[kept, :, -1] += [[40.0], [20.0]]
     bank[n:] = rows.reshape(-1, bank.shape[1])
     bank[:n, -1] += 2e6  # what is foretold leads, lanes that begin are behind by far
     motor("t_put", bank)
     new = np.setdiff1d(np.arange(len(RESERVE)), first)
     for k in new[2:]:
         motor("t_reject", len(BEGUN) + N_INSTRUMENTS + int(k))
-    after = motor.renewed()[0][n:].reshape(GROWN, 3, -1)
-    again = motor.grown()
+    bank, judged = motor.renewed()
+    after, again = bank[n:].reshape(GROWN, 3, -1), motor.grown()
     assert set(again[:2]) == set(new[:2])
-    assert list(again[2:]) == [first[2], first[0]]
-    assert np.array_equal(after[2:], rows[[2, 0]])
-    assert np.array_equal(motor.onsets()[n:].reshape(GROWN, 3)[2:], began[[2, 0]])
+    assert list(again[2:]) == list(first[kept])
+    assert np.array_equal(after[2:], rows[kept])
+    assert np.array_equal(motor.onsets()[n:].reshape(GROWN, 3)[2:], began[kept])
+    assert np.array_equal(judged[n:].reshape(GROWN, 3)[2:].all(axis=1), np.array(kept) != [2, 3])
     assert np.all(after[:2, :, -1] < 1e5)
