@@ -32,7 +32,8 @@ class Suspect:
     """One parameter of a candidate set, or what is wrong with a sensor or input, such as `flow.bias`; SI.
 
     nominal: None where there is none, as of the value at which a sensor is stuck. rate, rate_sd: of a drift, per
-    second. forecasts: when the drift reaches the limits that the model file gives.
+    second. forecasts: when the drift reaches the limits that the model file gives. moved: standard deviations by which
+    the value has moved lately, beyond what its variance allows; 0: it has settled. Where it has not, sd covers that.
     """
 
     parameter: str
@@ -43,6 +44,7 @@ class Suspect:
     rate: float | None = None
     rate_sd: float | None = None
     forecasts: tuple[Forecast, ...] = ()
+    moved: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

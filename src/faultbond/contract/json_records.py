@@ -161,8 +161,10 @@ def _candidate(candidate: Candidate) -> Record:
 
 
 def _suspect(suspect: Suspect) -> Record:
-    """Give the value of a suspect; a rate only where it drifts."""
+    """Give the value of a suspect; a rate only where it drifts, `moved` only where it still moves."""
     value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
+    if suspect.moved:
+        value["moved"] = suspect.moved
     if suspect.rate is None:
         return value
     forecasts = [_forecast(item) for item in suspect.forecasts]

@@ -21,6 +21,7 @@ typedef struct {
     int64_t parameter, input, output, word;
     double nominal, estimate, sd;
     double rate, rate_sd; /* of a drift, per second */
+    double moved;         /* sd by which it has moved lately, beyond what its variance allows; 0: it has settled */
     int64_t n_forecasts;
     Forecast forecasts[FB_ROOM(MOST_LIMITS)];
 } Suspect;

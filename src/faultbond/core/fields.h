@@ -46,6 +46,7 @@ static const Field FIELDS[] = {
     POSITIVE(healthy.walks), POSITIVE(healthy.walk), FIELD(healthy.walker, 0.0, LARGEST_COUNT, 0, 0, 0), FINITE(healthy.snapshots),
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
+    ANYTHING(bank.noted), COUNT(bank.noted_at),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
     COUNT(job.end), WHOLE(job.old, -1.0, SNAPSHOTS - 1.0), WHOLE(job.change, -LARGEST_COUNT, LARGEST_COUNT),
     ENDLESS(job.peak), COUNT(job.spent), WHOLE(job.stage, 0.0, 5.0), WHOLE(job.group, 0.0, MOST_GROUPS),

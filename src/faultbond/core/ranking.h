@@ -6,7 +6,7 @@
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
-#include "estimates.h"
+#include "moving.h"
 
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
@@ -43,31 +43,6 @@ typedef struct {
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
     int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
 } Ranking;
-
-/* Parameters of a hypothesis, and how many; none of an instrument. */
-static int members_of(int64_t hypothesis, const int **members)
-{
-    if (hypothesis < N_SETS) {
-        *members = &SET_MEMBER[SET_ROW[hypothesis]];
-        return SET_ROW[hypothesis + 1] - SET_ROW[hypothesis];
-    }
-    *members = RESERVE_MEMBER;
-    if (hypothesis < N_BEGUN) return 0;
-    const int64_t row = hypothesis - N_BEGUN;
-    *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
-    return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
-}
-
-/* The hypothesis of a lane, steps first. */
-static int64_t hypothesis_of(const Bank *bank, int64_t lane)
-{
-    if (lane < N_PLANNED) return LANE_HYPOTHESIS[lane];
-    if (lane >= N_STEPS) return SLOT_HYPOTHESIS[lane - N_STEPS];
-    const int64_t set = bank->grown[(lane - N_PLANNED) / PER_SET];
-    return N_BEGUN + (set < 0 ? 0 : set);
-}
-
-static int64_t kind_of(int64_t lane) { return lane < N_STEPS ? KIND_STEP : SLOT_KIND[lane - N_STEPS]; }
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
@@ -176,17 +151,9 @@ static void rank_kinds(const double *kinds, int64_t leading, Candidate *candidat
 /* The suspects of a candidate, as its best lane has them. */
 static void find_suspects(const State *state, int64_t lane, Candidate *candidate)
 {
-    candidate->present = 1;
-    candidate->n_suspects = 1;
-    if (lane >= N_STEPS) {
-        candidate->present = SLOT_ACTS[lane - N_STEPS];
-        slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
-        return;
-    }
-    const int *members;
-    candidate->n_suspects = members_of(candidate->hypothesis, &members);
-    for (int64_t k = 0; k < candidate->n_suspects; k++)
-        step_suspect(&state->bank, lane, members[k], &candidate->suspects[k]);
+    candidate->present = lane < N_STEPS || SLOT_ACTS[lane - N_STEPS];
+    candidate->n_suspects = suspects_of(state, lane, candidate->suspects);
+    for (int64_t k = 0; k < candidate->n_suspects; k++) judge_value(state, lane, k, &candidate->suspects[k]);
 }
 
 /* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. */

@@ -57,6 +57,9 @@ typedef struct {
     int64_t onset[FB_ROOM(N_LANES)];              /* sample at which each began */
     int64_t grown[FB_ROOM(N_GROWN)];              /* which sets of the reserve have lanes; -1: not yet */
     int64_t rejected[FB_ROOM(N_HYPOTHESES)];      /* 1 where a person has ruled it out */
+    double noted[2][2][FB_ROOM(LARGEST_SET)][FB_ROOM(N_LANES)]; /* suspects of each lane as they were noted last, and before
+                                                     that ([0]): values and their sds, SI */
+    int64_t noted_at[2];                          /* and at which samples; 0: not yet */
 } Bank;
 
 /* Onsets that a group of lanes may try, oldest first, and what those say that were tried. */

@@ -92,6 +92,7 @@ def _suspect(spec: EngineSpec, found: Any) -> Suspect:
         sd=float(found["sd"]),
         rate=_number(found["rate"]),
         rate_sd=_number(found["rate_sd"]),
+        moved=float(found["moved"]),
         forecasts=tuple(
             Forecast(
                 limit=float(item["limit"]),
