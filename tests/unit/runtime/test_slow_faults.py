@@ -21,7 +21,8 @@ ROWS = 1600
 @cache
 def motor(factor: float, seed: int) -> tuple[Sample, ...]:
     """A motor whose inertia is another one from the first sample on; its supply steps all the time."""
-    time, generator = np.arange(ROWS) * 0.02, np.random.default_rng(seed)
+    time = np.asarray(0.02 * np.arange(ROWS), dtype=np.float64)
+    generator = np.random.default_rng(seed)
     u = random_steps(time, generator, low=2, high=12, shortest=0.4, longest=1.2)[:, None]
     faults = [] if factor == 1.0 else [Fault(parameter="J", factor=factor, start=0.0)]
     made = simulate(graph_of("dc_motor"), Inputs(time=time, values=u), faults, seed=seed)
