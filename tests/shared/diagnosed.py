@@ -199,7 +199,8 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
 
     forecast = numbers("f8", "limit", "time", "earliest", "latest")
     suspect = numbers("i8", "parameter", "input", "output", "word")
-    suspect += [*numbers("f8", "nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended"), ("n_forecasts", "i8")]
+    values = ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")
+    suspect += [*numbers("f8", *values), ("n_forecasts", "i8")]
     suspect += [("forecasts", forecast, (n_limits,))]
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]

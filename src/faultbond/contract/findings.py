@@ -33,7 +33,8 @@ class Suspect:
 
     nominal: None where there is none, as of the value at which a sensor is stuck. rate, rate_sd: of a drift, per
     second. began, ended: of a ramp, when it began to move and when it came to stay, s. forecasts: when the drift reaches
-    the limits that the model file gives.
+    the limits that the model file gives. moved: standard deviations by which the value has moved lately, beyond what its
+    variance allows; 0: it has settled. Where it has not, sd covers that.
     """
 
     parameter: str
@@ -46,6 +47,7 @@ class Suspect:
     began: float | None = None
     ended: float | None = None
     forecasts: tuple[Forecast, ...] = ()
+    moved: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

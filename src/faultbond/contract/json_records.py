@@ -162,8 +162,10 @@ def _candidate(candidate: Candidate) -> Record:
 
 
 def _suspect(suspect: Suspect) -> Record:
-    """Give the value of a suspect; a rate only where it drifts, times only where it has drifted and stays."""
+    """Give the value of a suspect: a rate only where it drifts, times where it drifted and stays, `moved` where it moves."""
     value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
+    if suspect.moved:
+        value["moved"] = suspect.moved
     if suspect.began is not None:
         value |= {"began": suspect.began, "ended": suspect.ended}
     if suspect.rate is None:

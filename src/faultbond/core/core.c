@@ -6,16 +6,17 @@
         samples.h    the sample as the filters take it: inputs held, steps blanked, gaps allowed for
      3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
      4. advance.h    the healthy filter: filters.h (filter.h), which steps in time by integrate.h
-     5. detector.h   sums of what it did not expect, and the alarm
+     5. detector.h   sums of what it did not expect, walking.h how far it had to move its parameters, and the alarm
      6. trail.h      the samples before the alarm, and the places where the fault may have begun
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
                      for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once
-     8. ranking.h    how likely each hypothesis is, and what is wrong by how much; untested.h: what else it could be
+     8. ranking.h    how likely each hypothesis is, and what is wrong by how much; moving.h: which values still move;
+                     untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
                      bytes
 
-   watching.h is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
+   watching.h, with walking.h, is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
    (fleet.h), and the whole way one by one where a sample is not usual (alone.h), if FB_FLEETS is defined.
 
    watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample

@@ -47,6 +47,7 @@ static const Field FIELDS[] = {
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
     WHOLE(bank.coupled, -1.0, N_COUPLES > 0 ? N_COUPLES - 1.0 : 0.0), WHOLE(bank.base, -1.0, FB_ROOM(SWITCHED) - 1.0),
+    ANYTHING(bank.noted), COUNT(bank.noted_at),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
     COUNT(job.end), WHOLE(job.old, -1.0, SNAPSHOTS - 1.0), WHOLE(job.change, -LARGEST_COUNT, LARGEST_COUNT),
     ENDLESS(job.peak), COUNT(job.spent), WHOLE(job.stage, 0.0, 7.0), WHOLE(job.group, 0.0, MOST_GROUPS),

@@ -13,7 +13,7 @@
 #define UNKNOWN_FROM 3.0    /* samples for which an input has not been told from which on it is unknown where it stands */
 #define RARELY 0.5          /* presence of an input that is logged when it changes */
 #define SPIKE 4.0           /* sd of an innovation that may be due to one; */
-#define WALK_LIMIT 6.0       /* sd of what is usual, that a parameter may walk over a window, */
+#define WALK_LIMIT 7.0       /* sd of what is usual, that a parameter may walk over a window, */
 #define START_LIMIT 3.5      /* and of what its accuracy allows, since the start */
 #define WALK_USUAL 4.0       /* square of a walk over the first window that counts as usual before any was seen, */
 #define WALK_TRUST 10.0      /* for as much as so many windows; the same of what one window says for the next */
@@ -30,6 +30,20 @@
 /* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
 static double scale_of_fast(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0; }
 static double scale_of_scatter(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / SCATTER_LIMIT : 1.0; }
+
+/* Samples of a window over which walks are judged. */
+static inline int64_t length_of_walk(int window)
+{
+    int64_t length = WALK_EVERY;
+    for (int k = 0; k < window; k++) length *= WALK_RATIO;
+    return length;
+}
+
+/* Number of the lane of a window with which that after sample `index` is compared; below 0: none. */
+static inline int64_t compared_with(int64_t index, int64_t length) { return (index + length - 1) / length - 2; }
+
+/* Where lane number `number` of a window is kept. */
+static inline int64_t kept_at(int window, int64_t number) { return 2 * window + number % 2; }
 
 #define real double
 #define whole int64_t

@@ -11,9 +11,8 @@
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
-#include "estimates.h"
+#include "moving.h"
 
-#define AT_ONCE 3.0          /* samples in which what moves is a step */
 #define SELDOM 1e-6          /* least probability that counts */
 #define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
 #define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
@@ -53,54 +52,6 @@ typedef struct {
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
     int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
 } Ranking;
-
-/* Parameters of a hypothesis, and how many; none of an instrument. */
-static int members_of(int64_t hypothesis, const int **members)
-{
-    if (hypothesis < N_SETS) {
-        *members = &SET_MEMBER[SET_ROW[hypothesis]];
-        return SET_ROW[hypothesis + 1] - SET_ROW[hypothesis];
-    }
-    *members = RESERVE_MEMBER;
-    if (hypothesis < N_BEGUN) return 0;
-    const int64_t row = hypothesis - N_BEGUN;
-    if (row >= N_RESERVE) { /* couples with an instrument are the first */
-        *members = &COUPLE_PARAMETER[row - N_RESERVE];
-        return 1;
-    }
-    *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
-    return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
-}
-
-/* The instrument of a hypothesis; -1: it has parameters only. */
-static int64_t instrument_of(int64_t hypothesis)
-{
-    if (hypothesis >= N_BEGUN + N_RESERVE) return COUPLE_SLOT[hypothesis - N_BEGUN - N_RESERVE] - N_SETS;
-    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis - N_SETS : -1;
-}
-
-/* The hypothesis of a lane, steps first. */
-static int64_t hypothesis_of(const Bank *bank, int64_t lane)
-{
-    if (lane < N_PLANNED) return LANE_HYPOTHESIS[lane];
-    if (lane >= N_STEPS + N_SLOT_LANES) {
-        const int64_t couple = couple_of(bank, lane - N_STEPS);
-        return couple < 0 ? 0 : COUPLE_HYPOTHESIS[couple];
-    }
-    if (lane >= N_STEPS) return SLOT_HYPOTHESIS[lane - N_STEPS];
-    const int64_t set = bank->grown[(lane - N_PLANNED) / PER_SET];
-    return N_BEGUN + (set < 0 ? 0 : set);
-}
-
-/* The kind of fault of a lane. What came to stay within a few samples is a step, of an instrument a bias. */
-static int64_t kind_of(const Bank *bank, int64_t lane)
-{
-    if (lane < N_STEPS) return KIND_STEP;
-    const int64_t slot = plan_of(bank, lane - N_STEPS);
-    if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
-        return SLOT_KIND[slot];
-    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
-}
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
@@ -264,22 +215,9 @@ static void rank_kinds(const double *kinds, int64_t leading, Candidate *candidat
 /* The suspects of a candidate, as its best lane has them. */
 static void find_suspects(const State *state, int64_t lane, Candidate *candidate)
 {
-    candidate->present = 1;
-    candidate->n_suspects = 1;
-    if (lane >= N_STEPS) {
-        const int64_t couple = couple_of(&state->bank, lane - N_STEPS);
-        candidate->present = SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
-        slot_suspect(state, lane - N_STEPS, &candidate->suspects[0]);
-        if (kind_of(&state->bank, lane) != KIND_RAMP) candidate->suspects[0].began = candidate->suspects[0].ended = NAN;
-        if (couple < 0) return;
-        candidate->n_suspects = 2;
-        suspect_beside(&state->bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &candidate->suspects[1]);
-        return;
-    }
-    const int *members;
-    candidate->n_suspects = members_of(candidate->hypothesis, &members);
-    for (int64_t k = 0; k < candidate->n_suspects; k++)
-        step_suspect(&state->bank, lane, members[k], &candidate->suspects[k]);
+    candidate->present = lane < N_STEPS || SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
+    candidate->n_suspects = suspects_of(state, lane, candidate->suspects);
+    for (int64_t k = 0; k < candidate->n_suspects; k++) judge_value(state, lane, k, &candidate->suspects[k]);
 }
 
 /* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. */

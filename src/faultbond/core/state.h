@@ -64,6 +64,9 @@ typedef struct {
     int64_t coupled[FB_ROOM(N_COUPLED)];          /* the same of couples, */
     int64_t base[FB_ROOM(N_COUPLE_LANES)];        /* and the lane of the plan whose slot each has; -1: it has not begun */
     int64_t rejected[FB_ROOM(N_HYPOTHESES)];      /* 1 where a person has ruled it out */
+    double noted[2][2][FB_ROOM(LARGEST_SET)][FB_ROOM(N_LANES)]; /* suspects of each lane as they were noted last, and before
+                                                     that ([0]): values and their sds, SI */
+    int64_t noted_at[2];                          /* and at which samples; 0: not yet */
 } Bank;
 
 /* Onsets that a group of lanes may try, oldest first, and what those say that were tried. */

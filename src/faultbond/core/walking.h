@@ -8,19 +8,6 @@
    The last two lanes at multiples of each window are kept, and compared is that of one to two windows ago. This text stands in
    watching.h. Reasons and figures: docs/decisions/020-walks.md. */
 
-static inline int64_t length_of_walk(int window)
-{
-    int64_t length = WALK_EVERY;
-    for (int k = 0; k < window; k++) length *= WALK_RATIO;
-    return length;
-}
-
-/* Number of the lane of a window with which that after sample `index` is compared; below 0: none. */
-static inline int64_t compared_with(int64_t index, int64_t length) { return (index + length - 1) / length - 2; }
-
-/* Where lane number `number` of a window is kept. */
-static inline int64_t kept_at(int window, int64_t number) { return 2 * window + number % 2; }
-
 /* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
 static inline real walks_from(const Clock *clock)
 {

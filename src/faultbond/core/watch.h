@@ -299,6 +299,7 @@ static void judge_sample(State *state, const double *innovations, Report *report
             report->detected = 1;
         }
     }
+    if (clock->alarm >= 0) note_values(state);
     report->due = is_due(state);
     if (report->due && state->job.kind == IDLE && state->job.renewals == N_RENEWALS) put_to_rest(&state->bank);
     if (report->due) conclude(state, found, &work->ranking);

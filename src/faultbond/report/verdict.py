@@ -35,6 +35,7 @@ from faultbond.types import FaultKind
 TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 NAMED_SETS = 4  # candidates of a group named in a sentence
+MOVES = " (this value still moves)"
 RANKED_SETS = 8  # candidates of the ranking after a rejection
 
 
@@ -241,7 +242,10 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     group = best_group(diagnosis)
     best, one = group[0], len(group[0].components) == 1
     owners = _joined_owners(graph, best.suspects)
-    changes = "; ".join(change_of(graph, best, suspect, diagnosis.time, notation) for suspect in best.suspects)
+    changes = "; ".join(
+        change_of(graph, best, suspect, diagnosis.time, notation) + (MOVES if suspect.moved else "")
+        for suspect in best.suspects
+    )
     if diagnosis.unexplained is not None:  # what comes nearest, without a claim
         off = unexplained_sentence(diagnosis.unexplained)
         if len(group) > 1:

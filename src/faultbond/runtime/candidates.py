@@ -94,6 +94,7 @@ def _suspect(spec: EngineSpec, found: Any) -> Suspect:
         rate_sd=_number(found["rate_sd"]),
         began=_number(found["began"]),
         ended=_number(found["ended"]),
+        moved=float(found["moved"]),
         forecasts=tuple(
             Forecast(
                 limit=float(item["limit"]),

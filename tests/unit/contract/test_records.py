@@ -1,8 +1,9 @@
 """The records of a run."""
 
 import json
+from dataclasses import replace
 
-from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained
+from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained, Walk
 from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind, Method
@@ -40,6 +41,8 @@ def test_a_detection() -> None:
         "change_time": 10.0,
         "signals": ["V_C"],
     }
+    walked = replace(detection, walk=Walk(parameter="R", sd=3.6, from_start=True))
+    assert detection_record(walked)["walk"] == {"parameter": "R", "sd": 3.6, "from_start": True}
 
 
 def test_a_diagnosis() -> None:

@@ -330,7 +330,9 @@ def test_a_trail_begins_with_the_run_or_what_was_accepted(name: str) -> None:
 def numbered(**clock: int) -> Bare:
     """The same with lanes that are kept for long, each with its number."""
     core = running(**clock)
-    core["healthy.snapshots"] = np.repeat(np.arange(2.0 * WALKS + 1.0), core.spec.n_numbers + len(core.spec.parameters) + 1)
+    core["healthy.snapshots"] = np.repeat(
+        np.arange(2.0 * WALKS + 1.0), core.spec.n_numbers + len(core.spec.parameters) + 1
+    )
     return core
 
 

@@ -1,4 +1,4 @@
-"""How far the parameters of the healthy filter walk: against the same written down plainly, and what raises the alarm."""
+"""How far the parameters of the healthy filter walk: against the same written down plainly, and what alarms."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,7 @@ from faultbond.synthesis.compile import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 SETTINGS = core_settings()
-EVERY, WALKS, RATIO, SETTLES = (
-    int(SETTINGS[name]) for name in ("WALK_EVERY", "WALKS", "WALK_RATIO", "WALK_SETTLES")
-)
+EVERY, WALKS, RATIO, SETTLES = (int(SETTINGS[name]) for name in ("WALK_EVERY", "WALKS", "WALK_RATIO", "WALK_SETTLES"))
 LIMIT, START_LIMIT, USUAL, TRUST, MOST, LEAST = (
     SETTINGS[name] for name in ("WALK_LIMIT", "START_LIMIT", "WALK_USUAL", "WALK_TRUST", "WALK_MOST", "WALK_LEAST")
 )
@@ -49,7 +47,7 @@ def begun(**clock: int) -> Bare:
 
 
 def walked(core: Bare, values: FloatArray, variances: FloatArray) -> list[tuple[float, int]]:
-    """Let the parameters go this way, (rows, n_parameters), one row each EVERY samples; the largest walk at each, and whose."""
+    """Let the parameters go this way, (rows, n_parameters), one row each EVERY samples; gives the largest walks."""
     found = []
     for value, variance in zip(values, variances, strict=True):
         core.call("t_remember", lane_of(core, value, variance))
@@ -94,7 +92,7 @@ def plainly(values: FloatArray, variances: FloatArray) -> list[tuple[float, int]
 
 
 def steady(rows: int, n: int, seed: int = 1, learned: float = 0.02) -> tuple[FloatArray, FloatArray]:
-    """Estimates of constants that move half as far as their variances allow: a row brings 1 / learned^2 of information."""
+    """Estimates of constants that move half as far as they may: a row brings 1 / learned^2 of information."""
     generator = np.random.default_rng(seed)
     variances = 1.0 / (1.0 + np.arange(1, rows + 1) / learned**2)
     steps = np.sqrt(-np.diff(variances, prepend=1.0))[:, None] * generator.standard_normal((rows, n))
@@ -132,7 +130,7 @@ def test_a_constant_that_is_learned_raises_no_alarm() -> None:
 
 
 def test_what_walks_by_nature_is_let_walk() -> None:
-    """A parameter that has always walked four times as far as its variance allows does not alarm, one that begins to does."""
+    """A parameter that has always walked far is not as loud as one that begins to."""
     loud = []
     for from_row in (3, 300):
         core = begun()
@@ -175,7 +173,7 @@ def test_the_alarm_knows_which_parameter_walked_and_since_when() -> None:
 
 
 def test_after_an_alarm_or_what_was_accepted_walks_begin_anew() -> None:
-    """Nothing is judged while an alarm is open; what was accepted starts the windows again, and has no start to be off from."""
+    """Nothing is judged while an alarm is open; what was accepted starts the windows again, and has no start."""
     values, variances = steady(60, len(begun().spec.parameters))
     values[:, 0] += 9.0
     assert max(walk for walk, _ in walked(begun(alarm=1), values, variances)) == 0.0

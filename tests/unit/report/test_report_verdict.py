@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
-from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect
+from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Walk
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
@@ -123,6 +123,30 @@ def test_alarm_names_signal_onset_and_delay(history: History) -> None:
     """The alarm is dated on the recording's clock."""
     text = detection_sentence(history.detections[0])
     assert text == "Fault detected at 876 s in flow; it began at about 609 s (delay 4.45 min)."
+
+
+def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
+    """And whether it was there from the first sample."""
+    alarm = replace(history.detections[0], walk=Walk(parameter="K1", sd=8.04, from_start=False))
+    text = detection_sentence(alarm)
+    assert text.startswith(
+        "Fault detected at 876 s, by K1, which the healthy model had to move 8.0 times as far as is usual;"
+    )
+    assert "it began after 609 s" in text
+    first = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
+    assert first.endswith("3.6 times as far as its accuracy: it was there from the first sample.")
+
+
+def test_a_value_that_still_moves_is_told_as_such(history: History) -> None:
+    """Beside what it is."""
+    last = history.diagnoses[-1]
+    best = last.candidates[0]
+    moving = replace(best, suspects=tuple(replace(item, moved=6.0) for item in best.suspects))
+    run = replace(
+        history, diagnoses=(*history.diagnoses[:-1], replace(last, candidates=(moving, *last.candidates[1:])))
+    )
+    assert "still moves" not in verdict_sentence(GRAPH, history, counts_of(history), Notation.FILE)
+    assert "(this value still moves)" in verdict_sentence(GRAPH, run, counts_of(run), Notation.FILE)
 
 
 def test_table_is_short_and_counts_the_rest(history: History) -> None:

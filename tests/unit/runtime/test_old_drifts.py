@@ -33,7 +33,7 @@ def drifting(waited: int = 99) -> Monitor:
 
 
 def test_the_oldest_healthy_lane_is_from_before_the_drift() -> None:
-    """Healthy lanes are kept at multiples of windows, two of each, and that which counts has learned little of the drift."""
+    """Healthy lanes are kept at multiples of windows, two of each; that which counts has learned little."""
     monitor = drifting()
     spec, settings, place = monitor.spec, core_settings(), monitor.spec.parameter_slice
     snapshots = monitor.numbers("healthy.snapshots").reshape(-1, spec.n_numbers + len(spec.parameters) + 1)

@@ -1,0 +1,123 @@
+/* Values that still move: under the hypothesis that is true what a lane has found settles, and moves only as its variance
+   shrinks, var(theta_t - theta_s) = P_s - P_t. One that moves farther is not to be relied on as its standard deviation says.
+
+   After the bank has begun for the last time the suspects of each lane are noted 100, 200, 400, ... samples later. */
+#ifndef FB_MOVING_H
+#define FB_MOVING_H
+
+#include "estimates.h"
+
+#define NOTED_FROM 100   /* samples after the last work on the bank at which values are noted first */
+#define AT_ONCE 3.0      /* samples in which what moves is a step */
+#define STILL 4.0        /* sd of what is usual by which a value may move and count as settled */
+
+/* Parameters of a hypothesis, and how many; none of an instrument. */
+static int members_of(int64_t hypothesis, const int **members)
+{
+    if (hypothesis < N_SETS) {
+        *members = &SET_MEMBER[SET_ROW[hypothesis]];
+        return SET_ROW[hypothesis + 1] - SET_ROW[hypothesis];
+    }
+    *members = RESERVE_MEMBER;
+    if (hypothesis < N_BEGUN) return 0;
+    const int64_t row = hypothesis - N_BEGUN;
+    if (row >= N_RESERVE) { /* couples with an instrument are the first */
+        *members = &COUPLE_PARAMETER[row - N_RESERVE];
+        return 1;
+    }
+    *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
+    return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
+}
+
+/* The instrument of a hypothesis; -1: it has parameters only. */
+static int64_t instrument_of(int64_t hypothesis)
+{
+    if (hypothesis >= N_BEGUN + N_RESERVE) return COUPLE_SLOT[hypothesis - N_BEGUN - N_RESERVE] - N_SETS;
+    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis - N_SETS : -1;
+}
+
+/* The hypothesis of a lane, steps first. */
+static int64_t hypothesis_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_PLANNED) return LANE_HYPOTHESIS[lane];
+    if (lane >= N_STEPS + N_SLOT_LANES) {
+        const int64_t couple = couple_of(bank, lane - N_STEPS);
+        return couple < 0 ? 0 : COUPLE_HYPOTHESIS[couple];
+    }
+    if (lane >= N_STEPS) return SLOT_HYPOTHESIS[lane - N_STEPS];
+    const int64_t set = bank->grown[(lane - N_PLANNED) / PER_SET];
+    return N_BEGUN + (set < 0 ? 0 : set);
+}
+
+/* The kind of fault of a lane. What came to stay within a few samples is a step, of an instrument a bias. */
+static int64_t kind_of(const Bank *bank, int64_t lane)
+{
+    if (lane < N_STEPS) return KIND_STEP;
+    const int64_t slot = plan_of(bank, lane - N_STEPS);
+    if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
+        return SLOT_KIND[slot];
+    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
+}
+
+/* The suspects of a lane, and how many. */
+static int64_t suspects_of(const State *state, int64_t lane, Suspect *suspects)
+{
+    const Bank *bank = &state->bank;
+    const int *members;
+    if (lane >= N_STEPS) {
+        const int64_t couple = couple_of(bank, lane - N_STEPS);
+        slot_suspect(state, lane - N_STEPS, &suspects[0]);
+        if (kind_of(bank, lane) != KIND_RAMP) suspects[0].began = suspects[0].ended = NAN;
+        if (couple < 0) return 1;
+        suspect_beside(bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &suspects[1]);
+        return 2;
+    }
+    const int64_t n = members_of(hypothesis_of(bank, lane), &members);
+    for (int64_t k = 0; k < n; k++) step_suspect(bank, lane, members[k], &suspects[k]);
+    return n;
+}
+
+/* Whether what a lane looks for stays the same. */
+static int is_constant(const Bank *bank, int64_t lane)
+{
+    const int64_t kind = kind_of(bank, lane);
+    return kind == KIND_STEP || kind == KIND_BIAS || kind == KIND_GAIN;
+}
+
+/* Note what all lanes have found, where it is time to. */
+static void note_values(State *state)
+{
+    Bank *bank = &state->bank;
+    const Job *job = &state->job;
+    const int64_t since = state->clock.index - job->settled, times = since / NOTED_FROM;
+    if (job->kind != IDLE || job->renewals < N_RENEWALS || since < NOTED_FROM) return;
+    if (since % NOTED_FROM != 0 || (times & (times - 1)) != 0) return;
+    memcpy(bank->noted[0], bank->noted[1], sizeof bank->noted[0]);
+    bank->noted_at[0] = bank->noted_at[1];
+    bank->noted_at[1] = state->clock.index;
+    for (int64_t lane = 0; lane < N_LANES; lane++) {
+        Suspect suspects[LARGEST_SET];
+        if (!is_constant(bank, lane)) continue;
+        const int64_t n = suspects_of(state, lane, suspects);
+        for (int64_t k = 0; k < n; k++) {
+            bank->noted[1][0][k][lane] = suspects[k].estimate;
+            bank->noted[1][1][k][lane] = suspects[k].sd;
+        }
+    }
+}
+
+/* Judge suspect k of a lane: where it moved too far since it was noted, it is as uncertain as that. */
+static void judge_value(const State *state, int64_t lane, int64_t k, Suspect *suspect)
+{
+    const Bank *bank = &state->bank;
+    if (bank->noted_at[0] == 0 || !is_constant(bank, lane)) return;
+    const double moved = suspect->estimate - bank->noted[0][0][k][lane], before = bank->noted[0][1][k][lane];
+    const double left = suspect->sd * suspect->sd, shrunk = before * before - left;
+    const double usual = suspect->parameter >= 0 ? usual_walk(&state->healthy, WALKS - 1, (int)suspect->parameter) : 1.0;
+    const double far = fabs(moved) / sqrt(fmax(shrunk, WALK_LEAST * left) * fmax(usual, 1.0));
+    if (!(far > STILL)) return;
+    suspect->moved = far;
+    suspect->sd = sqrt(left + moved * moved);
+}
+
+#endif
