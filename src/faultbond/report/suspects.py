@@ -146,7 +146,7 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
 
 
 def _named(told: str, signal: str) -> str:
-    """Give what is said of an instrument with its name, where others are at fault too: `flow reads ..`, not `it reads ..`."""
+    """Give what is said of an instrument with its name, where others are at fault too: `flow reads`."""
     return told.replace("it ", f"{signal} ", 1) if told.startswith("it ") else told.replace("its ", f"{signal}'s ", 1)
 
 
