@@ -16,8 +16,8 @@ GRAPH, MOTOR = graph_of("dc_motor_current"), spec_of("dc_motor_current")
 SINGLES = tuple((k,) for k in range(5))
 PAIRS, TRIPLES = tuple(combinations(range(5), 2)), tuple(combinations(range(5), 3))
 WHOLE = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS, *TRIPLES), reserve=())
-WAITING = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS), reserve=TRIPLES)
-FEW = replace(MOTOR, hypotheses=SINGLES, reserve=(*PAIRS, *TRIPLES))
+WAITING = replace(MOTOR, hypotheses=(*SINGLES, *PAIRS), reserve=TRIPLES, coupled=False)
+FEW = replace(MOTOR, hypotheses=SINGLES, reserve=(*PAIRS, *TRIPLES), coupled=False)
 
 
 @cache

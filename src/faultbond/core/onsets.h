@@ -85,7 +85,7 @@ static void begin_search(const Trail *trail, int64_t change, Search *search)
         search->place[search->n] = trail->n - 1;
         search->standing[search->n++] = WANTED;
     }
-    for (int l = 0; l < GROUP; l++) search->most[l] = -INFINITY;
+    for (int l = 0; l < GROUP; l++) search->most[l] = -FB_LARGEST;
     search->fixed = 0;
 }
 

@@ -75,7 +75,7 @@ typedef struct {
     int64_t place[MOST_ONSETS];      /* in the trail */
     int64_t standing[MOST_ONSETS];   /* SPARE, WANTED, REQUIRED or TRIED */
     double said[MOST_ONSETS][GROUP]; /* log-likelihood of each lane, */
-    double most[GROUP];              /* and that of its best onset; -inf: none yet */
+    double most[GROUP];              /* and that of its best onset; the least number: none yet */
     int64_t best[GROUP];             /* which that is */
     double least;                    /* lanes whose best onset is less likely do not count */
     int64_t fixed;                   /* 1: only those are tried that surely are */

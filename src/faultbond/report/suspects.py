@@ -163,7 +163,7 @@ def _course(suspect: Suspect) -> str:
 
 
 def _named(told: str, signal: str) -> str:
-    """Give what is said of an instrument with its name, where others are at fault too: `flow reads ..`, not `it reads ..`."""
+    """Give what is said of an instrument with its name, where others are at fault too: `flow reads`."""
     return told.replace("it ", f"{signal} ", 1) if told.startswith("it ") else told.replace("its ", f"{signal}'s ", 1)
 
 

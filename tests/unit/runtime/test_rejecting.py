@@ -73,11 +73,14 @@ def test_parts_of_a_rejected_set_stay() -> None:
     assert gone == {frozenset({"R", "K"} | more) for more in (set(), {"L"}, {"J"}, {"C"})}
 
 
-def test_a_healthy_instrument_rules_out_itself_only() -> None:
-    """A sensor is tested alone, so nothing else goes with it; and no set of parameters rules a sensor out."""
+def test_a_healthy_instrument_rules_out_what_contains_it() -> None:
+    """With a sensor its sets with a parameter fall, and no others; a parameter rules no sensor out by itself."""
     sensor = find_hypothesis(WHOLE, ["omega"])
-    assert out(rejected(alarmed(WHOLE), sensor)) == [sensor]
-    assert max(out(rejected(alarmed(WHOLE), 0))) < len(WHOLE.hypotheses)
+    with_it = [find_hypothesis(WHOLE, ["omega", name]) for name in ("R", "L", "K", "J", "C")]
+    assert out(rejected(alarmed(WHOLE), sensor)) == sorted([sensor, *with_it])
+    instruments = range(len(WHOLE.hypotheses), WHOLE.n_begun)
+    assert not set(instruments) & set(out(rejected(alarmed(WHOLE), 0)))
+    assert find_hypothesis(WHOLE, ["omega", "R"]) in out(rejected(alarmed(WHOLE), 0))
 
 
 def test_what_was_rejected_before_stays_so() -> None:
