@@ -284,7 +284,9 @@ def stand(name: str, slot: bool) -> tuple[EngineSpec, Engine, FloatArray, FloatA
         lanes = np.concatenate([healthy, suspect_lanes(spec, plan_lanes(spec), healthy[:, 0])[:, :4]], axis=1)
         return spec, engines()[name], lanes, samples
     peak = np.abs(samples[:, place["u"]]).max(axis=0)
-    lanes = slot_lanes(spec, plan_slots(spec), range(5), healthy[:, 0], peak, samples[0, place["y"]], samples[0, place["u"]])
+    lanes = slot_lanes(
+        spec, plan_slots(spec), range(5), healthy[:, 0], peak, samples[0, place["y"]], samples[0, place["u"]]
+    )
     return spec.slotted, engines()[name].slot, lanes, samples
 
 

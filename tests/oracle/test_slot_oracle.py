@@ -139,7 +139,9 @@ def test_every_kind_of_fault_equals_the_plain_filter(circuit: tuple[EngineSpec, 
     samples = recording(spec, 101)
     healthy = engine.healthy_lane(np.array([4.0]), np.array([[0.5]]))[:, 0]
     healthy[spec.parameter_slice] = [1.1, 0.95]
-    lanes = slot_lanes(spec, plan, range(plan.n_lanes), healthy, np.array([9.0]), samples[0, place["y"]], samples[0, place["u"]])
+    lanes = slot_lanes(
+        spec, plan, range(plan.n_lanes), healthy, np.array([9.0]), samples[0, place["y"]], samples[0, place["u"]]
+    )
     lanes[wide.slot_slice.start + 1] = 0.02  # something moves in every lane
     z, P = lanes[: wide.n_joint].T.copy(), np.array([unpack(wide, lane[wide.covariance_slice]) for lane in lanes.T])
     total = np.zeros(plan.n_lanes)

@@ -32,9 +32,9 @@ class Suspect:
     """One parameter of a candidate set, or what is wrong with a sensor or input, such as `flow.bias`; SI.
 
     nominal: None where there is none, as of the value at which a sensor is stuck. rate, rate_sd: of a drift, per
-    second. began, ended: of a ramp, when it began to move and when it came to stay, s. forecasts: when the drift reaches
-    the limits that the model file gives. moved: standard deviations by which the value has moved lately, beyond what its
-    variance allows; 0: it has settled. Where it has not, sd covers that.
+    second. began, ended: of a ramp, when it began to move and when it came to stay, s. forecasts: when the drift
+    reaches the limits that the model file gives. moved: standard deviations by which the value has moved lately, beyond
+    what its variance allows; 0: it has settled. Where it has not, sd covers that.
     """
 
     parameter: str

@@ -18,7 +18,10 @@ from faultbond.contract.spec import EngineSpec, ParameterSpec
 from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
-FRESH, OLD = 100.0, 2000.0  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
+FRESH, OLD = (
+    100.0,
+    2000.0,
+)  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
 UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
@@ -53,8 +56,8 @@ class SlotLane:
     acts : False while a fault that comes and goes is gone
     sticks : whether the sensor does not follow the plant, or the input its record, while its fault is there
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
-    size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a sensor
-        in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
+    size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a
+        sensor in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -77,8 +80,10 @@ class SlotLane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotPlan:
-    """Lanes with a slot: those that begin at an onset, from `ramped` on in pairs (it moves, it has come to stay); then,
-    from `switched` on, pairs that need no onset (fault there, fault gone).
+    """Lanes with a slot, first those that begin at an onset.
+
+    From `ramped` on these are pairs (it moves, it has come to stay), from `switched` on pairs that need no onset (the
+    fault is there, it is gone).
 
     roles : (n_roles, n_lanes)
     hypothesis, weight : (n_lanes,)

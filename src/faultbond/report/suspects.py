@@ -159,7 +159,8 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
 def _course(suspect: Suspect) -> str:
     """Say over which time a ramp went, and that it has ended."""
     began, ended = suspect.began or 0.0, suspect.ended or 0.0
-    return f"in {duration_text(max(ended - began, 0.0), digits=2)} up to {coarse_clock_text(ended, max(ended - began, 1e-9))}, and has stayed there since"
+    took = max(ended - began, 0.0)
+    return f"in {duration_text(took, digits=2)} up to {coarse_clock_text(ended, took)}, and has stayed there since"
 
 
 def _named(told: str, signal: str) -> str:

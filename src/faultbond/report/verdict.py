@@ -250,7 +250,9 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         off = unexplained_sentence(diagnosis.unexplained)
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
-        changed = "a change" if best.kind in (FaultKind.STEP, FaultKind.RAMP) and not _has_instrument(best) else "a fault"
+        changed = (
+            "a change" if best.kind in (FaultKind.STEP, FaultKind.RAMP) and not _has_instrument(best) else "a fault"
+        )
         what = "a drift" if best.kind is FaultKind.DRIFT and not _is_couple(best) else changed
         return f"{off} Nearest comes {what} of {owners}: {changes}."
     if len(group) > 1:

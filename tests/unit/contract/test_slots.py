@@ -42,7 +42,7 @@ def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_single_parameters_drift_or_come_and_go(name: str) -> None:
-    """Sets of one parameter have lanes of a drift, that may end, and of a fault that comes and goes, rarer than a step."""
+    """Sets of one parameter have lanes of a drift, which may end, and of what comes and goes, rarer than a step."""
     spec = spec_of(name)
     plan = plan_slots(spec)
     for k, chosen in enumerate(spec.hypotheses):
@@ -62,11 +62,10 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
-    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input is biased, drifts, is
-    stuck or errs.
+    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input also, but for two.
 
-    Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended has
-    the weight of the drift that it was.
+    Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended
+    has the weight of the drift that it was.
     """
     spec = spec_of(name)
     plan = plan_slots(spec)

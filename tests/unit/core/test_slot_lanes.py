@@ -421,7 +421,7 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
 
 
 def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
-    """What has come to stay becomes the mixture of what it was and of the likeliest drift of its suspect, that now ends."""
+    """What has come to stay becomes the mixture of what it was and of the likeliest drift of its suspect, that ends."""
     of, generator = trail(24), np.random.default_rng(7)
     lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
     lanes[SIZE], lanes[RATE] = generator.normal(0.0, [[0.3], [0.01]], (2, N))

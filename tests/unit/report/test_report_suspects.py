@@ -71,6 +71,18 @@ def test_a_fault_that_comes_and_goes() -> None:
     assert away == "it acts 4.5 percent below what is recorded (bias) while the fault is there; it is there now"
 
 
+def test_a_ramp_that_has_ended() -> None:
+    """From what to what, over which time, and that it has stopped; of an instrument too."""
+    over = {"began": 1502.2, "ended": 1560.4}
+    assert said(replace(suspect(GRAPH, "K2", 1.5, 0.02), **over), FaultKind.RAMP) == (
+        "K2 rose from 5.08e11 to 7.62e11 Pa*s^2/m^6 (+50 %) in 58 s up to 1560 s, and has stayed there since"
+    )
+    assert said(replace(wrong("u_in.bias", 0.0, -4.5, 0.4), **over), FaultKind.RAMP) == (
+        "it acts 4.5 percent below what is recorded (bias); it came to that in 58 s up to 1560 s, and has stayed there "
+        "since"
+    )
+
+
 def test_a_drift_and_when_its_limit_is_reached() -> None:
     """Value of now, rate in a handy unit of time, and the limit with its time, all rounded to what is known."""
     ahead = limit(4213.7, 3611.2, 5333.3)

@@ -19,7 +19,7 @@ NAME = "dc_motor_current"
 DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there
 START = ONSET * DT
 NOISE = {"omega": 0.06, "i": 0.02}  # rad/s, A
-RAMP, PERIOD, ON = 20.0, 2.5, 0.8  # s
+RAMP, SHORT, PERIOD, ON = 20.0, 2.0, 2.5, 0.8  # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +44,14 @@ def _biased(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
 
 def _drifting(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
     y[:, 1] += 0.05 * since
+
+
+def _drifted(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 1] += 15.0 * NOISE["i"] * np.minimum(since / SHORT, 1.0)
+
+
+def _less_and_less_told(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[:, 0] -= 0.3 * since
 
 
 def _amplified(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
@@ -136,6 +144,19 @@ CASES = {
         kind=FaultKind.INTERMITTENT, component="V", value=1.5, present=False, changed=_less_told_at_times
     ),
     "input now": Case(kind=FaultKind.INTERMITTENT, component="V", value=1.5, changed=_less_told_now),
+    "ramp": Case(
+        kind=FaultKind.RAMP,
+        component="R",
+        value=6.0,
+        faults=(Fault(parameter="R", factor=2.0, start=START, end=START + SHORT),),
+    ),
+    "sensor ramp": Case(kind=FaultKind.RAMP, component="i", value=15.0 * NOISE["i"], changed=_drifted),
+    "input drift": Case(
+        kind=FaultKind.DRIFT, component="V", value=0.3 * (END - START), rate=0.3, changed=_less_and_less_told
+    ),
+    "input stuck": Case(
+        kind=FaultKind.STUCK, component="V", value=7.0, faults=(Fault(parameter="V.stuck", value=7.0, start=START),)
+    ),
     "input bias": Case(kind=FaultKind.BIAS, component="V", value=1.5, changed=_less_told),
 }
 
@@ -190,6 +211,15 @@ def test_the_kind_and_its_value_are_found(name: str) -> None:
         assert suspect.rate_sd is not None
         assert suspect.rate == pytest.approx(case.rate, abs=3.0 * suspect.rate_sd)
         assert suspect.rate_sd < 0.2 * case.rate
+
+
+@pytest.mark.parametrize("name", ["ramp", "sensor ramp"])
+def test_a_ramp_is_told_with_its_times(name: str) -> None:
+    """It is said when it began and when it ended, to a quarter of what it took; of other kinds there is nothing."""
+    suspect = best(name).suspects[0]
+    assert suspect.began == pytest.approx(START, abs=0.25 * SHORT)
+    assert suspect.ended == pytest.approx(START + SHORT, abs=0.25 * SHORT)
+    assert (best("step").suspects[0].began, best("drift").suspects[0].ended) == (None, None)
 
 
 @pytest.mark.parametrize("name", CASES)
