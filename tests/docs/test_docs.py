@@ -115,6 +115,7 @@ COMPONENT = table(MODEL["components"])
 KEYS = {
     "Keys of the model": MODEL,
     "`time`": table(MODEL["time"]),
+    "`tables`": table(MODEL["tables"]),
     "`inputs`": table(MODEL["inputs"]),
     "`components`": COMPONENT | table(COMPONENT["start"]),
     "`blocks`": table(MODEL["blocks"]),

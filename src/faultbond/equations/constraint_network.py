@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from faultbond.equations.causality import Causality
+from faultbond.equations.tables import with_curves
 from faultbond.errors import ModelError
 from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import BondGraph, Check, Input, Sensor, SlowError
@@ -94,7 +95,19 @@ def build_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork:
     ModelError
         Where an expression reads a signal that does not exist.
     """
-    return _lagging(graph, _block_network(graph) if graph.is_block_network else _bonded_network(graph, causality))
+    network = _block_network(graph) if graph.is_block_network else _bonded_network(graph, causality)
+    return _lagging(graph, _curved(graph, network))
+
+
+def _curved(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
+    """Write out what is looked up in tables."""
+    tables = {item.name: item for item in graph.tables}
+    return replace(
+        network,
+        constraints=tuple(replace(item, residual=with_curves(item.residual, tables)) for item in network.constraints),
+        readings=tuple(with_curves(item, tables) for item in network.readings),
+        by_hand=tuple(with_curves(item, tables) for item in network.by_hand),
+    )
 
 
 def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:

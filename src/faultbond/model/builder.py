@@ -63,6 +63,21 @@ class ModelBuilder:
         """Add a trusted number, never a suspect."""
         return self._add("constants", name, value)
 
+    def table(
+        self,
+        name: str,
+        *,
+        points: Sequence[Sequence[Scalar]] | None = None,
+        file: str | None = None,
+        x: str | None = None,
+        y: str | None = None,
+        between: str | None = None,
+        beyond: str | None = None,
+    ) -> Self:
+        """Add a measured curve, for `table(x, NAME)` in laws."""
+        fields = {"points": points, "file": file, "x": x, "y": y, "between": between, "beyond": beyond}
+        return self._add("tables", name, fields)
+
     def input(
         self,
         name: str,
@@ -165,7 +180,7 @@ class ModelBuilder:
             entries.append(Entry("bonds", Items(tuple(self._bonds))))
         return resolve(Table(tuple(entries)), self._source, "model")
 
-    def _add(self, section: str, name: str, value: "Scalar | Sequence[Scalar] | Fields") -> Self:
+    def _add(self, section: str, name: str, value: object) -> Self:
         table = self._sections.setdefault(section, {})
         if name in table:
             raise self._source.error(0, f"{section}: `{shown(str(name))}` is added twice; choose another name")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import RATE, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import constant_value, to_text
 from faultbond.model.source import shown
 from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
@@ -123,6 +123,8 @@ class Checker:
 
     def _call(self, call: Call, where: str) -> tuple[Dimension | None, bool]:
         function, arguments = call.function, call.arguments
+        if function.startswith(TABLE):
+            return self._table(function.removeprefix(TABLE), call, where)
         if function == "where":
             self.infer(arguments[0], where)
             return self._common(arguments[1:], "the two results of where()", call, where)
@@ -136,6 +138,15 @@ class Checker:
         if function == "sqrt":
             return (None if form is None else form ** Fraction(1, 2)), free
         return DIMENSIONLESS, free
+
+    def _table(self, name: str, call: Call, where: str) -> tuple[Dimension | None, bool]:
+        """Demand the unit of the x axis of what goes in; what comes out has that of the y axis."""
+        into, out = self.values.tables[name]
+        form, free = self.infer(call.arguments[0], where)
+        if into is not None and form is not None and not free and not self.solver.equate(form, into.dimension):
+            problem = f"`{shown(to_text(call.arguments[0]))}` is in {self._words(form)}, but x of the table {name}"
+            raise ModelError(f"{where}{problem} is in {into.dimension}; mend the law or the unit of the table")
+        return (_unknown(f"t:{name}") if out is None else out.dimension), False
 
     def _pure(self, expression: Expression, what: str, where: str) -> bool:
         """Demand no dimension; give whether the expression is a bare number."""

@@ -16,6 +16,7 @@ from faultbond.model.graph import (
     BondGraph,
     Check,
     Component,
+    Curve,
     Input,
     Parameter,
     Sensor,
@@ -78,6 +79,7 @@ class _Writer:
         graph = self.graph
         yield from (f"{key}: {text}" for key, text in self.head().items() if text)
         yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.constants))
+        yield from _section("tables", ((item.name, self.table(item)) for item in graph.tables))
         yield from _section("inputs", ((item.name, self.input(item)) for item in graph.inputs))
         parts = ((item.name, self.component(item)) for item in graph.components)
         yield from _section("blocks" if graph.is_block_network else "components", parts)
@@ -106,6 +108,25 @@ class _Writer:
             "time_between_false_alarms": "" if patience is None else _seconds(patience),
             "time": "none" if time.column is None else _flow(column) if has_time else "",
         }
+
+    def table(self, item: Curve) -> str:
+        """Give a table with its points, wherever these came from."""
+        pairs = (
+            ", ".join(text_of(value, unit.to_si) or number_text(unit.from_si(value)) for value, unit in pair)
+            for pair in (((x, item.x_unit), (y, item.y_unit)) for x, y in zip(item.x, item.y, strict=True))
+        )
+        has = {
+            "between": self.stated("between", item.name, is_default=not item.monotone),
+            "beyond": self.stated("beyond", item.name, is_default=not item.continues),
+        }
+        texts = {
+            "points": f"[{', '.join(f'[{pair}]' for pair in pairs)}]",
+            "x": item.x_unit.text,
+            "y": item.y_unit.text,
+            "between": keys.BETWEEN[item.monotone] if has["between"] else "",
+            "beyond": keys.BEYOND[item.continues] if has["beyond"] else "",
+        }
+        return _flow(texts, keys.TABLE_KEYS)
 
     def input(self, item: Input) -> str:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)

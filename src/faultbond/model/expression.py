@@ -49,6 +49,7 @@ Expression = Number | Name | Negative | Binary | Call
 
 LOGIC = ("&", "^", "|")  # operators between logic signals, the strongest first
 NOT = "not"  # Call(NOT, (x,)) is `~x`
+TABLE = "table "  # Call(TABLE + "curve", (x,)) is `table(x, curve)`
 RATE = "der"  # Call(RATE, (Name("y"),)) is `der(y)`, the left side of a law that makes y a store
 
 FUNCTIONS: dict[str, int] = {  # name -> number of arguments; -1: two or more

@@ -75,6 +75,26 @@ class Constant:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """A measured curve y(x) through points, SI, x growing.
+
+    monotone: whether it is smooth between the points, and rises and falls where they do; else straight
+    continues: whether it goes on in a straight line beyond its ends; else it stays at the value there
+    file: the CSV file beside the model file that it was read from; empty if its points stand in that
+    """
+
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    x_unit: Unit
+    y_unit: Unit
+    monotone: bool = False
+    continues: bool = False
+    file: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
@@ -263,6 +283,7 @@ class BondGraph:
     bonds: tuple[Bond, ...]
     sensors: tuple[Sensor, ...]
     slow_errors: tuple[SlowError, ...]
+    tables: tuple[Curve, ...] = ()
     time_between_false_alarms: float | None = None
     checks: tuple[Check, ...] = ()
     defaults: tuple[tuple[str, str], ...] = ()

@@ -17,6 +17,8 @@ MOST_FAULTS = 10
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 CHECK_COST = 1.0
+BETWEEN = ("linear", "monotone")
+BEYOND = ("constant", "linear")
 HOLDS = ("last", "linear")
 
 _NAME = f"^{NAME.pattern}$"
@@ -211,6 +213,27 @@ CHECK_KEYS = Keys(
     short="cost",
     may_be_empty=True,
 )
+_POINT: Form = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
+TABLE_KEYS = Keys(
+    {
+        "points": Key(
+            {"description": "", "type": "array", "items": _POINT, "minItems": 2}, "`[[x, y], ..]`, x growing"
+        ),
+        "file": Key(TEXT, "CSV file beside the model file: x and y in its first two columns"),
+        "x": Key(TEXT, "unit of what goes in; default SI"),
+        "y": Key(TEXT, "unit of what comes out; default SI"),
+        "between": Key(
+            {"description": "", "enum": list(BETWEEN)},
+            "straight lines, or a smooth curve that rises and falls where the points do; default `linear`",
+            default=BETWEEN[0],
+        ),
+        "beyond": Key(
+            {"description": "", "enum": list(BEYOND)},
+            "the value at the end, or on in a straight line; default `constant`",
+            default=BEYOND[0],
+        ),
+    }
+)
 TIME_KEYS = Keys({"column": Key(TEXT), "unit": Key(TEXT, "a unit of time; default s")})
 MODEL_KEYS = Keys(
     {
@@ -240,6 +263,7 @@ MODEL_KEYS = Keys(
             default="column `time` in s",
         ),
         "constants": Key(_named(VALUE), "trusted numbers, never suspects"),
+        "tables": Key(_named(TABLE_KEYS), "measured curves, for `table(x, NAME)` in laws"),
         "inputs": Key(_named(INPUT_KEYS), "measured or commanded inputs"),
         "components": Key(_named(COMPONENT_KEYS, minProperties=1), "elements with their laws and parameters"),
         "junctions": Key(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from faultbond.errors import ModelError
 from faultbond.model.elements import DEFAULT_LAWS, MUST_NAME, OWN_SIGNALS, default_laws
-from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
+from faultbond.model.expression import TABLE, Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import Component, Relation, Start
 from faultbond.model.head import Head
 from faultbond.model.keys import COMPONENT_KEYS, VALUE, Key, Keys
@@ -229,6 +229,8 @@ def check_finite(expression: Expression, values: Mapping[str, float], where: str
                 result = None if a is None or b is None else arithmetic(operator, a, b)
         case Call(function, arguments):
             found = [check_finite(argument, values, where) for argument in arguments]
+            if function.startswith(TABLE):
+                return None
             known = [item for item in found if item is not None]
             result = _call(function, known) if len(known) == len(found) else None
     if result is not None and not math.isfinite(result):

@@ -10,7 +10,7 @@ import re
 from decimal import Decimal
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import FUNCTIONS, NOT, RATE, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import FUNCTIONS, NOT, RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.source import choice, shown
 
 MAX_LAW_LENGTH = 2000
@@ -53,8 +53,8 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
     ------
     ModelError
         if the text is longer than 2000 characters, has more than 500 parts or 50 levels, or uses anything outside the
-        grammar: `+ - * / **`, the functions of `FUNCTIONS`, numbers, names, `part.signal`, and a comparison as the
-        first argument of `where`.
+        grammar: `+ - * / **`, the functions of `FUNCTIONS`, `table(x, NAME)`, numbers, names, `part.signal`, and a
+        comparison as the first argument of `where`.
 
     Example
     -------
@@ -163,6 +163,10 @@ class _Reader:
             if n_arguments == 1 and isinstance(node.args[0], ast.Name):
                 return Call(RATE, (self.expression(node.args[0], depth + 1),))
             raise self.error("`der` takes the name of one signal, as in `der(y) = x/P`")
+        if name == TABLE.strip():
+            if n_arguments == 2 and isinstance(node.args[1], ast.Name):
+                return Call(TABLE + node.args[1].id, (self.expression(node.args[0], depth + 1),))
+            raise self.error("`table` takes an expression and the name of a table, as in `table(u, curve)`")
         if name not in FUNCTIONS:
             raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
         wanted = FUNCTIONS[name]
@@ -256,6 +260,8 @@ def _text(expression: Expression, needed: int) -> str:
             own, text = _MINUS, f"-{_text(operand, _MINUS)}"
         case Call("not", (operand,)):
             own, text = _MINUS, f"~{_text(operand, _MINUS)}"
+        case Call(function, (argument,)) if function.startswith(TABLE):
+            return f"{TABLE.strip()}({_text(argument, 0)}, {function.removeprefix(TABLE)})"
         case Call(function, arguments):
             return f"{function}({', '.join([_text(argument, 0) for argument in arguments])})"
         case Binary(operator, left, right):

@@ -1,6 +1,6 @@
 """From the plain tree to a checked bond graph: the one way for the text file and for the Python builder."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -14,8 +14,9 @@ from faultbond.model.head import Head, read_head
 from faultbond.model.keys import MODEL_KEYS
 from faultbond.model.laws import LawReader, check_used
 from faultbond.model.measured import Measured, MeasuredReader
-from faultbond.model.source import Entry, Source, Table
+from faultbond.model.source import Entry, Source, Table, Text
 from faultbond.model.spot import Spot
+from faultbond.model.tables import check_tables, read_tables
 from faultbond.model.units import Measure
 from faultbond.model.values import ValueReader, Values
 from faultbond.model.wiring import Wiring, wiring
@@ -44,13 +45,16 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
     head = read_head(source, fields, defaults, name)
     plant = block_wiring(source, fields) if head.blocks else wiring(source, fields)
     reader = ValueReader(head)
-    values = reader.read(fields, plant)
+    tables, axes = read_tables(head, fields)
+    values = reader.read(fields, plant, axes)
     laws: LawReader | BlockReader = (BlockReader if head.blocks else LawReader)(head, plant, values)
     components = laws.components()
     measured = MeasuredReader(head, laws, reader).read(fields)
     sides = [side for item in components for law in item.laws for side in (law.left, law.right)]
     sides += [item.reads for item in measured.sensors]
     check_used(plant, values, {name for side in sides for name in names(side)})
+    top = Spot(source, "model", Entry("", table))
+    check_tables(tables, _expressions(source, components, measured), top)
     if not head.logic:
         _check_dimensions(source, plant, values, components, laws, measured)
     warm_up = _warm_up(fields, head, measured.slow_errors)
@@ -75,12 +79,27 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         bonds=plant.bonds,
         sensors=measured.sensors,
         slow_errors=measured.slow_errors,
+        tables=tables,
         time_between_false_alarms=patience,
         checks=measured.checks,
         defaults=defaults.pairs(),
         file=source.label,
     )
     return replace(graph, text=dump_model(graph))
+
+
+def _expressions(
+    source: Source, components: tuple[Component, ...], measured: Measured
+) -> Iterator[tuple[Expression, Spot]]:
+    """Give all expressions, each with a place for messages about it."""
+    for component in components:
+        for law in component.laws:
+            place = Spot(source, f"law of {component.name}: ", Entry("", Text(""), law.line))
+            yield from ((law.left, place), (law.right, place))
+    for word, items in (("sensor", measured.sensors), ("check", measured.checks)):
+        for item in items:
+            if item.reads is not None:
+                yield item.reads, Spot(source, f"{word} {item.name}: reads: ", Entry("", Text(""), item.line))
 
 
 def _warm_up(fields: Mapping[str, Spot], head: Head, slow_errors: tuple[SlowError, ...]) -> float:

@@ -22,13 +22,17 @@ RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """The numbers that a law may name, their measures (None: no unit was written), what they are and on which line."""
+    """The numbers that a law may name, their measures (None: no unit was written), what they are and on which line.
+
+    tables : of the tables that it may look into the measures of x and y
+    """
 
     constants: tuple[Constant, ...]
     inputs: tuple[Input, ...]
     parameters: tuple[Parameter, ...]
     measures: Mapping[str, Measure | None]
     places: Mapping[str, tuple[str, int]]
+    tables: Mapping[str, tuple[Measure | None, Measure | None]]
 
     @property
     def nominals(self) -> dict[str, float]:
@@ -54,8 +58,13 @@ class ValueReader:
         self.places: dict[str, tuple[str, int]] = {}
         self.lags: list[Parameter] = []  # the time constants of inputs and sensors, which no law has to name
 
-    def read(self, fields: Mapping[str, Spot], plant: Wiring) -> Values:
-        """Read all of them, in the order of the file."""
+    def read(
+        self,
+        fields: Mapping[str, Spot],
+        plant: Wiring,
+        tables: Mapping[str, tuple[Measure | None, Measure | None]],
+    ) -> Values:
+        """Read all of them, in the order of the file; `tables`: the measures of both axes of each."""
         constants = fields["constants"].things("constant", checked=False) if "constants" in fields else ()
         inputs = fields["inputs"].things("input", checked=False) if "inputs" in fields else ()
         parameters = (
@@ -70,6 +79,7 @@ class ValueReader:
             tuple(self._parameter(place, part) for place, part in parameters),
             self.measures,
             self.places,
+            tables,
         )
 
     def _claim(self, place: Spot, what: str, found: Measure | None) -> str:

@@ -16,8 +16,8 @@ from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
-from faultbond.model.graph import BondGraph, Check, Component, Input, Parameter, Relation, Sensor, Unit
-from faultbond.model.keys import HOLDS
+from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit
+from faultbond.model.keys import BETWEEN, BEYOND, HOLDS
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
@@ -205,6 +205,11 @@ def _structure_record(seen: Inventory) -> Record:
             for item in graph.parameters
         ],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.constants],
+        "tables": [
+            {"name": item.name, "x": list(item.x), "y": list(item.y), "file": item.file}
+            | {"between": BETWEEN[item.monotone], "beyond": BEYOND[item.continues]}
+            for item in graph.tables
+        ],
         "junctions": [{"name": item.name, "type": item.type.value} for item in graph.junctions],
         "lines": _lines_of(graph),
         "bonds": [{"tail": bond.tail, "head": bond.head, "stroke": strokes[k]} for k, bond in enumerate(graph.bonds)],
@@ -272,10 +277,23 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.constants:
         constants = [f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants]
         lines(console, [("constants", ", ".join(constants))])
+    if graph.tables:
+        lines(console, [(("tables" if k == 0 else ""), _table_text(item)) for k, item in enumerate(graph.tables)])
     limited = [item for item in graph.parameters if item.limits]
     if limited:
         limits = [f"{item.name} {' or '.join(_value(item.unit, end) for end in item.limits)}" for item in limited]
         lines(console, [("drifts matter at", "; ".join(limits))])
+
+
+def _table_text(item: Curve) -> str:
+    """Say what a table holds, and what it does where it holds nothing."""
+    x, y = (
+        [unit.from_si(value) for value in values] for values, unit in ((item.x, item.x_unit), (item.y, item.y_unit))
+    )
+    ends = f"x {x[0]:g} to {x[-1]:g} {unit_text(item.x_unit.text)}".rstrip()
+    span = f"y {min(y):g} to {max(y):g} {unit_text(item.y_unit.text)}".rstrip()
+    beyond = "beyond its ends on in a straight line" if item.continues else "beyond its ends the value there"
+    return f"{item.name}: {len(x)} points, {ends}, {span}; {BETWEEN[item.monotone]} between them, {beyond}"
 
 
 def _parameter_row(item: Parameter, graph: BondGraph) -> tuple[str, ...]:
