@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from benchmarks.shared.plants import EXAMPLES
 from benchmarks.trust.strangers.faults import ORDER, STRUCK, TO_TUNE, Fault, Kind, fault_of
 from benchmarks.trust.strangers.judge import Outcome, Verdict, far_off, judged
-from benchmarks.trust.strangers.ready import HERE, asked_for, records_of, rewritten
+from benchmarks.trust.strangers.ready import HERE, records_of, told_of
 from benchmarks.trust.strangers.rig import Change, Form, Input, Recording, Rig, Sensor, record
 from benchmarks.trust.strangers.table import calibration, keep, read, rig_of, rows, rows_of_kinds
 
@@ -215,32 +214,13 @@ def test_an_actuator_lags_and_may_stick() -> None:
     assert np.all(slow[12:] < free[12:])
 
 
-def test_a_model_is_rewritten_as_its_trial_asks() -> None:
-    """The smallest factor is taken; nothing but the kind of number that it names changes."""
-    trial = {"kept": False, "needed": {"accuracy": None, "noise": 3.0, "slow": 1.5}}
-    assert asked_for(trial) == ("fitted; slow errors times 1.5", ("slow", 1.5))
-    assert asked_for({"kept": True, "needed": {}})[1] is None
-    assert asked_for({"kept": False, "needed": {"noise": None}})[1] is None
-    text = (HERE / "pump_skid.yaml").read_text(encoding="utf-8")
-    old = plain(text)
-    for kind, keys, value in (
-        ("noise", ("sensors", "P", "noise"), "1.5 kPa"),
-        ("slow", ("slow_error", "q"), "6 % over 5 min"),
-        ("accuracy", ("accuracy",), "15 %"),
-        ("accuracy", ("blocks", "hole", "parameters", "leak", "accuracy"), "1.5 l/min"),
-    ):
-        new: Any = plain(rewritten(text, kind, 3.0))
-        allowed = {"accuracy", "blocks"} if kind == "accuracy" else {keys[0]}
-        assert {name for name in old if new[name] != old[name]} <= allowed
-        for key in keys:
-            new = new[key]
-        assert new == value
-
-
-def plain(text: str) -> dict[str, Any]:
-    """Give YAML as tables of texts."""
-    tree: dict[str, Any] = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506  texts only, no objects
-    return tree
+def test_it_is_told_what_was_done_to_a_model() -> None:
+    """What was added and raised stands there, and whether that was enough."""
+    added = [{"kind": "lag", "of": "P"}, {"kind": "slow error", "of": "q"}]
+    raised = [{"what": "noise of L1", "times": 1.5625}]
+    found = {"added": added, "raised": raised, "quiet": True}
+    assert told_of(found) == "fitted; lag of P; slow error of q; noise of L1 times 1.6; quiet"
+    assert told_of({"added": [], "raised": [], "quiet": False}) == "fitted; not quiet on all of them"
 
 
 def test_three_plants_are_kept_for_the_report() -> None:

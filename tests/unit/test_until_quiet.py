@@ -7,11 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faultbond.app.engine import build_watcher
+from faultbond.app.identification import read_points
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
+from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
+from faultbond.fit.innovations import Variant
+from faultbond.fit.quiet_search import Added
+from faultbond.fit.samples import healthy_recording
+from faultbond.fit.trial import enough
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
+from faultbond.report.quiet_result import amended_text, raised_text
 
 MODEL = """# a motor
 name: motor
@@ -168,3 +176,49 @@ sensors: {i: {reads: b.f}}
 slow_error: {q: 2 % over 5 s, i: 1 A over 3 s}
 """
     )
+
+
+def test_noise_is_raised_as_far_as_it_takes(model: Path, tmp_path: Path) -> None:
+    """A sensor scatters twice as much as declared: about twice the noise is enough, and less is not; one step apart."""
+    truth = MODEL.replace("R: 3 ohm", f"R: {R} ohm").replace("nominal: 2.5 H", f"nominal: {L} H")
+    model.write_text(truth.replace("noise: 50 mA", "noise: 10 mA"), encoding="utf-8")
+    graph = load_model(model)
+    core = build_watcher(graph)
+    name = str(write(tmp_path / "a.csv", seed=1))
+    record = healthy_recording(name, read_points(graph, name), core)
+    found = enough(core, [record], 3600.0)
+    assert found is not None
+    assert isinstance(found.noise, tuple)
+    assert 1.5 < found.noise[0] < 3.0
+    assert found.accuracy == 1.0
+    text, raised = raised_text(model.read_text(encoding="utf-8"), graph, found)
+    assert [item.what for item in raised] == ["noise of i"]
+    louder = parse_model(text)
+    assert louder.sensors[0].noise == pytest.approx(0.01 * found.noise[0], rel=0.01)
+    assert enough(build_watcher(louder), [record], 3600.0) in (Variant(accuracy=1.5), Variant(noise=(1.0,)))
+    wider = parse_model(raised_text(truth, parse_model(truth), Variant(accuracy=2.0))[0])
+    assert [item.accuracy / item.nominal for item in wider.parameters] == pytest.approx([0.06, 0.1])
+
+
+def test_what_is_added_is_read_back(model: Path) -> None:
+    """Each kind of imperfection, written into the file, is there when it is read; sizes are rounded up."""
+    graph = load_model(model)
+    items = (
+        Imperfection(kind=Kind.LAG, place="i", is_sensor=True, size=0.12),
+        Imperfection(kind=Kind.ABSOLUTE, place="i", is_sensor=True, size=0.0301, memory=2.0),
+        Imperfection(kind=Kind.RELATIVE, place="source.e", size=0.05, memory=1.5),
+        Imperfection(kind=Kind.INPUT_NOISE, place="V", size=0.2),
+        Imperfection(kind=Kind.HOLD, place="V"),
+    )
+    added = [Added(what=item, trained=1.0, held=1.0) for item in items]
+    back = parse_model(amended_text(MODEL, graph, added))
+    assert back.parameter("i_lag").nominal == pytest.approx(0.12)
+    assert [(item.target, item.sd, item.memory) for item in back.slow_errors] == [
+        ("i", pytest.approx(0.031), 2.0),
+        ("source.e", pytest.approx(0.05), 1.5),
+    ]
+    assert back.input("V").noise == pytest.approx(0.2)
+    assert back.input("V").linear
+    expected = with_imperfections(graph, items)
+    assert [item.target for item in expected.slow_errors] == [item.target for item in back.slow_errors]
+    assert expected.sensors[0].lag == back.sensors[0].lag

@@ -14,7 +14,8 @@ from faultbond.equations.step import StepModel
 from faultbond.fit.likelihood import Layout
 from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
 
-MOST_PLACES = 24  # slow errors that are tried at once; each makes every step of the filter dearer
+MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
+LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
@@ -75,11 +76,18 @@ def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
             yield from step.inner
 
 
-def possible(graph: BondGraph, signals: tuple[str, ...]) -> tuple[Imperfection, ...]:
+def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> tuple[Imperfection, ...]:
     """Give what may be missing: slow errors of sensors and of the signals of laws, noise of inputs.
 
     What the model declares may be larger than declared; a signal has one slow error, a part of its value or absolute.
+
+    Parameters
+    ----------
+    graph : the plant
+    signals : of its laws
+    n_states : of the plant; of a large one not all is tried
     """
+    most = max(MOST_FOLLOWED - n_states - len(graph.inputs), LEAST_PLACES)
     found = [_declared(item) for item in graph.slow_errors if not item.after]
     taken = {item.target for item in graph.slow_errors}
     sensors = [
@@ -94,7 +102,7 @@ def possible(graph: BondGraph, signals: tuple[str, ...]) -> tuple[Imperfection, 
         if name not in taken
     ]
     noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in graph.inputs]
-    return (*found, *[*sensors, *laws][: max(MOST_PLACES - len(found), 0)], *noises)
+    return (*found, *[*sensors, *laws][: max(most - len(found), 0)], *noises)
 
 
 def _declared(item: SlowError) -> Imperfection:

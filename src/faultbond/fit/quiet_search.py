@@ -10,6 +10,7 @@ Statistical Society B 36 (1974) 111.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Engine
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.errors import NoVerdictError
+from faultbond.errors import NoVerdictError, StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
@@ -156,7 +157,7 @@ class Search:
         self.step = float(np.median(steps))
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
-        self.possible = possible(graph, signals)
+        self.possible = possible(graph, signals, len(model.states))
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in signals)
         everything = replace(with_imperfections(graph, self.possible), checks=checks)
@@ -198,19 +199,30 @@ class Search:
             return None
         self.tell(f"fitting {', '.join(item.words for item in (*slow, *lags))}")
         untried = tuple(replace(item, size=UNTRIED) for item in slow if item.key not in _keys(stand.graph))
-        ground = self._ground(with_imperfections(stand.graph, untried)) if slow else None
-        found = [ground.climbed(stand, item) for item in slow if ground is not None]
-        for item in lags:
-            ground = self._ground(with_imperfections(stand.graph, (replace(item, size=LAG_GRID * self.step),)))
-            found.append(ground.climbed(stand, ground.best_lag(stand, item) if item.kind is Kind.LAG else item))
-        gained = [item.held - stand.held for item in found]
-        most = max(gained)
+        found = []
+        for some in (slow, *([item] for item in lags)):
+            with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
+                found += self._climbed(stand, some, untried)
+        gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
+        most = max(gained, default=-np.inf)
         if not most >= WORTH:
             return None
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
         alike = tuple(item.added[-1].what for item in near if item is not best)
         return replace(best, added=(*best.added[:-1], replace(best.added[-1], alike=alike)))
+
+    def _climbed(
+        self, stand: Footing, some: Sequence[Imperfection], untried: tuple[Imperfection, ...]
+    ) -> list[Footing]:
+        """Give where each of some imperfections leads that one plant can hold side by side."""
+        if not some:
+            return []
+        lag = some[0].kind in (Kind.LAG, Kind.HOLD)
+        added = (replace(some[0], size=LAG_GRID * self.step),) if lag else untried
+        ground = self._ground(with_imperfections(stand.graph, added))
+        begun = [ground.best_lag(stand, item) if item.kind is Kind.LAG else item for item in some]
+        return [ground.climbed(stand, item) for item in begun]
 
     def lags(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.

@@ -12,8 +12,7 @@ Path = tuple[str, ...]  # keys from the top of the file
 def amended(text: str, values: Sequence[tuple[Path, str]], file: str = "model") -> str:
     """Give a model text with values put at paths of keys, in place of what stands there or behind the last key.
 
-    Where a short form stands for a table, as `V: V` for an input, it becomes the first value of the table that
-    `SHORT` names.
+    Where a short form stands for a table, as `K: 3 ohm` for a parameter, it becomes the first value of a table.
 
     Raises
     ------
@@ -25,14 +24,23 @@ def amended(text: str, values: Sequence[tuple[Path, str]], file: str = "model") 
     return text
 
 
-SHORT = {"inputs": "unit", "slow_error": "size"}  # what a plain value stands for, by section
+def _short(path: Path) -> str:
+    """Give the key that a plain value at a path stands for; empty where none can stand there."""
+    match path:
+        case (_, _, "parameters", _):
+            return "nominal"
+        case (_, _, "lag"):
+            return "value"
+        case ("inputs", _):
+            return "unit"
+    return ""
 
 
 def _put(text: str, path: Path, value: str, file: str) -> str:
     node = yaml.compose(text, Loader=yaml.SafeLoader)
     for depth, key in enumerate(path):
-        if isinstance(node, yaml.ScalarNode) and path[0] in SHORT and depth == 2:  # a short form, or nothing
-            stated = f"{SHORT[path[0]]}: {text[node.start_mark.index : node.end_mark.index]}, " if node.value else ""
+        if isinstance(node, yaml.ScalarNode) and (short := _short(path[:depth])):  # a short form, or nothing
+            stated = f"{short}: {text[node.start_mark.index : node.end_mark.index]}, " if node.value else ""
             table = f"{{{stated}{key}: {value}}}"
             gap = "" if node.value or text[node.start_mark.index - 1 : node.start_mark.index] == " " else " "
             return text[: node.start_mark.index] + gap + table + text[node.end_mark.index :]
