@@ -6,9 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.ladders import components_of, ladder_text
 
-from faultbond.app.answers import _largest
+from faultbond.app.analysis import _Progress
+from faultbond.app.answers import _largest, answers
+from faultbond.app.wishes import Wishes
 from faultbond.cli import main
+from faultbond.errors import StructureError
+from faultbond.model.text import load_model, parse_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MOTOR = EXAMPLES / "dc_motor" / "model.yaml"
@@ -212,3 +217,29 @@ def test_closed_forms_end_with_the_patience(capsys: pytest.CaptureFixture[str]) 
     assert len(routes) > 20
     assert [item for item in routes if item["closed_form"] or item["noise"]] == []
     assert record["closed_forms_left_out"] > 10
+
+
+def test_a_plant_that_is_too_large_for_routes_says_what_to_raise() -> None:
+    """Of a ladder of 40 sections no route is told, and the message has the budget; no search is begun."""
+    graph = parse_model(ladder_text(40))
+    with pytest.raises(StructureError, match=r"200 equations, .* up to 150; raise --budget to 2"):
+        answers(graph, components_of(graph), Wishes())
+
+
+def test_routes_end_with_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without time no route is told, and all are counted."""
+    monkeypatch.setattr("faultbond.app.answers.ROUTE_SECONDS", 0.0)
+    graph = load_model(MOTOR)
+    told = answers(graph, components_of(graph), Wishes(patience=0.0))
+    assert told.found == ()
+    assert told.routes_left_out > 10
+
+
+def test_a_long_analysis_says_what_it_does(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing on standard error at first; after a while each part is named there."""
+    progress = _Progress()
+    assert progress.through("one", lambda: 1) == 1
+    assert capsys.readouterr().err == ""
+    progress.begun -= 60.0
+    progress.through("two", lambda: 2)
+    assert capsys.readouterr().err == "analyse: two, after 60 s\n"

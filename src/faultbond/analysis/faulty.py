@@ -27,7 +27,7 @@ _FIRST_INPUT, _MOST_INPUT = 0.01, 10.0  # the same of an input, in its largest v
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Suspect:
+class FaultTarget:
     """What may change: a parameter, a sensor or an input, by its position; -1 for the two that it is not.
 
     scale: SI size of one factor, in which all sizes are. first: the first size tried. most: the largest up, and down.
@@ -42,13 +42,13 @@ class Suspect:
     input: int = -1
 
 
-FaultCase = tuple[Suspect, int]  # sign of the change
+FaultCase = tuple[FaultTarget, int]  # sign of the change
 
 
-def suspects_of(spec: EngineSpec, operation: Operation) -> tuple[Suspect, ...]:
+def fault_targets(spec: EngineSpec, operation: Operation) -> tuple[FaultTarget, ...]:
     """Give all parameters, then the biases of the instruments that may fail."""
     found = [
-        Suspect(
+        FaultTarget(
             name=item.name,
             scale=item.scale,
             first=max(_FIRST_PART * item.accuracy, _LEAST),
@@ -62,10 +62,10 @@ def suspects_of(spec: EngineSpec, operation: Operation) -> tuple[Suspect, ...]:
         name = f"{item.name}{BIAS}"
         if item.is_output:
             noise, most = spec.outputs[item.index].noise, (_MOST_NOISES, _MOST_NOISES)
-            found.append(Suspect(name=name, scale=noise, first=_FIRST_NOISES, most=most, output=item.index))
+            found.append(FaultTarget(name=name, scale=noise, first=_FIRST_NOISES, most=most, output=item.index))
         elif largest[item.index] > 0.0:
             size, most = float(largest[item.index]), (_MOST_INPUT, _MOST_INPUT)
-            found.append(Suspect(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index))
+            found.append(FaultTarget(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index))
     return tuple(found)
 
 

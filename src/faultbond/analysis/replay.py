@@ -79,6 +79,11 @@ def sudden_runs(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivi
     """Give runs of `recorded_runs` again, for changes that come in their middle, with stores that keep their contents.
 
     Instruments are among what changes.
+
+    Raises
+    ------
+    StructureError
+        Where the equations have no finite solution along the way.
     """
     found = []
     for run in runs:

@@ -22,7 +22,7 @@ import numpy as np
 
 from faultbond.analysis.comparison import NO_TIME, Allowance
 from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
-from faultbond.analysis.faulty import FaultCase, Faults, Suspect, suspects_of
+from faultbond.analysis.faulty import FaultCase, Faults, FaultTarget, fault_targets
 from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.analysis.sensitivity import BIAS
 from faultbond.arrays import BoolArray, FloatArray, IntArray
@@ -145,7 +145,7 @@ def smallest_faults(
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
     detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
     search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
-    known = {item.name: item for item in suspects_of(spec, operation)}
+    known = {item.name: item for item in fault_targets(spec, operation)}
     chosen = [known[name] for name in asked if name in known]
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):
@@ -272,7 +272,7 @@ class _Search:
         progress.rounds[done], progress.low[done], progress.high[done] = -1, 0.0, np.inf
 
 
-def _report(search: _Search, chosen: list[Suspect], within: float, clock: Allowance) -> Iterator[SmallestFault]:
+def _report(search: _Search, chosen: list[FaultTarget], within: float, clock: Allowance) -> Iterator[SmallestFault]:
     spec = search.spec
     progress = search.run([(item, sign) for item in chosen for sign in (1, -1)], clock)
     sizes = np.where(progress.found, progress.size, np.inf)

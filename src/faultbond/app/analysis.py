@@ -114,5 +114,6 @@ class _Progress:
                 return work()
         gone = monotonic() - self.begun
         if gone > _SILENT:
-            print(f"analyse: {title}, after {gone:.0f} s", file=sys.stderr, flush=True)  # noqa: T201 - not the result
+            sys.stderr.write(f"analyse: {title}, after {gone:.0f} s\n")
+            sys.stderr.flush()
         return work()

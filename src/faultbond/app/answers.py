@@ -16,7 +16,7 @@ from faultbond.io.cache import cache_folder
 from faultbond.model.graph import BondGraph
 
 MOST_SETS = 300  # of suspects that are given a route
-MOST_EQUATIONS = 200  # of a plant that routes are looked for in: one alone of a larger one takes minutes
+MOST_EQUATIONS = 150  # of a plant that routes are looked for in: one alone of a larger one takes minutes
 ROUTE_SECONDS = 8.0  # of processor time, for all routes together, beside that of the closed forms
 PARTS_OF_PATIENCE = 4  # of the time for all closed forms that one may take
 

@@ -43,6 +43,7 @@ from faultbond.types import TimeGrid
 MOST_SETS = 120  # sets whose other solutions are looked for; single suspects where there are more
 MOST_TWINS = 10  # suspects up to which pairs are compared as twins; single suspects where there are more
 REST_SAMPLES = (400, 100, 25)  # of the record of inputs at rest, as many as the plant has a solution for
+REST_NUMBERS = 3 * 10**6  # in the sensitivities along it, which is the shorter for more of them
 MOST_UNKNOWNS = 80  # states, slow errors and parameters up to which smallest faults are worked out
 MOST_TESTS = 2000  # minimal sets of equations that are looked for
 MOST_WITHIN = 100_000  # samples in which a smallest fault is to be found
@@ -295,7 +296,8 @@ def _at_rest(study: _Study) -> CapabilityView:
     """What can be told where all inputs stand still: from where the reference run ended, else from where it rests."""
     model, levels = study.model, reference_levels(study.model)
     begins = stands(model, levels)
-    for count in REST_SAMPLES:
+    size = len(study.graph.sensors) * (len(study.graph.parameters) + len(model.states))
+    for count in [item for item in REST_SAMPLES if item * size <= REST_NUMBERS] or REST_SAMPLES[-1:]:
         times = np.arange(count, dtype=np.float64) * (study.graph.sample_time or 1.0)
         for stand in begins:
             with suppress(StructureError):

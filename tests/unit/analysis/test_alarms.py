@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultbond.analysis import false_alarm_trials
 from faultbond.analysis.false_alarm_trials import Bisection, Detector, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
 from faultbond.contract.samples import Sample
@@ -97,3 +98,26 @@ def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: b
             found |= alarms(spec, sums, np.zeros((*found.shape, 0)))
         share.append(float(found[windows.quiet].mean()))
     assert share[0] > 0.6 > share[1] > 0.3
+
+
+def test_a_filter_that_has_learned_begins_with_slow_errors_that_are_not_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a least-squares estimate of a slow error and a parameter errs by where the slow error is truly zero."""
+    spec = build_spec(example("tank"))
+    n, place = spec.n_joint, spec.slow_slice.start
+    k, other = spec.parameter_slice.start, spec.parameter_slice.start + 1
+    prior = np.diag(np.full(n, 1e-12))
+    prior[place, place], prior[place + 1, place + 1] = spec.slow_sizes**2
+    prior[k, k] = prior[other, other] = 0.03**2
+    seen = np.zeros(n)
+    seen[[place, k]] = 1.0, 0.7  # one measurement of their sum, with noise 0.01
+    gain = prior @ seen / (seen @ prior @ seen + 0.01**2)
+    covariance = prior - np.outer(gain, seen @ prior)
+    true = prior.copy()
+    true[place, place] = true[place + 1, place + 1] = 0.0
+    error = (np.eye(n) - np.outer(gain, seen)) @ true @ (np.eye(n) - np.outer(gain, seen)).T
+    error += 0.01**2 * np.outer(gain, gain)
+    monkeypatch.setattr(false_alarm_trials, "REALISATIONS", 40000)
+    drawn = np.cov(false_alarm_trials._first_errors(spec, covariance, np.random.default_rng(1)).T)
+    sizes = np.sqrt(np.maximum(np.diag(error), 1e-8))
+    assert np.abs((drawn - error) / np.outer(sizes, sizes)).max() < 0.03
+    assert error[place, place] > 0.2 * covariance[place, place]

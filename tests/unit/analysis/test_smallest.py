@@ -81,7 +81,7 @@ def test_noise_makes_the_smallest_fault_larger(motor: Built) -> None:
     """Ten times the noise of the sensor: every fault must be larger to be found, or is not found."""
     noisy = built(example("dc_motor", ("noise: 0.06 rad/s", "noise: 0.6 rad/s")))
     quiet_sizes, noisy_sizes = (found(plant, within=2.0) for plant in (motor, noisy))
-    assert set(quiet_sizes) == {"R", "L", "K", "J", "C"}
+    assert set(quiet_sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias"}
     for name, item in quiet_sizes.items():
         assert item.value is not None
         assert item.value == max(item.up or 0.0, item.down or 0.0)
@@ -148,15 +148,35 @@ def test_a_plant_that_rounding_takes_elsewhere_has_no_sizes() -> None:
         "bonds: [source -> loop -> R, loop -> L, loop -> X]\nsensors: {i: {reads: loop.f, noise: 0.01}}\n"
     )
     sizes = found(built(stated(text)))
-    assert all(item.value is None for item in sizes.values())
+    assert {name for name, item in sizes.items() if item.value is not None} == {"i.bias"}  # passes through no plant
     assert "the least change already takes the plant elsewhere" in {item.reason for item in sizes.values()}
 
 
 def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
     """Without time every parameter is given, none with a size, each with the reason."""
     sizes = found(motor, within=2.0, seconds=0.0)
-    assert set(sizes) == {"R", "L", "K", "J", "C"}
+    assert set(sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias"}
     assert {(item.value, item.reason) for item in sizes.values()} == {(None, "no time left")}
+
+
+def test_instruments_have_sizes_too(motor: Built) -> None:
+    """A bias shows in its sensor as large as it is, in both directions alike; one of the input acts by the plant."""
+    sizes = found(motor, parameters=["omega.bias", "V.bias"], within=2.0)
+    (shown,) = sizes["omega.bias"].effects
+    assert shown.size == pytest.approx(sizes["omega.bias"].value)
+    assert sizes["omega.bias"].up == pytest.approx(sizes["omega.bias"].down, rel=0.2)
+    up, down = sizes["V.bias"].up, sizes["V.bias"].down
+    assert up is not None
+    assert up == pytest.approx(down, rel=0.2)
+    assert sizes["V.bias"].effects[0].in_noise < up / motor[1].outputs[0].noise
+
+
+def test_what_is_alike_at_the_smallest_size_is_named() -> None:
+    """So small a change of the tank is a bias of the pressure sensor too, and the other way round; the pipe is none."""
+    sizes = found(built(example("tank")), parameters=["K1", "K3", "pressure.bias"])
+    assert sizes["K3"].alike == ("pressure.bias",)
+    assert sizes["pressure.bias"].alike == ("K3",)
+    assert sizes["K1"].alike == ()
 
 
 def test_a_slow_error_alarms_too() -> None:

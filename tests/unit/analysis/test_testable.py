@@ -139,7 +139,7 @@ def test_no_suspects_no_sets() -> None:
 
 def test_all_sets_where_no_run_tells_anything(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the equations have no solution along any random run, no set is dropped."""
-    monkeypatch.setattr(testable, "sensitivities", lambda _recursion, runs: (None,) * len(runs))
+    monkeypatch.setattr(testable, "sensitivities", lambda _recursion, runs, **_: (None,) * len(runs))
     with pytest.raises(StructureError, match="the equations of DC motor have no finite solution along random inputs"):
         generic_run(example("dc_motor"))
     found = choose_sets(example("dc_motor"))
