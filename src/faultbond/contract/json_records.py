@@ -162,7 +162,7 @@ def _candidate(candidate: Candidate) -> Record:
 
 
 def _suspect(suspect: Suspect) -> Record:
-    """Give the value of a suspect: a rate only where it drifts, times where it drifted and stays, `moved` where it moves."""
+    """Give the value of a suspect; a rate where it drifts, times where it has come to stay, `moved` where it moves."""
     value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
     if suspect.moved:
         value["moved"] = suspect.moved

@@ -74,7 +74,10 @@ class Core:
         suspect = np.dtype(
             [
                 *((name, _INT) for name in ("parameter", "input", "output", "word")),
-                *((name, _REAL) for name in ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")),
+                *(
+                    (name, _REAL)
+                    for name in ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")
+                ),
                 ("n_forecasts", _INT),
                 ("forecasts", forecast, (max(most_limits, 1),)),
             ]
