@@ -260,6 +260,20 @@ def test_lanes_that_begin_again_do_so_near_where_they_began() -> None:
     assert len(sure) <= len(nearest) + 3
 
 
+@pytest.mark.parametrize(("began", "top"), [([120], 20), ([120], 310), ([120, 200], 20), ([200, 120], 310)])
+def test_lanes_that_begin_again_look_farther_where_an_end_still_matters(began: list[int], top: int) -> None:
+    """Beyond the first and the last that are tried, even where these are less likely than another one by little."""
+    standing = np.zeros(400, dtype=np.int64)
+    onsets(250, 200)
+    library().t_near(at(np.resize(began, 8)), at(standing))
+    place, end = np.arange(330.0)[:, None], began[0]
+    said = -300.0 - 0.3 * np.abs(place - top) - 0.01 * np.arange(8.0)
+    if len(began) > 1:  # at the other end it is likelier
+        said = np.maximum(said, said[end] + 5.0 - np.abs(place - began[1]))
+    _, _, chosen = sought(said)
+    assert np.all(np.abs(chosen - top) <= 20)
+
+
 def test_bursts_begin_where_innovations_become_wild() -> None:
     """Of a run of wild samples the first counts, what is no number does not, and of many the wildest are kept."""
     wild = np.zeros(200)
