@@ -12,6 +12,7 @@ from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.synthesis.compile import find_compiler
+from faultbond.types import FaultKind
 from made import EXAMPLES
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
