@@ -36,8 +36,8 @@ WILDEST, SAYS_MUCH, BLANK, NEVER, ROUNDING = 400.0, 0.1, 1e4, 1e6, 1e-16
 GAMMA = 1.0 - sqrt(0.5)
 # Of a packed sample: dt, inputs before and now, readings, their use and scale, kicks, gap, again, bound, usual squares.
 BEFORE, NOW, READ, USE, SCALE, KICK, GAP, BOUND, USUAL = 1, 3, 5, 7, 9, 11, 13, 15, 16
-# Of the roles of a slot: on factors, inputs; how sensors read; their noise; its own wander.
-INPUT, READS, GAIN, BIAS, LOUD, WANDER = 7, 9, 11, 13, 15, 17
+# Of the roles of a slot: on factors, inputs; whether inputs act as recorded; how sensors read; their noise.
+INPUT, OBEYS, READS, GAIN, BIAS, LOUD = 7, 9, 11, 13, 15, 17
 
 Bank = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # x, p, roles, likelihood
 
@@ -59,7 +59,7 @@ def model_of(x: Any, roles: Any, wide: Any, u: Any, at: Any, v: Any) -> None:
         for k in range(N_THETA):
             v[THETA + k] = min(max(x[THETA + k] + roles[k] * x[SIZE], LOWER), UPPER)
         for k in range(2):
-            v[N_PLAIN + k] += roles[INPUT + k] * x[SIZE]
+            v[N_PLAIN + k] = roles[OBEYS + k] * u[at + k] + roles[INPUT + k] * x[SIZE]
 
 
 @compiled
@@ -153,7 +153,6 @@ def predict(x: Any, p: Any, roles: Any, wide: Any, given: Any, v: Any, rows: Any
             p[SIZE, j] += dt * p[RATE, j]
         for j in range(n):
             p[j, SIZE] += dt * p[j, RATE]
-        p[RATE, RATE] += roles[WANDER] * dt
 
 
 @compiled

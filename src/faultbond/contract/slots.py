@@ -22,6 +22,9 @@ FRESH, OLD = (
     100.0,
     2000.0,
 )  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
+SETTLES = (
+    20.0  # samples in which an input drifts by its larger bias: an actuator that comes to rest where it should not
+)
 UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
@@ -33,7 +36,7 @@ INPUT_STUCK = (0.02, 0.5)  # sd of where an input is stuck about where it was, a
 COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step of a component
 INPUT_KINDS = {  # and of each of them
     FaultKind.BIAS: 1.0,
-    FaultKind.DRIFT: 0.3,
+    FaultKind.DRIFT: 0.6,
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
@@ -194,7 +197,7 @@ def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     drift, stuck = replace(lane, kind=FaultKind.DRIFT), replace(lane, kind=FaultKind.STUCK, sticks=True)
     found = [
         *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
-        replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
+        replace(drift, rate_sd=INPUT_BIASES[1] / SETTLES),
         replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
         *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
         *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),

@@ -61,7 +61,8 @@ static void advance_bank(State *state, const double *packed, BankMemory *memory,
     for (int64_t group = 0; group < N_RESTING; group++) resting += bank->rests[group];
     const double before = resting ? leading_of_bank(bank) : 0.0;
     advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
-    if (slots_begun(&state->job) >= SWITCHED) hand_on(bank, state->clock.index, state->clock.time, &memory->slots);
+    hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
+            state->clock.time, &memory->slots);
     advance_slots(bank, slots_begun(&state->job), packed, &state->normal, memory->innovations[0] + N_STEPS,
                   FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,

@@ -123,9 +123,9 @@ static void take_slot(const Bank *bank, int64_t lane, int l, double (*to)[FB_LAN
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i][l] = of_slot(bank, lane, i);
 }
 
-/* Let what moves come to stay before a sample, `number`, at a time, s; `onset`: sample at which each lane with a slot
-   began. */
-static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
+/* Let what moves come to stay before a sample, `number`, at a time, s, in those lanes of which the first n_begun have
+   begun. Until all have, each pair is by itself (not `together`), as it is where it begins. */
+static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, double time, SlotMemory *memory)
 {
     const int64_t *onset = bank->onset + N_STEPS;
     const int rate = AT_SLOT + 1;
@@ -133,8 +133,8 @@ static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
         int64_t age[FB_LANES] = {0}, pairs[FB_LANES], n = 0;
         double extra[FB_LANES] = {0.0};
         for (int64_t pair = first; pair < N_RAMPS && pair < first + FB_LANES; pair++) {
-            const int64_t drift = likeliest_drift(bank, pair);
-            if (drift < 0 || rests(bank, stay_of(pair))) continue;
+            const int64_t drift = together ? likeliest_drift(bank, pair) : drift_of(pair);
+            if (drift < 0 || stay_of(pair) >= n_begun || rests(bank, stay_of(pair))) continue;
             take_slot(bank, drift, (int)n, memory->moves);
             take_slot(bank, stay_of(pair), (int)n, memory->stays);
             age[n] = number - onset[drift];
@@ -153,7 +153,7 @@ static void hand_on(Bank *bank, int64_t number, double time, SlotMemory *memory)
             for (int64_t l = 0; l < n; l++) *number_of_slot(bank, stay_of(pairs[l]), i) = memory->stays[i][l];
         }
     }
-    for (int64_t lane = 0; lane < SWITCHED; lane++)
+    for (int64_t lane = together ? 0 : RAMPED; lane < SWITCHED && lane < n_begun; lane++)
         if (SLOT_KIND[lane] == KIND_DRIFT)
             *number_of_slot(bank, lane, WIDE_LIKELIHOOD) += log1p(-ends_now(
                 number - onset[lane], of_slot(bank, lane, rate), of_slot(bank, lane, WIDE_PLACE(rate, rate))));

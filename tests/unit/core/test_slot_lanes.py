@@ -103,7 +103,7 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
 }
-void t_hand_on(int64_t number, double time) { hand_on(&state.bank, number, time, &work.bank.slots); }
+void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
 void t_advance(const double *packed, double *innovations, int64_t stride)
 {
     advance_slots(&state.bank, N_SLOT_LANES, packed, &state.normal, innovations, stride, &work.filters.wide,

@@ -73,11 +73,11 @@ def test_a_fault_that_comes_and_goes() -> None:
 
 def test_a_ramp_that_has_ended() -> None:
     """From what to what, over which time, and that it has stopped; of an instrument too."""
-    over = {"began": 1502.2, "ended": 1560.4}
-    assert said(replace(suspect(GRAPH, "K2", 1.5, 0.02), **over), FaultKind.RAMP) == (
+    pipe, valve = suspect(GRAPH, "K2", 1.5, 0.02), wrong("u_in.bias", 0.0, -4.5, 0.4)
+    assert said(replace(pipe, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
         "K2 rose from 5.08e11 to 7.62e11 Pa*s^2/m^6 (+50 %) in 58 s up to 1560 s, and has stayed there since"
     )
-    assert said(replace(wrong("u_in.bias", 0.0, -4.5, 0.4), **over), FaultKind.RAMP) == (
+    assert said(replace(valve, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
         "it acts 4.5 percent below what is recorded (bias); it came to that in 58 s up to 1560 s, and has stayed there "
         "since"
     )

@@ -37,7 +37,8 @@ def steps_of(monitor: Monitor) -> FloatArray:
 def slots_of(monitor: Monitor) -> FloatArray:
     """Lanes with a slot, (n_numbers, n_lanes); of faults that come and go two are one."""
     first, chosen = plan_lanes(SPEC).n_lanes, enumerate(plan_slots(SPEC).lanes)
-    return np.array([monitor.lane(first + k) for k, lane in chosen if lane.kind is not FaultKind.INTERMITTENT]).T
+    mixing = (FaultKind.DRIFT, FaultKind.RAMP, FaultKind.INTERMITTENT)
+    return np.array([monitor.lane(first + k) for k, lane in chosen if lane.kind not in mixing]).T
 
 
 def test_the_bank_linearises_twice_with_a_wide_bound_and_begins_again_when_it_is_time() -> None:
