@@ -213,10 +213,9 @@ def test_what_is_added_is_read_back(model: Path) -> None:
     added = [Added(what=item, trained=1.0, held=1.0) for item in items]
     back = parse_model(amended_text(MODEL, graph, added))
     assert back.parameter("i_lag").nominal == pytest.approx(0.12)
-    assert [(item.target, item.sd, item.memory) for item in back.slow_errors] == [
-        ("i", pytest.approx(0.031), 2.0),
-        ("source.e", pytest.approx(0.05), 1.5),
-    ]
+    sensor, source = back.slow_errors
+    assert (sensor.target, sensor.memory, source.target, source.memory) == ("i", 2.0, "source.e", 1.5)
+    assert [sensor.sd, source.sd] == pytest.approx([0.031, 0.05])
     assert back.input("V").noise == pytest.approx(0.2)
     assert back.input("V").linear
     expected = with_imperfections(graph, items)

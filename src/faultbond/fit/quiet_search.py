@@ -38,6 +38,7 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
+from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.expression import Name
@@ -107,6 +108,16 @@ class Footing:
     added: tuple[Added, ...] = ()
 
 
+def as_found(stand: Footing) -> BondGraph:
+    """Give the plant with parameters and imperfections as they stand, about as sure as a fit to all would be."""
+    parameters = []
+    for item in stand.graph.parameters:
+        value = stand.values[item.name]
+        sure = replace(item, nominal=value, accuracy=min(LEAST_ACCURACY * abs(value), item.accuracy))
+        parameters.append(item if item.nominal == 0.0 or value == 0.0 else sure)
+    return replace(stand.graph, parameters=tuple(parameters))
+
+
 def parted(read: Recordings, least: int) -> tuple[Recordings, Recordings]:
     """Give recordings to fit and to hold back: the last of them, or the last part of one.
 
@@ -158,6 +169,7 @@ class Search:
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
         self.possible = possible(graph, signals, len(model.states))
+        self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in signals)
         everything = replace(with_imperfections(graph, self.possible), checks=checks)
@@ -207,6 +219,7 @@ class Search:
         most = max(gained, default=-np.inf)
         if not most >= WORTH:
             return None
+        self.refused |= {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain < WORTH}
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
         alike = tuple(item.added[-1].what for item in near if item is not best)
@@ -240,7 +253,7 @@ class Search:
             parts = zip(stand.innovations, (record.u[:, k] for record in self.trained), strict=True)
             gain = sum(_explained(column, _changes(u)) for off, u in parts for column in off.T)
             found.append((Imperfection(kind=Kind.LAG, place=item.name), gain))
-        free = [item for item in found if lag_name(item[0]) not in taken]
+        free = [item for item in found if lag_name(item[0]) not in taken and item[0].key not in self.refused]
         return sorted(free, key=lambda item: item[1], reverse=True)
 
     def holds(self, stand: Footing) -> list[Imperfection]:
@@ -253,7 +266,8 @@ class Search:
             gain = sum(_explained(column, _changes(u)) for off, u in parts for column in off.T)
             if not item.linear and moves > RESTLESS and gain > HINT:
                 found.append((gain, Imperfection(kind=Kind.HOLD, place=item.name)))
-        return [item for _, item in sorted(found, key=lambda one: one[0], reverse=True)]
+        best = sorted(found, key=lambda one: one[0], reverse=True)
+        return [item for _, item in best if item.key not in self.refused]
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""

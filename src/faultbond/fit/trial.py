@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.arrays import FloatArray
-from faultbond.contract.spec import EngineSpec
-from faultbond.fit.cusum import added, height_of, no_sums
 from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
 from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
@@ -166,24 +163,3 @@ def _step(records: Sequence[HealthyRecording]) -> float:
     """Give the usual time between samples, s."""
     steps = np.concatenate([item.samples[1:, 0] for item in records])
     return float(np.median(steps)) if len(steps) else 1.0
-
-
-def highest(spec: EngineSpec, scores: Sequence[FloatArray]) -> float:
-    """Give the highest that the sums of the detector climb on innovations in their standard deviations.
-
-    Parameters
-    ----------
-    spec : limits of the sums
-    scores : (N, n_outputs) of each recording, nan where there is none
-
-    Returns
-    -------
-    float, as a part of the limit
-    """
-    found = 0.0
-    for course in scores:
-        sums = no_sums(course.shape[1])
-        for score in course[spec.thresholds.warm_up_samples :]:
-            sums = added(spec.thresholds, sums, score, np.isfinite(score))
-            found = max(found, float(np.max(height_of(spec.thresholds, sums))))
-    return found / spec.thresholds.cusum_limit
