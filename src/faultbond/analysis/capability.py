@@ -10,7 +10,7 @@ from math import comb
 
 import numpy as np
 
-from faultbond.analysis.groups import Group, NearGroup, groups, near_groups
+from faultbond.analysis.groups import MOST_NEAR, Group, NearGroup, groups, near_groups
 from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce
 from faultbond.analysis.replay import sudden_runs
 from faultbond.analysis.sensitivity import BIAS, Recursion, Sensitivity
@@ -26,8 +26,8 @@ class CapabilityView:
     """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike.
 
     groups: alike once the change has lasted. sudden_groups: alike even where it comes at once and stores keep their
-    contents, as the bank takes it; a bias of an instrument counts as a suspect of its own. near_groups: nearly so.
-    names: of what the positions in the two stand for.
+    contents, as the bank takes it; a bias of an instrument counts as a suspect of its own. near_groups: nearly alike in
+    either way. names: of what the positions in the two stand for.
     """
 
     judgement: Judgement
@@ -51,7 +51,7 @@ def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:
     """
     run = generic_run(model, recursion)
     exact, sudden = reduce([run]), generic_run(model, recursion, sudden=True)
-    return _view(model, exact, exact, [sudden])
+    return _view(model, exact, exact, reduce([run], _noise(model)), [sudden])
 
 
 def on_record(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity]) -> CapabilityView:
@@ -67,7 +67,7 @@ def on_record(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity
     reduced = reduce(runs, _noise(model))
     changes = np.array([item.change for item in model.plant.graph.parameters])
     seen = above_noise(reduced, changes / np.where(reduced.steps != 0.0, np.abs(reduced.steps), 1.0))
-    return _view(model, seen, reduced, sudden_runs(model, recursion, runs))
+    return _view(model, seen, reduced, reduced, sudden_runs(model, recursion, runs))
 
 
 def _noise(model: StepModel) -> FloatArray:
@@ -75,7 +75,11 @@ def _noise(model: StepModel) -> FloatArray:
 
 
 def _view(
-    model: StepModel, judged: ReducedSensitivities, exact: ReducedSensitivities, sudden: Sequence[Sensitivity]
+    model: StepModel,
+    judged: ReducedSensitivities,
+    exact: ReducedSensitivities,
+    in_noises: ReducedSensitivities,
+    sudden: Sequence[Sensitivity],
 ) -> CapabilityView:
     graph = model.plant.graph
     suspects = [k for k, item in enumerate(graph.parameters) if item.suspect]
@@ -85,16 +89,20 @@ def _view(
         for item in judgement.verdicts
         if item.identifiable and len(item.parameters) <= graph.max_faults and item.falsifiable
     ] or [item.parameters for item in judgement.verdicts if item.identifiable and len(item.parameters) == 1]
-    at_once, in_noises = reduce(sudden), reduce(sudden, _noise(model))
+    at_once = reduce(sudden)
     shown = np.linalg.norm(at_once.matrix, axis=0) > at_once.rank.low
     instruments = [(k,) for k in range(len(graph.parameters), len(at_once.parameters)) if shown[k]]
     both = sorted([*sets, *instruments], key=len)
-    alike = groups(at_once, both)
+    lasting, alike = groups(exact, sets), groups(at_once, both)
+    near = near_groups(in_noises, sets, lasting)
+    known = {frozenset(item.sets) for item in near}
+    at_first = near_groups(reduce(sudden, _noise(model)), both, alike)
+    near += tuple(item for item in at_first if frozenset(item.sets) not in known)
     return CapabilityView(
         judgement=judgement,
-        groups=groups(exact, sets),
+        groups=lasting,
         sudden_groups=alike,
-        near_groups=near_groups(in_noises, both, alike),
+        near_groups=tuple(sorted(near, key=lambda item: (item.angle, item.sets)))[:MOST_NEAR],
         names=at_once.parameters,
     )
 

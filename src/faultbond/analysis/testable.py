@@ -75,7 +75,13 @@ def generic_run(model: StepModel, recursion: Recursion | None = None, *, sudden:
     ranks = [(reduce([run]).rank, run) for run in runs if run is not None]
     if not ranks:
         raise no_run(model.plant.graph)
-    return max(ranks, key=lambda item: (item[0].least, item[0].clear, item[0].kept))[1]
+    percent = [item.unit.text == "percent" for item in model.plant.graph.inputs]
+
+    def merit(item: tuple[Rank, Sensitivity]) -> tuple[int, bool, bool, float]:
+        rank, run = item  # of equals one whose valves do not turn about
+        return rank.least, rank.clear, not (run.inputs[:, percent] < 0.0).any(), rank.kept
+
+    return max(ranks, key=merit)[1]
 
 
 def no_run(graph: BondGraph) -> StructureError:
