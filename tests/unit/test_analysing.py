@@ -240,6 +240,6 @@ def test_a_long_analysis_says_what_it_does(monkeypatch: pytest.MonkeyPatch, caps
     progress = _Progress()
     assert progress.through("one", lambda: 1) == 1
     assert capsys.readouterr().err == ""
-    progress.begun -= 60.0
+    progress.begun -= 90.0
     progress.through("two", lambda: 2)
-    assert capsys.readouterr().err == "analyse: two, after 60 s\n"
+    assert capsys.readouterr().err == "analyse: two, after 90 s\n"

@@ -16,7 +16,7 @@ from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 
-_SILENT = 10.0  # s without a word, where standard error is no terminal
+_SILENT = 60.0  # s without a word, where standard error is no terminal
 _Found = TypeVar("_Found")
 
 

@@ -302,7 +302,7 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
             sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
             effects = ", ".join(sizes)
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
-    header = ("parameter", "change", "unit", "of nominal", "largest effect on the outputs, in noise sd", "then alike")
+    header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
 
 
