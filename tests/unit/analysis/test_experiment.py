@@ -17,11 +17,13 @@ def experiments(model: StepModel) -> tuple[Experiment, ...]:
 
 
 def test_inputs_stay_in_their_range_and_move() -> None:
-    """Percentages lie between 20 and 100; other inputs have the declared decades, in the model's unit, and signs."""
-    for found in experiments(example("tank")):
-        assert found.inputs.min() >= 20.0
+    """Percentages lie between 20 and 100, and once go both ways; others have the decades, in their unit, and signs."""
+    *one_way, both_ways = experiments(example("tank"))
+    for found, least in (*((item, 20.0) for item in one_way), (both_ways, -100.0)):
+        assert found.inputs.min() >= least
         assert found.inputs.max() <= 100.0
         assert np.ptp(found.inputs, axis=0).min() > 40.0
+    assert both_ways.inputs.min() < -20.0
     motor = experiments(example("dc_motor", ("V: {unit: V, noise: 0.16 V}", "V: {unit: mV, noise: 0.16 V}")))
     for found, (decades, signed) in zip(motor, INPUT_KINDS, strict=True):
         sizes = np.log10(np.abs(found.inputs) * 1e3)

@@ -7,6 +7,7 @@ import pytest
 
 from bare_core import Bare, bare
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.couples import PER_COUPLE, n_coupled
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.runtime.monitor import Monitor
@@ -110,7 +111,7 @@ def test_a_sample_takes_all_lanes_further() -> None:
         score = np.clip(innovations[0, :n_y] / np.sqrt(innovations[0, n_y:]), -limit, limit)
         wanted = [np.maximum(old[side][:, places] + sign * score - drift, 0.0) for side, sign in ((0, 1.0), (1, -1.0))]
         assert new[:, :, places] == pytest.approx(np.array(wanted), rel=1e-12, abs=1e-12)
-    assert new.shape[2] == N + PLAN.n_lanes
+    assert new.shape[2] == N + PLAN.n_lanes + PER_COUPLE * sum(n_coupled(SPEC))
 
 
 def restored(monitor: Monitor) -> Bare:
@@ -133,11 +134,11 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     assert 0 < differs[N:].sum() < PLAN.n_lanes
     renewable = [item.input >= 0 or (item.kind is FaultKind.DRIFT and item.parameter >= 0) for item in PLAN.lanes]
     assert not np.any(differs[N:] & ~np.array(renewable))
-    new, now = sums(core)
-    assert not np.any(new[:, :, differs])
-    assert np.all(now[:, :, differs] == late() - 1)
-    assert np.array_equal(new[:, :, ~differs], old[:, :, ~differs])
-    assert np.array_equal(now[:, :, ~differs], began[:, :, ~differs])
+    (new, now), planned = sums(core), len(differs)
+    assert not np.any(new[:, :, :planned][:, :, differs])
+    assert np.all(now[:, :, :planned][:, :, differs] == late() - 1)
+    assert np.array_equal(new[:, :, :planned][:, :, ~differs], old[:, :, :planned][:, :, ~differs])
+    assert np.array_equal(now[:, :, :planned][:, :, ~differs], began[:, :, :planned][:, :, ~differs])
 
 
 def test_where_nobody_works_on_the_bank_lanes_go_on() -> None:
