@@ -275,7 +275,7 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
         const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
         const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
         const given nis = sample[SAMPLE_NIS + j], usual = GIVEN(nis > 0.0, nis, 1.0), least = GIVEN(usual > 1.0, usual, 1.0);
-        const given run = sample[SAMPLE_RUN + j], temper = GIVEN(run > least, run, least);
+        const given run = sample[SAMPLE_RUN + j], temper = least + GIVEN(run > least, run - least, 0.0);
         gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / temper;
     }
     if (!MANY_OUTPUTS && p_next) take_off(lane + AT_COVARIANCE, weight, found->cross, N_OUTPUTS, p_next);

@@ -112,6 +112,7 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define least_scatter SIDE(least_scatter)
 #define statistic SIDE(statistic)
 #define usual_square SIDE(usual_square)
+#define long_run SIDE(long_run)
 #define accumulate SIDE(accumulate)
 #define slow_error_alarms SIDE(slow_error_alarms)
 #define is_alarming SIDE(is_alarming)
@@ -324,6 +325,7 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef least_scatter
 #undef statistic
 #undef usual_square
+#undef long_run
 #undef accumulate
 #undef slow_error_alarms
 #undef is_alarming

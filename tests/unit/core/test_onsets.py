@@ -61,11 +61,10 @@ int64_t t_seek(const double *said, double least, int64_t *tried, double *told, i
             group[0][l] = (double)search.place[k];
             group[PLAIN_LIKELIHOOD][l] = said[search.place[k] * GROUP + l];
         }
-        mix(&search, k, group, PLAIN_NUMBERS, best);
+        mix(&search, k, group[PLAIN_LIKELIHOOD], group, PLAIN_NUMBERS, best);
     }
-    conclude_mixture(&search, PLAIN_NUMBERS, best);
+    mean_over_onsets(&search, told);
     for (int l = 0; l < GROUP; l++) {
-        told[l] = best[PLAIN_LIKELIHOOD][l];
         chosen[l] = (int64_t)best[0][l];
     }
     return n;
