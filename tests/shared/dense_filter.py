@@ -132,12 +132,13 @@ class DenseFilter:
         """Give the states after dt, their slopes by z, (n_states, n_joint), and the implicit signals.
 
         ROS2 in equal substeps. The slopes are those of its formulas with the matrix inside them held. Inputs with a
-        linear hold gain `climb` over dt.
+        linear hold gain `climb` over dt, as far as the plant obeys what is recorded: one that is stuck stays.
         """
         v, by_z = self.model_vector(z, roles, u)
         n_x, h, gamma = len(self.spec.states), dt / self.model.substeps, 1.0 - 1.0 / np.sqrt(2.0)
         moved = np.eye(len(v))  # slope of the vector on its way by the vector at the start
-        part = np.array([item.linear for item in self.spec.inputs]) * climb / self.model.substeps
+        obeyed = roles["obeys"] if self.spec.slot else 1.0
+        part = obeyed * np.array([item.linear for item in self.spec.inputs]) * climb / self.model.substeps
         for _ in range(self.model.substeps):
             implicit = self.solved(v, u, implicit)
             f, A = self.rates(v, u, implicit)

@@ -46,7 +46,7 @@ def recording(tmp_path: Path) -> Path:
     """The first rows of the tank's faulty recording, with the alarm and some diagnoses."""
     lines = (EXAMPLES / "tank" / "fault_pipe.csv").read_text().splitlines(keepends=True)
     path = tmp_path / "recording.csv"
-    path.write_text("".join([lines[0], *lines[1500:2120]]))
+    path.write_text("".join([lines[0], *lines[1200:1820]]))
     return path
 
 

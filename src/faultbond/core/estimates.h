@@ -217,7 +217,7 @@ static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
     } else {
         instrument_suspect(state, lane, suspect);
     }
-    if (SLOT_KIND[lane] != KIND_RAMP) return;
+    if (SLOT_KIND[plan_of(&state->bank, lane)] != KIND_RAMP) return;
     suspect->ended = of_slot(&state->bank, lane, ROLE_ENDED);
     suspect->began = suspect->ended - of_slot(&state->bank, lane, ROLE_TOOK);
 }

@@ -188,7 +188,7 @@ static mask watch_usually(Watched *watched, const Sample *sample, int64_t index,
     see(sensors, packed);
     accumulate(clock, inputs, &watched->healthy, sensors, packed, innovations);
     learn_travel(&watched->healthy);
-    judge_walks(index, clock, NULL, &watched->healthy);
+    judge_walks(index, clock, inputs, NULL, &watched->healthy);
     done &= opposite(is_alarming(clock, sensors, &watched->healthy) & (clock->quiet == 0));
     keep_for_long(index, clock, done, &watched->healthy);
     clock->index += 1;

@@ -8,11 +8,12 @@
    The last two lanes at multiples of each window are kept, and compared is that of one to two windows ago. This text stands in
    watching.h. Reasons and figures: docs/decisions/020-walks.md. */
 
-/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted. */
-static inline real walks_from(const Clock *clock)
+/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted, or after an
+   input was unknown: then parameters walk to make up for it. */
+static inline real walks_from(const Clock *clock, const Healthy *healthy)
 {
     const double settled = WARM_UP_SAMPLES > WALK_SETTLES ? WARM_UP_SAMPLES : WALK_SETTLES;
-    return greater(AS_REAL(clock->begun), AS_REAL(clock->accepted)) + settled;
+    return greater(greater(AS_REAL(clock->begun), AS_REAL(clock->accepted)), healthy->blind) + settled;
 }
 
 /* The usual square of a walk of parameter k over a window, in what its variances allow. */
@@ -60,13 +61,16 @@ static inline void judge_start(Healthy *healthy, int k, flag counts)
 }
 
 /* Judge how far the parameters have walked up to sample `index`, where it is time to, and learn how far is usual. rates: of
-   parameters that move by themselves, which are not judged; NULL: none does. After an alarm nothing is judged. */
-static inline void judge_walks(int64_t index, const Clock *clock, const double *rates, Healthy *healthy)
+   parameters that move by themselves, which are not judged; NULL: none does. After an alarm nothing is judged. Once an input was
+   unknown, what parameters have learned since the start is not only of the plant. */
+static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *inputs, const double *rates, Healthy *healthy)
 {
+    const flag watched = clock->alarm < 0;
+    healthy->blind = PICK(watched & any_unknown(inputs), SAME((double)index), healthy->blind);
     healthy->walk = healthy->walker = SAME(0.0);
     if (index % WALK_EVERY != 0) return;
-    const flag watched = clock->alarm < 0;
-    const real from = walks_from(clock);
+    const real from = walks_from(clock, healthy);
+    const flag from_start = (clock->accepted < 0) & (healthy->blind <= AS_REAL(clock->begun));
     for (int window = 0; window < WALKS; window++) {
         const int64_t length = length_of_walk(window), number = compared_with(index, length);
         if (number < 0) break;
@@ -78,13 +82,13 @@ static inline void judge_walks(int64_t index, const Clock *clock, const double *
                 judge_walk(healthy, window, k, healthy->snapshots[kept_at(window, number)], weight, counts);
     }
     for (int k = 0; k < N_PARAMETERS; k++)
-        judge_start(healthy, k, watched & (clock->accepted < 0) & (SAME((double)index) >= from));
+        judge_start(healthy, k, watched & from_start & (SAME((double)index) >= from));
 }
 
 /* Keep the healthy lane for long, where it is time to, of plants that `may`. */
 static inline void keep_for_long(int64_t index, const Clock *clock, flag may, Healthy *healthy)
 {
-    const flag kept = may & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock));
+    const flag kept = may & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock, healthy));
     for (int window = 0; window < WALKS && index % length_of_walk(window) == 0; window++) {
         real *to = healthy->snapshots[kept_at(window, index / length_of_walk(window))];
         for (int64_t i = 0; i < PLAIN_NUMBERS; i++) to[i] = PICK(kept, healthy->lane[i], to[i]);

@@ -140,7 +140,7 @@ static void remember(State *state, const double *lane)
     Healthy *healthy = &state->healthy;
     memcpy(healthy->lane, lane, sizeof healthy->lane);
     learn_travel(healthy);
-    judge_walks(state->clock.index, &state->clock, state->normal.rates, healthy);
+    judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy);
     keep_for_long(state->clock.index, &state->clock, 1, healthy);
 }
 
@@ -154,7 +154,7 @@ static const double *oldest_lane(const State *state)
     for (int window = OLD_WINDOW; window >= 0; window--) {
         const int64_t length = length_of_walk(window);
         for (int64_t number = index / length - 1; number <= index / length; number++)
-            if (number >= 0 && (double)(number * length) >= walks_from(clock) && number * length < index)
+            if (number >= 0 && (double)(number * length) >= walks_from(clock, &state->healthy) && number * length < index)
                 return state->healthy.snapshots[kept_at(window, number)];
     }
     return NULL;

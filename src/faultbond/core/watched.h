@@ -56,6 +56,7 @@ typedef struct {
     real walks[WALKS][FB_ROOM(N_PARAMETERS)]; /* and the sums of the squares of how far, in what their variances allow */
     real walk;                              /* the largest walk at this sample, in its limit; 0: none is judged, */
     real walker;                            /* and whose it is: parameter + N_PARAMETERS * window, WALKS: since the start */
+    real blind;                             /* the last sample at which some input was unknown, see `any_unknown` */
     real snapshots[SNAPSHOTS][KEPT_NUMBERS]; /* the lane now and then, see walking.h */
 } Healthy;
 

@@ -20,6 +20,7 @@ from faultbond.report.console import lines, table, title, under
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, unit_text
+from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
@@ -180,7 +181,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
         lines(console, under("raised", texts))
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
-        table(console, ("parameter", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
+        table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
     if not found.quiet or found.raised:
         title(console, "What could not be mended")
         lines(console, list(_left_lines(found)))
@@ -211,16 +212,17 @@ def _within(found: Sequence[SmallestFault]) -> str:
 def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
     before = {item.parameter: item for item in found.smallest_before}
     graph = found.fitted.graph
+    nominals = {item.name: abs(item.nominal) for item in graph.parameters}
     for item in found.smallest_after:
-        parameter = graph.parameter(item.parameter)
+        unit, nominal = unit_of(graph, item.parameter), nominals.get(item.parameter)
         texts = []
         for one in (before.get(item.parameter), item):
             if one is None or one.value is None:
                 texts.append("not found")
                 continue
-            part = f" ({100 * one.value / abs(parameter.nominal):.2g} %)" if parameter.nominal else ""
-            texts.append(figure(parameter.unit.difference_from_si(one.value), digits=3).number() + part)
-        yield item.parameter, *texts, unit_text(parameter.unit.text)
+            part = f" ({100 * one.value / nominal:.2g} %)" if nominal else ""
+            texts.append(figure(unit.difference_from_si(one.value), digits=3).number() + part)
+        yield item.parameter, *texts, unit_text(unit.text)
 
 
 def _left_lines(found: Quieted) -> Iterator[tuple[str, str]]:

@@ -234,7 +234,8 @@ def value_over_time(healthy: float, faults: Sequence[Fault], times: FloatArray, 
         before = value_over_time(healthy, ordered[:number], np.array([fault.start]), after=False)[0]
         target = fault.value if fault.value is not None else (fault.factor or 0.0) * healthy
         width = 0.0 if fault.end is None else fault.end - fault.start
-        part = np.clip((times - fault.start) / width, 0.0, 1.0) if width > 0 else np.ones(times.size)
+        with np.errstate(over="ignore"):  # a width of next to nothing is a step
+            part = np.clip((times - fault.start) / width, 0.0, 1.0) if width > 0 else np.ones(times.size)
         active = is_there(fault, times, after=after)
         values[active] = (before + part * (target - before))[active]
     return values

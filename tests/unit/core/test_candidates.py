@@ -175,7 +175,13 @@ def test_what_is_lost_does_not_count(state: Diagnosed) -> None:
     assert rows["probability"].sum() == pytest.approx(1.0)
     assert [sum(row["shares"][: row["n_kinds"]]) for row in rows] == pytest.approx([1.0] * len(rows))
     (row,) = rows[rows["hypothesis"] == 2]
-    assert row["lane"] in own[2:]
+    left = {FaultKind.STEP: {int(k): 1.0 / len(own) for k in own[2:]}}  # by kind: weights of the lanes that are left
+    for lane, item in enumerate(SLOTS.lanes, state.n_steps):
+        if item.hypothesis == 2:
+            left.setdefault(item.kind, {})[lane] = float(np.exp(item.weight))
+    of_kind, leading = {kind: sum(lanes.values()) for kind, lanes in left.items()}, KINDS[row["kinds"][0]]
+    assert of_kind[leading] == pytest.approx(max(of_kind.values()), rel=1e-9)  # two may be equal but for rounding
+    assert left[leading][int(row["lane"])] == max(left[leading].values())
     assert np.isfinite(row["suspects"][0]["estimate"])
     weight = sum(np.exp(item.weight) for item in SLOTS.lanes if item.hypothesis == 2)
     lost = float(before[before["hypothesis"] == 0][0]["probability"])

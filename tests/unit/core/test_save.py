@@ -25,7 +25,7 @@ from made import differing
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 NOT_SAVED, OTHER_FORMAT, OTHER_MODEL, DAMAGED = -1, -2, -3, -4
-IDLE, STEPS, SLOTS, PAIRS, CLOSER = 100, 84, 90, 93, 113  # rows at which no work, or work on such lanes, is left
+IDLE, STEPS, SLOTS, RAMPS, PAIRS, CLOSER = 100, 84, 88, 89, 93, 113  # rows with no work, or work on such lanes, left
 HEADER = 48  # bytes: mark, format, hash of the model
 KEPT, KEPT_ROW = Path(__file__).parents[2] / "golden" / "cell_state.gz", 100
 Bytes = NDArray[np.uint8]
@@ -49,7 +49,7 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     ("sensors.before", (INF, -INF)),
     ("healthy.travel", (NAN,)),
     ("healthy.astray", (NAN, -1.0)),
-    *((f"healthy.{name}", (NAN, INF, -1.0)) for name in ("windows", "walks", "walk", "walker")),
+    *((f"healthy.{name}", (NAN, INF, -1.0)) for name in ("windows", "walks", "walk", "walker", "blind")),
     ("healthy.snapshots", (NAN, INF)),
     ("bank.sums", (NAN, INF, -1.0)),
     ("bank.since", (NAN, INF, -1.0, 2.0**53)),
@@ -255,7 +255,7 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
 @pytest.mark.parametrize(
     ("row", "which", "numbers"),
     [
-        *((row, None, {"clock.alarm": -1}) for row in (STEPS, SLOTS, PAIRS, CLOSER)),
+        *((row, None, {"clock.alarm": -1}) for row in (STEPS, SLOTS, RAMPS, PAIRS, CLOSER)),
         (STEPS, None, {"clock.alarm": 83}),  # after the end of the trail
         (STEPS, None, {"job.end": 84}),
         (STEPS, None, {"job.end": 0, "clock.alarm": 0}),
@@ -270,7 +270,8 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (IDLE, None, {"job.settled": -1}),
         *((STEPS, None, {"job.stage": stage}) for stage in (4, 5)),
         (STEPS, 7, {"job.lane": 12}),  # a lane with a slot
-        (SLOTS, 0, {"job.lane": 42}),  # one of a pair
+        (SLOTS, 0, {"job.lane": 52}),  # one of a pair that comes and goes
+        *((RAMPS, 0, {"job.lane": lane}) for lane in (39, 41, 52)),  # one that begins alone, comes to stay, or goes
         (PAIRS, None, {"job.pass": 1}),
         *((STEPS, None, {"job.search.n": n}) for n in (0, 2)),
         (STEPS, None, {"job.search.standing": 0}),
@@ -283,8 +284,7 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (STEPS, None, {"job.n_wanted": 11}),
         (STEPS, None, {"job.n_wanted": 13}),
         (IDLE, 3, {"job.walk.samples": 5}),
-        (SLOTS, 7, {"job.walk.steps": 6}),
-        (SLOTS, 7, {"job.walk.steps": 0}),
+        *((SLOTS, 1, {"job.walk.steps": steps}) for steps in (6, 0)),  # more than its samples, or none for these
     ],
 )
 def test_work_that_contradicts_itself_is_refused(row: int, which: int | None, numbers: dict[str, int]) -> None:

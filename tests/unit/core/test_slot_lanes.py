@@ -334,9 +334,9 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     began = core.onsets[:RAMPED] - (len(core.rows) - 3)
     best = every[began - 1, :, np.arange(RAMPED)].T
     assert close(found[:-1, :RAMPED], best[:-1])
-    leads = every[:, -1].max(axis=0) > every[:, -1].max() - 3.0  # of others on this made-up trail it moves too wildly
-    assert leads.sum() > 1
-    assert found[-1, :RAMPED][leads] == pytest.approx(mixture(every[:, -1, leads]), abs=1.0)
+    leads = every[:, -1].max(axis=0) > every[:, -1].max() - 20.0  # of others on this made-up trail it moves too wildly
+    assert len({PLAN.lanes[k].kind for k in np.flatnonzero(leads)}) == 5
+    assert found[-1, :RAMPED][leads] == pytest.approx(mixture(every[:, -1, leads]), abs=1e-3)
     every = np.array([ramps(core, onset, of, old) for onset in range(1, 34)])
     began = core.onsets[RAMPED:SWITCHED] - (len(core.rows) - 3)
     best = every[began - 1, :, np.arange(SWITCHED - RAMPED)].T

@@ -82,7 +82,7 @@ def test_a_run_goes_on_bit_for_bit_with_its_old_lanes() -> None:
 
 def test_a_drift_is_told_on_top_of_one_that_was_accepted() -> None:
     """A diagnosis gives the rate of the parameter, with what it had been moving at before."""
-    monitor = drifting()
+    monitor = drifting(260)
     spec = monitor.spec
     accepted = changed(monitor, rates=np.linspace(1e-4, 2e-4, len(spec.parameters)))
     names = [item.name for item in spec.parameters]
