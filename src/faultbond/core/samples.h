@@ -32,6 +32,28 @@ static void correct(const Normal *normal, Sample *sample)
         sample->y[j] = isfinite(normal->noise[j]) ? (sample->y[j] - normal->offset[j]) / normal->gain[j] : NAN;
 }
 
+/* Take out of a sample what is not to be judged, by the conditions under which the model and its sensors hold: of inputs that
+   are told, and else of their last values. `left_out` [N_OUTPUTS]: 1 of each reading that is. Gives whether the model does not
+   hold. */
+static int leave_out(Inputs *inputs, Sample *sample, int64_t *left_out)
+{
+    double u[FB_ROOM(N_INPUTS)];
+    int holds[FB_ROOM(N_CONDITIONS) + 1] = {0};
+    for (int k = 0; k < N_INPUTS; k++) u[k] = isfinite(sample->u[k]) ? sample->u[k] : inputs->held[k];
+    for (int c = 0; c < N_CONDITIONS; c++) {
+        double *since = &inputs->true_for[c];
+        *since = !model_holds(c, u) ? -1.0 : *since < 0.0 ? 0.0 : *since + sample->dt;
+        holds[c] = *since >= CONDITION_SETTLING[c] * (1.0 - 1e-9);
+        if (holds[c]) *since = INFINITY;
+    }
+    const int outside = MODEL_CONDITION >= 0 && !holds[MODEL_CONDITION >= 0 ? MODEL_CONDITION : 0];
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        left_out[j] = outside || (OUTPUT_CONDITION[j] >= 0 && !holds[OUTPUT_CONDITION[j] >= 0 ? OUTPUT_CONDITION[j] : 0]);
+        if (left_out[j]) sample->y[j] = NAN;
+    }
+    return outside;
+}
+
 /* How far state i has ever moved, SI. */
 static double travelled(const Healthy *healthy, int i)
 {
@@ -60,7 +82,14 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
 {
     int first = 0, present = 0;
     for (int k = 0; k < N_INPUTS; k++) first |= !isfinite(inputs->held[k]);
-    const double gap = pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    double gap = pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    if (clock->outside) { /* what the plant has done since is not what the model says */
+        gap = larger(gap, GAP_UNKNOWN);
+        packed[SAMPLE_STILL] = 1.0;
+        for (int k = 0; k < N_INPUTS; k++)
+            packed[SAMPLE_U_BEFORE + k] = isfinite(inputs->inside[k]) ? inputs->inside[k] : inputs->held[k];
+        clock->outside = 0;
+    }
     for (int j = 0; j < N_OUTPUTS; j++) present |= packed[SAMPLE_USE + j] > 0.0;
     if (gap != 0.0 || present) { /* else the states are not looked for */
         wander(&state->healthy, gap, astray);
@@ -69,6 +98,23 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
     if (clock->begun < 0 || (gap != 0.0 && !clock->running)) clock->begun = clock->index;
     if (clock->index - clock->begun >= WARM_UP_SAMPLES) packed[SAMPLE_BOUND] = LEARNING_BOUND;
     learn_inputs(inputs, sample, gap != 0.0, !has_value(sample));
+}
+
+/* Pack a sample at which the model does not hold: time passes, but the states stay, under the last inputs for which it held;
+   others may be such that it has no value. What becomes of `clock` and `inputs`: see `pack_sample`. */
+static void pack_outside(const State *state, const Sample *sample, Clock *clock, Inputs *inputs, double *packed)
+{
+    int first = 0;
+    for (int k = 0; k < N_INPUTS; k++) {
+        first |= !isfinite(inputs->held[k]);
+        inputs->odd[k] = NAN;
+        if (!clock->outside) inputs->inside[k] = inputs->held[k];
+    }
+    pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    learn_inputs(inputs, sample, 1, !has_value(sample));
+    packed[SAMPLE_STILL] = 1.0;
+    for (int k = 0; k < N_INPUTS; k++) packed[SAMPLE_U_BEFORE + k] = packed[SAMPLE_U + k] = inputs->inside[k];
+    clock->outside++;
 }
 
 /* By how much input k may have been off before a sample, SI, and over how many samples. When it is told again, it may have

@@ -227,6 +227,7 @@ class Monitor:
         return Reports(
             status=rows["status"].copy(),
             wild=rows["wild"].copy(),
+            left_out=rows["left_out"] != 0,
             expected=rows["expected"].copy(),
             variance=rows["variance"].copy(),
             cusum=rows["cusum"].copy(),

@@ -66,7 +66,7 @@ def step(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, sample: Sampl
 def _silent(spec: EngineSpec, state: ClassicState, status: Status) -> tuple[ClassicState, Report]:
     nothing = np.full(len(spec.outputs), np.nan)
     slow = np.full(len(spec.slow_errors), np.nan)
-    report = Report(status=status, expected=nothing, variance=nothing, cusum=nothing, slow=slow)
+    report = Report(status=status, expected=nothing, variance=nothing, cusum=nothing, slow=slow, left_out=np.zeros(len(spec.outputs), bool))
     return replace(state, index=state.index + 1), report
 
 
@@ -300,6 +300,7 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
         variance=spec.output_noise**2,
         cusum=index,
         slow=np.full(len(spec.slow_errors), np.nan),
+        left_out=np.zeros(len(spec.outputs), bool),
         detection=detection,
         diagnosis=diagnosis,
     )
