@@ -35,7 +35,7 @@ typedef struct {
 /* All but the rows of the past and the lanes of the bank, whose places go by the number of the sample and of the lane. */
 static const Field FIELDS[] = {
     COUNT(clock.index), NUMBER(clock.begun), FLAG(clock.running), NUMBER(clock.alarm), COUNT(clock.detections),
-    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), COUNT(clock.outside), POSITIVE(clock.pause), FINITE(clock.time),
+    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),

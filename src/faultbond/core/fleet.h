@@ -183,7 +183,7 @@ static mask are_ready(const Watched *watched, const Sample *sample)
         ready &= (u >= inputs->lowest[k]) & (u <= inputs->highest[k]);
     }
     for (int i = 0; i < N_STATES; i++) ready &= watched->healthy.astray[i] == 0.0;
-    if (N_CONDITIONS > 0) ready &= (clock->outside == 0) & all_hold(inputs, sample);
+    if (N_CONDITIONS > 0) ready &= (clock->outside == 0) & (clock->doubt == 0.0) & all_hold(inputs, sample);
     return ready;
 }
 

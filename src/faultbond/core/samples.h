@@ -12,6 +12,7 @@
 #define GAP_WHOLE 20.0      /* samples of a gap in which a state may go as far as it has ever been */
 #define GAP_AGAIN 0.3       /* part of this that the next sample adds again, */
 #define GAP_NOTHING 1e-3    /* and part that is not worth it */
+#define DOUBT_LESS 0.1      /* part of a doubt that is left at the next sample: as GAP_AGAIN, of a variance */
 #define LONGEST_DOUBT 50.0  /* samples without an input, after which the plant has felt most of what it does */
 
 /* Memory of a filter that only tries what would be. */
@@ -75,6 +76,16 @@ static void wander(const Healthy *healthy, double gap, double *astray)
     }
 }
 
+/* Where the states may be anywhere, and readings are not linear, what a reading says by its slope is off by more than its noise:
+   taken at their word the first ones would teach the parameters what is wrong only of the slope. */
+static void doubt_readings(Clock *clock, double *packed)
+{
+    for (int j = 0; j < N_OUTPUTS; j++)
+        packed[SAMPLE_SCALE + j] = smaller(packed[SAMPLE_SCALE + j] * clock->doubt, larger(packed[SAMPLE_SCALE + j], BLANK_FACTOR));
+    clock->doubt *= DOUBT_LESS;
+    if (clock->doubt <= 1.0) clock->doubt = 0.0;
+}
+
 /* Pack a sample: hold inputs, blank after steps, kick slow errors, switch off missing values. `clock`, `inputs` and `astray`,
    that of the states, become those after it; of `state`, which they may be parts of, the rest is read: how far the states
    have moved, and the noise of the sensors. Each input has been told before, or is now. */
@@ -89,8 +100,10 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
         for (int k = 0; k < N_INPUTS; k++)
             packed[SAMPLE_U_BEFORE + k] = isfinite(inputs->inside[k]) ? inputs->inside[k] : inputs->held[k];
         clock->outside = 0;
+        clock->doubt = BLANK_FACTOR;
     }
     for (int j = 0; j < N_OUTPUTS; j++) present |= packed[SAMPLE_USE + j] > 0.0;
+    if (present && clock->doubt > 0.0) doubt_readings(clock, packed);
     if (gap != 0.0 || present) { /* else the states are not looked for */
         wander(&state->healthy, gap, astray);
         for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = astray[i];
