@@ -1,7 +1,7 @@
 """A run in progress: points pass through a method, the records come out, and what was found is kept."""
 
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import nan
 
 import numpy as np
@@ -178,7 +178,8 @@ class Course:
         holds = samples - self.found.waiting - self.found.outside
         if self.found.outside and holds <= self._watcher.asleep:
             of = f"{holds} of {samples} sample{'s' * (samples != 1)}"
-            return f"the model holds, by `valid_when`, in {of}, and the alarms are off for the first {self._watcher.asleep}"
+            off = self._watcher.asleep
+            return f"the model holds, by `valid_when`, in {of}, and the alarms are off for the first {off}"
         if holds <= self._watcher.asleep:
             off = self._watcher.asleep
             many = f"{samples} sample{'s' * (samples != 1)}"

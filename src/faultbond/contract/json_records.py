@@ -61,7 +61,7 @@ def detection_record(detection: Detection) -> Record:
 
 
 def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
-    """Give the record of a diagnosis, best candidate first; `outside` only where the model does not hold at its time."""
+    """Give the record of a diagnosis, best candidate first; `outside` only where the model does not hold then."""
     return {
         "record": "diagnosis",
         "time": diagnosis.time,

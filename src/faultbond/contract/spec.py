@@ -344,9 +344,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run,
-        still.
-        """
+        """Layout of one packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, still."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
@@ -360,7 +358,7 @@ class EngineSpec:
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
             "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
-            "still": 1,  # 1: the states stay where they are, since the model did not hold before this sample
+            "still": 1,  # 1: the states stay, since the model did not hold before this sample; 2: it does not now
         }
         return _fields(sizes, 0)
 

@@ -59,8 +59,8 @@ static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
 /* Mark the samples from which on the model held again: while it did not, a fault may have begun. */
 static void mark_returns(uint8_t *marks, const Trail *trail)
 {
-    for (int64_t place = 1; place + 1 < trail->n; place++)
-        if (sample_at(trail, place)[SAMPLE_STILL] > 0.0 && !(sample_at(trail, place + 1)[SAMPLE_STILL] > 0.0))
+    for (int64_t place = 1; place < trail->n; place++)
+        if (IS_OUTSIDE(sample_at(trail, place - 1)) && !IS_OUTSIDE(sample_at(trail, place)))
             mark(marks, trail, place, REQUIRED);
 }
 

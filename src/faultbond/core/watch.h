@@ -286,7 +286,8 @@ static void judge_sample(State *state, const double *innovations, Report *report
     if (warm) accumulate(clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
     remember(state, work->lane);
     report_filter(state, diagnosing ? DIAGNOSING : warm ? WATCHING : WARMING, packed, innovations, report);
-    if (diagnosing && clock->alarm <= clock->index - DEPTH) state->job.renewals = N_RENEWALS; /* it is not kept any more */
+    if (diagnosing && state->job.kind == IDLE && clock->alarm <= clock->index - DEPTH)
+        state->job.renewals = N_RENEWALS; /* the samples about the alarm are not kept any more */
     if (diagnosing && is_renewal(state) && clock->alarm > clock->begun) { /* of a filter that was lost, no lanes are kept */
         trail_of(state, &trail);
         begin_again(state, &trail, &work->bank);
@@ -361,6 +362,7 @@ static void pass_outside(State *state, const Sample *sample, Report *report, Dia
         clock->begun = -1;
         if (clock->alarm >= 0) keep(state, work->packed, NULL, 0.0, work);
     }
+    if (clock->alarm >= 0) state->alarm.outside++;
     if (state->sure.since >= 0) state->sure.since++;
     if (state->sure.clear_since >= 0) state->sure.clear_since++;
     report_nothing(report, OUTSIDE);

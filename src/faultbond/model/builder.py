@@ -22,8 +22,8 @@ class ModelBuilder:
     ----------
     name : the model's name, which starts every error message
     sample_time : `1 s`, or `variable`, or `none` for a static block network
-    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when : as in the model file;
-        None leaves the default in force
+    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when : as in the model
+        file; None leaves the default in force
 
     Example
     -------

@@ -342,6 +342,12 @@ class BondGraph:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
+    def conditions(self) -> tuple[Validity, ...]:
+        """When the model, then each sensor, holds, where that is stated; each condition once."""
+        stated = (self.valid_when, *(item.valid_when for item in self.sensors))
+        return tuple(dict.fromkeys(item for item in stated if item is not None))
+
+    @property
     def acting_inputs(self) -> frozenset[str]:
         """Inputs that a law or a sensor names; others only say in which state the plant is, or nothing."""
         sides = (side for item in self.components for law in item.laws for side in (law.left, law.right))

@@ -10,7 +10,19 @@ import re
 from decimal import Decimal
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import FUNCTIONS, JOINS, NOT, RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import (
+    FUNCTIONS,
+    JOINS,
+    NOT,
+    RATE,
+    TABLE,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Negative,
+    Number,
+)
 from faultbond.model.source import choice, shown
 
 MAX_LAW_LENGTH = 2000
@@ -42,6 +54,7 @@ _ADVICE = {
     "|": "logic belongs to block networks; write `abs(x)` for a magnitude",
     "~": "logic belongs to block networks",
 }
+_READ = "only numbers, names, part.signal, + - * / ** ( ) and functions are read"
 _OF_CONDITIONS = {
     "=": "write `==` to compare",
     "&": "write `and`",
@@ -142,7 +155,7 @@ def _check_tokens(text: str, where: str, *, blocks: bool, condition: bool = Fals
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None or (match["logic"] and not blocks) or (match["equality"] and not condition):
-            advice = (_OF_CONDITIONS if condition else _ADVICE).get(text[at], "only numbers, names, part.signal, + - * / ** ( ) and functions are read")
+            advice = (_OF_CONDITIONS if condition else _ADVICE).get(text[at], _READ)
             raise ModelError(f"{where}cannot read `{shown(text[at : at + 20])}` in `{shown(text)}`; {advice}")
         if match["number"] and not math.isfinite(float(match["number"])):
             raise ModelError(f"{where}the number `{shown(match['number'])}` is too large; rescale it")
@@ -287,7 +300,8 @@ def arithmetic(operator: str, a: float, b: float) -> float:
         return math.nan
 
 
-_PRECEDENCE = {"or": -1, "and": 0, "==": 1, "!=": 1, "<": 1, "<=": 1, ">": 1, ">=": 1, "|": 2, "^": 3, "&": 4, "+": 5, "-": 5, "*": 6, "/": 6, "**": 8}
+_PRECEDENCE = {"or": -1, "and": 0, **dict.fromkeys(_COMPARED.values(), 1), "|": 2, "^": 3, "&": 4}
+_PRECEDENCE |= {"+": 5, "-": 5, "*": 6, "/": 6, "**": 8}
 _SPACED = 5  # operators up to this strength stand between spaces
 _MINUS = 7  # also of `~`
 _ATOM = 9

@@ -58,8 +58,8 @@ class ValidityReader:
         if any(isinstance(item, Call) and item.function.startswith(TABLE) for item in walk(condition)):
             raise ModelError(f"{where}a condition has no `table`; compare what goes into it")
         for item in _comparisons(condition):
-            check_finite(item.left, self._laws.nominals, where)
-            check_finite(item.right, self._laws.nominals, where)
+            check_finite(item.left, self._laws.values.nominals, where)
+            check_finite(item.right, self._laws.values.nominals, where)
             self._check_number(item, where)
             self.demands.append(partial(Checker.law, left=item.left, right=item.right, where=where))
         settling = 0.0
@@ -111,8 +111,8 @@ def without_states(graph: BondGraph) -> BondGraph:
 
 
 def trust_states(graph: BondGraph) -> BondGraph:
-    """Give the same plant with inputs trusted that only say in which state it is: no reading tells if they are wrong."""
-    stated = (item.valid_when for item in (graph, *graph.sensors))
-    saying = {name for item in stated if item is not None for name in names(item.condition)} - graph.acting_inputs
+    """Give the same plant with inputs trusted that only say in which state it is, since no reading tells of them."""
+    stated = graph.conditions
+    saying = {name for item in stated for name in names(item.condition)} - graph.acting_inputs
     inputs = tuple(replace(item, suspect=False) if item.name in saying else item for item in graph.inputs)
     return replace(graph, inputs=inputs)

@@ -190,6 +190,11 @@ class Monitor:
         return np.isfinite(self.numbers("normal.noise"))
 
     @property
+    def is_outside(self) -> bool:
+        """Whether the model did not hold at the last sample."""
+        return self.number("clock.outside") > 0
+
+    @property
     def knows_inputs(self) -> bool:
         """Whether no input has been missing for some samples, though it usually is told and does move."""
         settings = core_settings()

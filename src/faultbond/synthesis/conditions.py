@@ -4,17 +4,11 @@ from collections.abc import Mapping
 
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number
-from faultbond.model.graph import BondGraph, Validity
+from faultbond.model.graph import BondGraph
 from faultbond.synthesis.emit import literal
 
 _FUNCTIONS = {"abs": "fabs", "min": "fmin", "max": "fmax"}
 _OPERATORS = {"and": "&&", "or": "||"}
-
-
-def stated_conditions(graph: BondGraph) -> tuple[Validity, ...]:
-    """Give when the model, then each sensor, holds, where that is stated; each condition once."""
-    stated = (item.valid_when for item in (graph, *graph.sensors))
-    return tuple(dict.fromkeys(item for item in stated if item is not None))
 
 
 def conditions_text(spec: EngineSpec, graph: BondGraph) -> str:
@@ -22,8 +16,7 @@ def conditions_text(spec: EngineSpec, graph: BondGraph) -> str:
     constants = {item.name: literal(item.value) for item in graph.constants}
     names = constants | {item.name: f"u[{k}]" for k, item in enumerate(spec.inputs)}
     cases = "".join(
-        f"    if (condition == {k}) return {_text(item.condition, names)};\n"
-        for k, item in enumerate(stated_conditions(graph))
+        f"    if (condition == {k}) return {_text(item.condition, names)};\n" for k, item in enumerate(graph.conditions)
     )
     head = "static inline int model_holds(int condition, const double *FB_RESTRICT u)"
     return f"\n{head}\n{{\n    (void)condition, (void)u;\n{cases}    return 1;\n}}"
@@ -42,8 +35,8 @@ def _text(expression: Expression, names: Mapping[str, str]) -> str:
         case Binary(operator, left, right):
             return f"({_text(left, names)} {_OPERATORS.get(operator, operator)} {_text(right, names)})"
         case Call("sign", (argument,)):
-            value = _text(argument, names)
-            return f"(({value} > 0.0) - ({value} < 0.0))"
+            text = _text(argument, names)
+            return f"(({text} > 0.0) - ({text} < 0.0))"
         case Call("where", (condition, yes, no)):
             return f"({_text(condition, names)} ? {_text(yes, names)} : {_text(no, names)})"
         case Call(function, (first, *others)):

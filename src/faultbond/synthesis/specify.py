@@ -20,7 +20,6 @@ from faultbond.contract.spec import (
 )
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Validity
-from faultbond.synthesis.conditions import stated_conditions
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
@@ -53,7 +52,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         )
         for error in graph.slow_errors
     )
-    conditions = stated_conditions(graph)
+    conditions = graph.conditions
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     return EngineSpec(
         model=graph.name,
