@@ -178,7 +178,8 @@ def _slopes(
     memories = np.array([error.memory for error in spec.slow_errors])
     dt = fields["dt"][1:]
     decay = np.exp(-dt / memories)
-    x, by, z = Batch(model.follow)(mean[:-1], fields["u_before"][1:], fields["u"][1:], implicit[:-1], dt)
+    moved = np.where(fields["still"][1:] > 0.0, 0.0, dt)
+    x, by, z = Batch(model.follow)(mean[:-1], fields["u_before"][1:], fields["u"][1:], implicit[:-1], moved)
     transition[1:, :n_x] = by
     slow, parameters = (np.arange(n)[place] for place in (spec.slow_slice, spec.parameter_slice))
     transition[1:, slow, slow] = decay

@@ -15,6 +15,7 @@ from faultbond.errors import ModelError, StructureError
 from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
+from faultbond.model.validity import without_states
 
 _SILENT = 60.0  # s without a word, where standard error is no terminal
 _Found = TypeVar("_Found")
@@ -22,7 +23,7 @@ _Found = TypeVar("_Found")
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     """Tell what can be found and told apart, how small, by which routes, and what would help; False: nothing."""
-    graph, network = _plant(model)
+    graph, network = _plant(model, all_states=wishes.data is not None)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     from faultbond.report.plant import plant_record, print_plant  # noqa: PLC0415 - loads rich
@@ -88,9 +89,13 @@ def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
     out.record(record)
 
 
-def _plant(model: Path) -> tuple[BondGraph, ComponentNetwork]:
-    """Load a model and give the equations of one of its time frames."""
+def _plant(model: Path, *, all_states: bool = False) -> tuple[BondGraph, ComponentNetwork]:
+    """Load a model and give the equations of one of its time frames.
+
+    all_states: of a recording, in which it may not hold all the time; what is asked of no recording is where it does.
+    """
     graph = load_model(model)
+    graph = graph if all_states else without_states(graph)
     if graph.is_logic:
         raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")
     return graph, build_components(graph, build_network(graph, assign_causality(graph)))

@@ -12,7 +12,7 @@ from faultbond.contract.json_records import Record
 from faultbond.contract.samples import Reports, Samples
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.component_network import ComponentNetwork, frame_name
-from faultbond.errors import StructureError
+from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.allowed import fitting
 from faultbond.thesis.offline.build import build_classic
@@ -29,9 +29,13 @@ def build_classic_watcher(graph: BondGraph, saved: Numbers | None = None) -> Wat
 
     Raises
     ------
+    ModelError
+        Where the model, or a sensor, does not always hold.
     StructureError
         Where no parameter is a suspect.
     """
+    if graph.conditions:
+        raise ModelError(f"{graph.file}: method `classic` knows no `valid_when`; use method `bank`")
     spec, plan = build_classic(graph)
     if not plan.tested:
         raise StructureError(f"{graph.file}: method `classic` tests sets of parameters, and none is a suspect")

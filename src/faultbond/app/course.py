@@ -1,7 +1,7 @@
 """A run in progress: points pass through a method, the records come out, and what was found is kept."""
 
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import nan
 
 import numpy as np
@@ -19,7 +19,7 @@ from faultbond.types import Method, Verdict
 
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
 _ALARMS_ON = np.array([status in (Status.WATCHING, Status.DIAGNOSING) for status in STATUSES])
-_WAITING, _LOST = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST))
+_WAITING, _LOST, _OUTSIDE = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST, Status.OUTSIDE))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ class Course:
         if reports.detection is not None:
             self._detected(reports.detection)
         if reports.diagnosis is not None:
-            self._diagnosed(reports.diagnosis, last)
+            self._diagnosed(reports.diagnosis, last, outside=bool(reports.status[-1] == _OUTSIDE))
 
     def heed(self, other: FoundSoFar) -> None:
         """Decide as a person did, in its file, of this run as it was when it was written; `other`: found there."""
@@ -118,6 +118,8 @@ class Course:
                 watched=self.found.watched,
                 detections=self.found.detections,
                 wild=self.found.wild,
+                outside=self.found.outside,
+                sensors_outside=self.found.sensors_outside,
                 **asdict(counts),
             )
         )
@@ -152,6 +154,11 @@ class Course:
         return self.found.wild - (self._began.found.wild if self._began is not None else 0)
 
     @property
+    def outside(self) -> int:
+        """At how many points the model did not hold since this run began."""
+        return self.found.outside - (self._began.found.outside if self._began is not None else 0)
+
+    @property
     def verdict(self) -> Verdict:
         """Whether there was a detection in this run, or stood open at its beginning; else whether it could judge."""
         before = self._began.found if self._began is not None else FoundSoFar()
@@ -168,7 +175,12 @@ class Course:
         if self.found.waiting == samples:
             absent = next(item.name for item, seen in zip(spec.inputs, self._seen, strict=True) if not seen)
             return f"no row has a value of the input {absent}"
-        if samples - self.found.waiting <= self._watcher.asleep:
+        holds = samples - self.found.waiting - self.found.outside
+        if self.found.outside and holds <= self._watcher.asleep:
+            of = f"{holds} of {samples} sample{'s' * (samples != 1)}"
+            off = self._watcher.asleep
+            return f"the model holds, by `valid_when`, in {of}, and the alarms are off for the first {off}"
+        if holds <= self._watcher.asleep:
             off = self._watcher.asleep
             many = f"{samples} sample{'s' * (samples != 1)}"
             return f"the recording ended after {many}, and the alarms are off for the first {off}"
@@ -184,23 +196,27 @@ class Course:
         self._seen |= np.isfinite(samples.u).any(axis=0)
         self._read |= read.any(axis=0)
         self._lost += int(np.sum(status == _LOST))
-        watched = int(np.sum(_ALARMS_ON[status] & (read & self._watcher.in_use).any(axis=1)))
-        waiting, wild = int(np.sum(status == _WAITING)), int(np.sum(reports.wild))
-        if watched or waiting or wild:
-            found = self.found
-            self.found = replace(
-                found, watched=found.watched + watched, waiting=found.waiting + waiting, wild=found.wild + wild
-            )
+        judged, outside = read & self._watcher.in_use & ~reports.left_out, status == _OUTSIDE
+        self.found = self.found.with_counts(
+            watched=int(np.sum(_ALARMS_ON[status] & judged.any(axis=1))),
+            waiting=int(np.sum(status == _WAITING)),
+            wild=int(np.sum(reports.wild)),
+            outside=int(np.sum(outside)),
+            sensors_outside=int(np.sum(reports.left_out[~outside] & read[~outside])),
+        )
 
     def _detected(self, detection: Detection) -> None:
         self.found = self.found.with_detection(detection)
         self._out.record(detection_record(detection))
 
-    def _diagnosed(self, diagnosis: Diagnosis, sample: int) -> None:
-        """Write a diagnosis, and accept its best candidate if it has been sure for long enough."""
-        self._out.record(diagnosis_record(diagnosis))
+    def _diagnosed(self, diagnosis: Diagnosis, sample: int, *, outside: bool) -> None:
+        """Write a diagnosis, and accept its best candidate if it has been sure for long enough.
+
+        outside: the model does not hold now, so that nothing new is known.
+        """
+        self._out.record(diagnosis_record(diagnosis, outside=outside))
         self._told = sample
-        if self._level is None:
+        if self._level is None or outside:
             return
         hypothesis = self._watcher.sure(self._level)
         if hypothesis is not None:

@@ -185,7 +185,8 @@ def _tell(plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace, r
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
 
     graph = plant.graph
-    counts = pages.RunCounts(**asdict(course.counts), wild=course.wild, no_verdict=course.no_verdict())
+    more = {"wild": course.wild, "outside": course.outside}
+    counts = pages.RunCounts(**asdict(course.counts), **more, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
         console = Console(file=out.text)

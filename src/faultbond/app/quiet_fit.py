@@ -14,6 +14,7 @@ from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, Health, alarms_of, enough, on_trial
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
+from faultbond.model.validity import without_states
 from faultbond.report.fit_result import Fitted, fitted_model
 from faultbond.report.quiet_result import Quieted, Raised, amended_text, raised_text
 from faultbond.runtime.core import Core
@@ -164,7 +165,9 @@ def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tupl
 
 def _smallest(graph: BondGraph, core: Core) -> tuple[SmallestFault, ...]:
     """Give the smallest faults as `analyse` does; none where it cannot."""
+    always = without_states(graph)
+    core = core if always == graph else build_watcher(always)
     try:
-        return tuple(smallest_faults(build_model(graph), core.spec, core))
+        return tuple(smallest_faults(build_model(always), core.spec, core))
     except FaultbondError:
         return ()

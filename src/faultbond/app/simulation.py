@@ -1,7 +1,7 @@
 """`simulate`: a recording of the simulated plant."""
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -20,6 +20,8 @@ from faultbond.io.recording import columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import Monitor
+
+START_POINTS = int(core_settings()["START_SAMPLES"]) - 1  # that tell a start
 
 
 def simulate(
@@ -87,13 +89,17 @@ def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
 
 def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
-    known = {item.name for item in graph.components if item.start is not None}
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
-        count = int(core_settings()["START_SAMPLES"]) - 1
-        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), count))
+        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), START_POINTS))
     except RecordingError:  # no sensors in it
         return {}
+    return start_of(graph, points)
+
+
+def start_of(graph: BondGraph, points: Sequence[GridPoint]) -> dict[str, float]:
+    """Give the start of the states that the model leaves open, by first points; none where it does not hold."""
+    known = {item.name for item in graph.components if item.start is not None}
     from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi
 
     model = build_model(graph)
@@ -104,6 +110,8 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     monitor = Monitor(core)
     for point in points:
         monitor.step(sample_of(point))
+    if monitor.is_outside:
+        return {}
     first = max(int(monitor.number("clock.begun")), 0)
     mean, _ = core.solve_start(np.array([monitor.row(k)[0] for k in range(first, len(points))]))
     contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]

@@ -21,9 +21,10 @@ from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.twins import SECONDS as TWIN_SECONDS
 from faultbond.analysis.twins import compare
 from faultbond.app.answers import answers
+from faultbond.app.engine import build_watcher
 from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
-from faultbond.app.simulation import solved_start
+from faultbond.app.simulation import START_POINTS, solved_start, start_of
 from faultbond.app.wishes import Wishes
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
@@ -32,9 +33,11 @@ from faultbond.diagnosability.structural import StructuralModel, structural_mode
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError, StructureError
+from faultbond.fit.samples import judged_parts
 from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
+from faultbond.model.validity import without_states
 from faultbond.report import analysis
 from faultbond.report.closed_forms import print_routes, routes_record
 from faultbond.synthesis.engine import build_engine, build_model
@@ -101,15 +104,19 @@ def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Ite
 
 
 def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Study:
-    model = build_model(graph)
     _check(graph, wishes)
+    points = _points(graph, wishes.data) if wishes.data is not None else ()
+    start = {} if wishes.data is None else solved_start(graph, wishes.data) if graph.valid_when is None else None
+    graph = without_states(graph)
+    start = start_of(graph, points[:START_POINTS]) if start is None else start
+    model = build_model(graph)
     return _Study(
         graph=graph,
         network=network,
         model=model,
         recursion=build_recursion(model.plant),
-        points=_points(graph, wishes.data) if wishes.data is not None else (),
-        start=solved_start(graph, wishes.data) if wishes.data is not None else {},
+        points=points,
+        start=start,
     )
 
 
@@ -128,11 +135,18 @@ def _check(graph: BondGraph, wishes: Wishes) -> None:
 
 
 def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
-    """Give the grid points that have a value; a gap of days holds millions that have none."""
+    """Give the grid points that have a value; a gap of days holds millions that have none.
+
+    Where the model does not always hold, those of the longest time in which it does.
+    """
     rows = on_grid(read_rows(recording, columns_of(graph)), Grid(graph.sample_time, steady=True))
     points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:
         raise RecordingError(no_time(recording))
+    if graph.valid_when is not None:
+        parts = judged_parts(recording, tuple(map(sample_of, points)), build_watcher(graph))
+        longest = max((part for _, part in parts), key=len)
+        points = tuple(point for point in points if longest[0].time <= point.time <= longest[-1].time)
     return points
 
 

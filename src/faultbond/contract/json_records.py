@@ -60,8 +60,8 @@ def detection_record(detection: Detection) -> Record:
     return record
 
 
-def diagnosis_record(diagnosis: Diagnosis) -> Record:
-    """Give the record of a diagnosis, best candidate first."""
+def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
+    """Give the record of a diagnosis, best candidate first; `outside` only where the model does not hold then."""
     return {
         "record": "diagnosis",
         "time": diagnosis.time,
@@ -69,6 +69,7 @@ def diagnosis_record(diagnosis: Diagnosis) -> Record:
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
         "advice": [_advice(item) for item in diagnosis.advice],
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
+        **({"outside": True} if outside else {}),
     }
 
 
@@ -115,6 +116,8 @@ def end_record(
     saturated: int = 0,
     frozen: int = 0,
     wild: int = 0,
+    outside: int = 0,
+    sensors_outside: int = 0,
 ) -> Record:
     """Give the last record.
 
@@ -130,6 +133,8 @@ def end_record(
     clock_jumps : grid points at which a run goes on after a change of the clock or a long gap
     saturated, frozen : values at an end of their range, or of a sensor that stays the same
     wild : values far beyond all that was seen, which the plant does not follow
+    outside : grid points at which the model does not hold, by `valid_when`
+    sensors_outside : readings at others that are not judged, since their sensor does not hold
     """
     return {
         "record": "end",
@@ -146,6 +151,8 @@ def end_record(
         "saturated": saturated,
         "frozen": frozen,
         "wild": wild,
+        "outside": outside,
+        "sensors_outside": sensors_outside,
     }
 
 

@@ -5,7 +5,7 @@ from enum import Enum
 
 import numpy as np
 
-from faultbond.arrays import FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.findings import Detection, Diagnosis
 
 
@@ -18,6 +18,7 @@ class Status(Enum):
     WATCHING = "watching"
     DIAGNOSING = "a fault was detected; the bank is running"
     LOST = "the healthy filter lost the plant; it starts anew"
+    OUTSIDE = "the model does not hold now; nothing is judged"
 
 
 STATUSES = tuple(Status)
@@ -62,6 +63,7 @@ class Report:
     cusum : (n_outputs,), largest sum of each sensor, in the scale of the slow ones
     slow : (n_slow_errors,), slow errors in declared sd
     wild : values that were refused, or cut, since they lie far beyond all that was seen
+    left_out : (n_outputs,), whether the model, or the sensor, does not hold, so that the reading is not judged
     """
 
     status: Status
@@ -69,6 +71,7 @@ class Report:
     variance: FloatArray
     cusum: FloatArray
     slow: FloatArray
+    left_out: BoolArray
     wild: int = 0
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
@@ -79,6 +82,7 @@ class Report:
         return Reports(
             status=np.array([STATUSES.index(self.status)], dtype=np.intp),
             wild=np.array([self.wild], dtype=np.intp),
+            left_out=self.left_out[None],
             expected=self.expected[None],
             variance=self.variance[None],
             cusum=self.cusum[None],
@@ -93,7 +97,7 @@ class Reports:
     """What n samples brought, see `Report`; a detection and a diagnosis are of the last of them.
 
     status, wild : (n,), the former by its place in `STATUSES`
-    expected, variance, cusum : (n, n_outputs)
+    expected, variance, cusum, left_out : (n, n_outputs)
     slow : (n, n_slow_errors)
     """
 
@@ -103,6 +107,7 @@ class Reports:
     variance: FloatArray
     cusum: FloatArray
     slow: FloatArray
+    left_out: BoolArray
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
 
@@ -118,6 +123,7 @@ class Reports:
             variance=self.variance[-1],
             cusum=self.cusum[-1],
             slow=self.slow[-1],
+            left_out=self.left_out[-1],
             wild=int(self.wild[-1]),
             detection=self.detection,
             diagnosis=self.diagnosis,

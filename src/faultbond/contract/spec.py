@@ -96,6 +96,7 @@ class OutputSpec:
     unit_offset: float
     suspect: bool = True
     ranged: bool = False  # as of an input
+    condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +178,8 @@ class EngineSpec:
     checks: tuple[CheckSpec, ...] = ()
     slot: bool = False  # whether lanes have the slot for one more fault
     coupled: bool = False  # whether faults of instruments, and drifts, are tested beside a parameter that changed
+    settlings: tuple[float, ...] = ()  # of each condition of `valid_when`, seconds
+    condition: int = -1  # of these, under which the model holds; -1: always
 
     def __hash__(self) -> int:
         return self._hash
@@ -341,7 +344,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample, by field: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run."""
+        """Layout of one packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, still."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
@@ -355,13 +358,14 @@ class EngineSpec:
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
             "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
+            "still": 1,  # 1: the states stay, since the model did not hold before this sample; 2: it does not now
         }
         return _fields(sizes, 0)
 
     @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
-        return int(self.sample_fields["run"].stop)
+        return int(self.sample_fields["still"].stop)
 
 
 SPEC_CLASSES = (EngineSpec, StateSpec, SlowErrorSpec, ParameterSpec, InputSpec, OutputSpec, CheckSpec, Thresholds)

@@ -97,20 +97,24 @@ static void take_lanes(const Bank *bank, const Diagnosis *found, Rivals *rivals)
             rivals->wide[at / GROUP][k][at % GROUP] = rivals->wide[at / GROUP][k][0];
 }
 
-/* A sample without measurements while inputs are held, number `t` from now; what settles first is not counted. */
-static void pack_ahead(const Inputs *inputs, const double *held, int64_t t, double *packed)
+/* The inputs of now; where the model does not hold, the last for which it did. */
+static const double *inputs_now(const State *state) { return state->clock.outside ? state->inputs.inside : state->inputs.held; }
+
+/* A sample without measurements while inputs that are `now` are `held`, number `t` from now; what settles first is not
+   counted. */
+static void pack_ahead(const double *now, const double *held, int64_t t, double *packed)
 {
     memset(packed, 0, N_SAMPLE * sizeof *packed);
     packed[SAMPLE_DT] = step_ahead();
     packed[SAMPLE_AGAIN] = 1.0;
     for (int k = 0; k < N_INPUTS; k++) {
-        packed[SAMPLE_U_BEFORE + k] = t == 0 ? inputs->held[k] : held[k];
+        packed[SAMPLE_U_BEFORE + k] = t == 0 ? now[k] : held[k];
         packed[SAMPLE_U + k] = held[k];
     }
     for (int j = 0; j < N_OUTPUTS; j++) {
         double blank = 0.0;
         for (int e = DIRECT_ROW[j]; e < DIRECT_ROW[j + 1]; e++)
-            if (held[DIRECT_INPUT[e]] != inputs->held[DIRECT_INPUT[e]])
+            if (held[DIRECT_INPUT[e]] != now[DIRECT_INPUT[e]])
                 blank = larger(blank, INPUT_SETTLING[DIRECT_INPUT[e]]);
         packed[SAMPLE_SCALE + j] = (double)t < ceil(blank / step_ahead()) ? BLANK_FACTOR : 1.0;
     }
@@ -182,7 +186,7 @@ static int64_t part_ahead(const State *state, const Diagnosis *found, int64_t *g
     memset(rivals->squares, 0, sizeof rivals->squares);
     memset(rivals->along, 0, sizeof rivals->along);
     for (int64_t t = 0; t < AHEAD; t++) {
-        pack_ahead(&state->inputs, rivals->held, t, rivals->sample);
+        pack_ahead(inputs_now(state), rivals->held, t, rivals->sample);
         advance_rivals(&state->normal, rivals, filters);
         for (int64_t r = 0; r < rivals->n; r++)
             for (int64_t other = 0; other < r; other++) add_apart(r, other, rivals);
@@ -253,9 +257,9 @@ static void find_looks(const Diagnosis *found, const Rivals *rivals, Advice *adv
 /* The values to which input k may be moved, the nearest first, and how many: up and down, not beyond where it has been. Zero
    counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0 to 100;
    how far a stated move may go is left to whoever stated it. */
-static int values_of(const Inputs *inputs, int k, double *values)
+static int values_of(const Inputs *inputs, double now, int k, double *values)
 {
-    const double now = inputs->held[k], stated = INPUT_MOVE[k];
+    const double stated = INPUT_MOVE[k];
     double low = inputs->lowest[k], high = inputs->highest[k], full = high - low;
     int n = 0;
     if (INPUT_HAS_ZERO[k]) {
@@ -286,21 +290,23 @@ static void find_moves(const State *state, const Diagnosis *found, Rivals *rival
 {
     int64_t group[MOST_RIVALS];
     double values[2 * N_MOVE_PARTS];
-    memcpy(rivals->held, state->inputs.held, sizeof rivals->held);
+    const double *now = inputs_now(state);
+    memcpy(rivals->held, now, sizeof rivals->held);
     const int64_t n_waited = part_ahead(state, found, group, rivals, filters);
     const double waited = entropy(rivals, group, n_waited);
     for (int k = 0; k < N_INPUTS; k++) {
         Check check = check_of(CHECK_INPUT, k, INPUT_COST[k]), best = check;
-        const int n = values_of(&state->inputs, k, values);
+        const int n = values_of(&state->inputs, now[k], k, values);
         check.within = AHEAD * step_ahead();
         for (int move = 0; move < n; move++) {
             check.value = rivals->held[k] = values[move];
+            if (MODEL_CONDITION >= 0 && !model_holds(MODEL_CONDITION, rivals->held)) continue;
             check.n_groups = part_ahead(state, found, check.group, rivals, filters);
             check.gain = entropy(rivals, check.group, check.n_groups);
             const int is_worth = check.gain >= waited + WORTH;
             if (is_worth && (best.n_groups == 0 || rint(100.0 * check.gain) > rint(100.0 * best.gain))) best = check;
         }
-        rivals->held[k] = state->inputs.held[k];
+        rivals->held[k] = now[k];
         if (best.n_groups > 0) advice->checks[advice->n_checks++] = best;
     }
 }
@@ -315,10 +321,10 @@ static void expect_by_hand(const State *state, Rivals *rivals, Filters *filters)
         const int64_t block = rivals->at[r] / GROUP, l = rivals->at[r] % GROUP, part = l - l % FB_LANES;
         if (rivals->is_wide[r]) {
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) filters->wide.lane[i] = load(rivals->wide[block][i] + part);
-            expect_signals_wide(filters->wide.lane, state->inputs.held, values);
+            expect_signals_wide(filters->wide.lane, inputs_now(state), values);
         } else {
             for (int64_t i = 0; i < PLAIN_NUMBERS; i++) filters->plain.lane[i] = load(rivals->plain[block][i] + part);
-            expect_signals_plain(filters->plain.lane, state->inputs.held, values);
+            expect_signals_plain(filters->plain.lane, inputs_now(state), values);
         }
         for (int k = 0; k < N_SIGNALS; k++) {
             store(by_lane, values[k]);

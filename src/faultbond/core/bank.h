@@ -31,9 +31,8 @@ static void begin_bank(State *state, const Trail *trail, int64_t change)
 static int is_renewal(const State *state)
 {
     const Job *job = &state->job;
-    const int64_t since = state->clock.index - state->clock.alarm;
     return is_ready(job) && job->kind == IDLE && job->ended < state->clock.index && job->renewals < N_RENEWALS &&
-           since >= next_renewal(job);
+           since_alarm(state) >= next_renewal(job);
 }
 
 /* Of the lanes that begin at the alarm, how many have: those of steps, then those with a slot. */
@@ -61,8 +60,9 @@ static void advance_bank(State *state, const double *packed, BankMemory *memory,
     for (int64_t group = 0; group < N_RESTING; group++) resting += bank->rests[group];
     const double before = resting ? leading_of_bank(bank) : 0.0;
     advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
-    hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
-            state->clock.time, &memory->slots);
+    if (!IS_OUTSIDE(packed))
+        hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
+                state->clock.time, &memory->slots);
     advance_slots(bank, slots_begun(&state->job), packed, &state->normal, memory->innovations[0] + N_STEPS,
                   FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,

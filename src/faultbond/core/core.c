@@ -154,10 +154,13 @@ int64_t fb_pack(void *state, double time, double step, const double *inputs, con
     sample.dt = step;
     memcpy(sample.u, inputs, N_INPUTS * sizeof(double));
     memcpy(sample.y, readings, N_OUTPUTS * sizeof(double));
+    int64_t left_out[N_OUTPUTS];
     if (!has_inputs(&known->inputs, &sample)) return 0;
-    pack_sample(known, &sample, &known->clock, &known->inputs, known->healthy.astray, packed);
+    const int outside = leave_out(&known->inputs, &sample, left_out);
+    if (outside) pack_outside(known, &sample, &known->clock, &known->inputs, packed);
+    else pack_sample(known, &sample, &known->clock, &known->inputs, known->healthy.astray, packed);
     known->clock.index++;
-    return 1;
+    return outside ? 2 : 1;
 }
 
 void fb_healthy_lane(const double *mean, const double *covariance, int64_t n, const double *known, double *lane)

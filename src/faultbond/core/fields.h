@@ -35,10 +35,10 @@ typedef struct {
 /* All but the rows of the past and the lanes of the bank, whose places go by the number of the sample and of the lane. */
 static const Field FIELDS[] = {
     COUNT(clock.index), NUMBER(clock.begun), FLAG(clock.running), NUMBER(clock.alarm), COUNT(clock.detections),
-    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), POSITIVE(clock.pause), FINITE(clock.time),
+    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
-    ANYTHING(inputs.change), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
+    ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
     REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
@@ -66,7 +66,7 @@ static const Field FIELDS[] = {
     FINITE(normal.rates), ENDLESS(normal.wander),
     FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
     WHOLE(alarm.walker, -1.0, N_PARAMETERS > 0 ? N_PARAMETERS - 1.0 : 0.0), WHOLE(alarm.window, -1.0, (double)WALKS), POSITIVE(alarm.walk),
-    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0),
+    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0), COUNT(alarm.outside),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))

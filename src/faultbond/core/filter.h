@@ -159,7 +159,8 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
         climb[k] *= lane[ROLE_OBEYS + k];
 #endif
     }
-    integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), lane + AT_IMPLICIT, &work->step);
+    integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT,
+              &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);

@@ -53,7 +53,7 @@
 /* The filter of one lane is compiled once more, one lane wide, where it is a text of its own, one.c: it takes half the time of
    one that is as wide as the bank's. It needs memory of its own, which begins with `Step.dt`. */
 #define ONE_NUMBERS \
-    (3 + FB_ROOM(N_SLOW) + FB_ROOM(N_STATES) * (FB_ROOM(N_STATES) + 4 * N_V + 2 * PLAIN_JOINT) + \
+    (4 + FB_ROOM(N_SLOW) + FB_ROOM(N_STATES) * (FB_ROOM(N_STATES) + 4 * N_V + 2 * PLAIN_JOINT) + \
      2 * N_OUTPUTS * (2 + 2 * PLAIN_JOINT) + 2 * TRIANGLE(PLAIN_JOINT) + PLAIN_NUMBERS)
 #if defined(FB_APART) && FB_LANES > 1
 #define FB_ONE_IS_APART

@@ -155,7 +155,23 @@ typedef struct {
 
 FB_OF_FLEETS int64_t lanes_memory_size(void) { return (int64_t)sizeof(LanesMemory); }
 
-/* Which assets a sample finds as usual: they watch, every input is told, and none is wild or was, nor was there a gap. */
+/* For which assets all conditions are true, and have been for so long that they have settled. */
+static mask all_hold(const Inputs *inputs, const Sample *sample)
+{
+    double told[FB_ROOM(N_INPUTS)][FB_LANES], holds[FB_LANES], u[FB_ROOM(N_INPUTS)];
+    for (int k = 0; k < N_INPUTS; k++) store(told[k], sample->u[k]);
+    for (int l = 0; l < FB_LANES; l++) {
+        for (int k = 0; k < N_INPUTS; k++) u[k] = told[k][l];
+        holds[l] = 1.0;
+        for (int c = 0; c < N_CONDITIONS; c++) holds[l] *= model_holds(c, u);
+    }
+    mask found = load(holds) != 0.0;
+    for (int c = 0; c < N_CONDITIONS; c++) found &= opposite(is_finite(inputs->true_for[c]));
+    return found;
+}
+
+/* Which assets a sample finds as usual: they watch, the model holds, every input is told, and none is wild or was, nor was there
+   a gap. */
 static mask are_ready(const Watched *watched, const Sample *sample)
 {
     const Clock *clock = &watched->clock;
@@ -167,6 +183,7 @@ static mask are_ready(const Watched *watched, const Sample *sample)
         ready &= (u >= inputs->lowest[k]) & (u <= inputs->highest[k]);
     }
     for (int i = 0; i < N_STATES; i++) ready &= watched->healthy.astray[i] == 0.0;
+    if (N_CONDITIONS > 0) ready &= (clock->outside == 0) & (clock->doubt == 0.0) & all_hold(inputs, sample);
     return ready;
 }
 

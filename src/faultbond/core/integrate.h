@@ -40,7 +40,8 @@ typedef lanes steep;
 
 /* Memory of a step, apart from the stack. Where the laws are linear it is worked out once for each length of step. */
 typedef struct {
-    double dt;                             /* of the step that `decay`, `m` and `slope` are of; nan: of none yet */
+    double dt;                             /* of the step that `decay` is of, and nan: of none yet; */
+    double moved;                          /* that of `m` and `slope`: nothing where the states stay */
     double decay[FB_ROOM(N_SLOW)];         /* what is left of the slow errors after it */
     steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
     steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
@@ -183,18 +184,20 @@ static inline void find_force(const steep *FB_RESTRICT slopes, const lanes *FB_R
 }
 
 /* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant. Inputs go from what v
-   holds of them by `climb` [N_INPUTS], which is zero of those that are held; a part takes the time as one more state.
+   holds of them by `climb` [N_INPUTS], which is zero of those that are held; a part takes the time as one more state. Where
+   they are `still` the states stay where they are.
    Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Changes v (its states and, where there
    is a climb, its inputs), z and `step`. */
-static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const lanes *FB_RESTRICT climb, double dt,
+static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const lanes *FB_RESTRICT climb, double dt, int still,
                       lanes *FB_RESTRICT z, Step *FB_RESTRICT step)
 {
-    const double h = dt / SUBSTEPS;
-    const int anew = !RATES_ARE_LINEAR || dt != step->dt;
+    const double moved = still ? 0.0 : dt, h = moved / SUBSTEPS;
+    const int anew = !RATES_ARE_LINEAR || dt != step->dt || moved != step->moved;
     for (int k = 0; k < N_SLOW && dt != step->dt; k++) step->decay[k] = exp(-dt / SLOW_MEMORY[k]);
     lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)], force[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;
+    step->moved = moved;
     for (int part = 0; part < SUBSTEPS; part++) {
         solve_implicit(v, u, z);
         model_rates(v, u, z, first, slopes);

@@ -58,6 +58,14 @@ static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
     mark(marks, trail, trail->alarm + last, WANTED);
 }
 
+/* Mark the samples from which on the model held again: while it did not, a fault may have begun. */
+static void mark_returns(uint8_t *marks, const Trail *trail)
+{
+    for (int64_t place = 1; place < trail->n; place++)
+        if (IS_OUTSIDE(sample_at(trail, place - 1)) && !IS_OUTSIDE(sample_at(trail, place)))
+            mark(marks, trail, place, REQUIRED);
+}
+
 /* Begin a search; `change`: place of the onset that the detector estimates. That is tried, and where the innovations
    became wild: what happens within a few samples, as a jump does whose trace the plant soon loses, only fits a lane that
    begins there. A bank with many lanes would take too long to begin at all places; it tries fewer, and one with very many
@@ -67,6 +75,7 @@ static void begin_search(const Trail *trail, int64_t change, Search *search)
     const int64_t size = (int64_t)N_PLANNED * TRIANGLE(PLAIN_JOINT);
     uint8_t marks[DEPTH] = {0};
     mark(marks, trail, change, REQUIRED);
+    mark_returns(marks, trail);
     for (int k = 0; k < trail->n_bursts; k++)
         for (int64_t late = 0; late < 2; late++) mark(marks, trail, trail->bursts[k] - late, REQUIRED);
     if (size > LARGE_BANK) {

@@ -82,7 +82,8 @@ static void run_ramps(double (*moves)[GROUP], double (*stays)[GROUP], const Trai
         for (int64_t place = from; place < end; place++) {
             int64_t age[FB_LANES];
             for (int l = 0; l < FB_LANES; l++) age[l] = trail->oldest + place - onset[part + l];
-            end_ramps(age, none, trail->past->rows[(trail->oldest + place) % N_ROWS].time, memory);
+            if (!IS_OUTSIDE(sample_at(trail, place)))
+                end_ramps(age, none, trail->past->rows[(trail->oldest + place) % N_ROWS].time, memory);
             step_both(sample_at(trail, place), normal, filter, memory);
         }
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {

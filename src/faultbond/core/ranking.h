@@ -138,7 +138,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
 {
     const Bank *bank = &state->bank;
     ranking->most = most_likely(bank);
-    ranking->share = share_of_evidence(state->clock.index - state->clock.alarm);
+    ranking->share = share_of_evidence(since_alarm(state));
     weigh_lanes(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         for (int kind = 0; kind < N_KINDS; kind++) ranking->kinds[k][kind] = -INFINITY;

@@ -12,6 +12,7 @@
 #define GAP_WHOLE 20.0      /* samples of a gap in which a state may go as far as it has ever been */
 #define GAP_AGAIN 0.3       /* part of this that the next sample adds again, */
 #define GAP_NOTHING 1e-3    /* and part that is not worth it */
+#define DOUBT_LESS 0.1      /* part of a doubt that is left at the next sample: as GAP_AGAIN, of a variance */
 #define LONGEST_DOUBT 50.0  /* samples without an input, after which the plant has felt most of what it does */
 
 /* Memory of a filter that only tries what would be. */
@@ -30,6 +31,28 @@ static void correct(const Normal *normal, Sample *sample)
     for (int k = 0; k < N_INPUTS; k++) sample->u[k] = normal->input_gain[k] * sample->u[k] + normal->input_offset[k];
     for (int j = 0; j < N_OUTPUTS; j++)
         sample->y[j] = isfinite(normal->noise[j]) ? (sample->y[j] - normal->offset[j]) / normal->gain[j] : NAN;
+}
+
+/* Take out of a sample what is not to be judged, by the conditions under which the model and its sensors hold: of inputs that
+   are told, and else of their last values. `left_out` [N_OUTPUTS]: 1 of each reading that is. Gives whether the model does not
+   hold. */
+static int leave_out(Inputs *inputs, Sample *sample, int64_t *left_out)
+{
+    double u[FB_ROOM(N_INPUTS)];
+    int holds[FB_ROOM(N_CONDITIONS) + 1] = {0};
+    for (int k = 0; k < N_INPUTS; k++) u[k] = isfinite(sample->u[k]) ? sample->u[k] : inputs->held[k];
+    for (int c = 0; c < N_CONDITIONS; c++) {
+        double *since = &inputs->true_for[c];
+        *since = !model_holds(c, u) ? -1.0 : *since < 0.0 ? 0.0 : *since + sample->dt;
+        holds[c] = *since >= CONDITION_SETTLING[c] * (1.0 - 1e-9);
+        if (holds[c]) *since = INFINITY;
+    }
+    const int outside = MODEL_CONDITION >= 0 && !holds[MODEL_CONDITION >= 0 ? MODEL_CONDITION : 0];
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        left_out[j] = outside || (OUTPUT_CONDITION[j] >= 0 && !holds[OUTPUT_CONDITION[j] >= 0 ? OUTPUT_CONDITION[j] : 0]);
+        if (left_out[j]) sample->y[j] = NAN;
+    }
+    return outside;
 }
 
 /* How far state i has ever moved, SI. */
@@ -53,6 +76,16 @@ static void wander(const Healthy *healthy, double gap, double *astray)
     }
 }
 
+/* Where the states may be anywhere, and readings are not linear, what a reading says by its slope is off by more than its noise:
+   taken at their word the first ones would teach the parameters what is wrong only of the slope. */
+static void doubt_readings(Clock *clock, double *packed)
+{
+    for (int j = 0; j < N_OUTPUTS; j++)
+        packed[SAMPLE_SCALE + j] = smaller(packed[SAMPLE_SCALE + j] * clock->doubt, larger(packed[SAMPLE_SCALE + j], BLANK_FACTOR));
+    clock->doubt *= DOUBT_LESS;
+    if (clock->doubt <= 1.0) clock->doubt = 0.0;
+}
+
 /* Pack a sample: hold inputs, blank after steps, kick slow errors, switch off missing values. `clock`, `inputs` and `astray`,
    that of the states, become those after it; of `state`, which they may be parts of, the rest is read: how far the states
    have moved, and the noise of the sensors. Each input has been told before, or is now. */
@@ -60,8 +93,17 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
 {
     int first = 0, present = 0;
     for (int k = 0; k < N_INPUTS; k++) first |= !isfinite(inputs->held[k]);
-    const double gap = pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    double gap = pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    if (clock->outside) { /* what the plant has done since is not what the model says */
+        gap = larger(gap, GAP_UNKNOWN);
+        packed[SAMPLE_STILL] = 1.0;
+        for (int k = 0; k < N_INPUTS; k++)
+            packed[SAMPLE_U_BEFORE + k] = isfinite(inputs->inside[k]) ? inputs->inside[k] : inputs->held[k];
+        clock->outside = 0;
+        clock->doubt = BLANK_FACTOR;
+    }
     for (int j = 0; j < N_OUTPUTS; j++) present |= packed[SAMPLE_USE + j] > 0.0;
+    if (present && clock->doubt > 0.0) doubt_readings(clock, packed);
     if (gap != 0.0 || present) { /* else the states are not looked for */
         wander(&state->healthy, gap, astray);
         for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = astray[i];
@@ -69,6 +111,23 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
     if (clock->begun < 0 || (gap != 0.0 && !clock->running)) clock->begun = clock->index;
     if (clock->index - clock->begun >= WARM_UP_SAMPLES) packed[SAMPLE_BOUND] = LEARNING_BOUND;
     learn_inputs(inputs, sample, gap != 0.0, !has_value(sample));
+}
+
+/* Pack a sample at which the model does not hold: time passes, but the states stay, under the last inputs for which it held;
+   others may be such that it has no value. What becomes of `clock` and `inputs`: see `pack_sample`. */
+static void pack_outside(const State *state, const Sample *sample, Clock *clock, Inputs *inputs, double *packed)
+{
+    int first = 0;
+    for (int k = 0; k < N_INPUTS; k++) {
+        first |= !isfinite(inputs->held[k]);
+        inputs->odd[k] = NAN;
+        if (!clock->outside) inputs->inside[k] = inputs->held[k];
+    }
+    pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    learn_inputs(inputs, sample, 1, !has_value(sample));
+    packed[SAMPLE_STILL] = 2.0;
+    for (int k = 0; k < N_INPUTS; k++) packed[SAMPLE_U_BEFORE + k] = packed[SAMPLE_U + k] = inputs->inside[k];
+    clock->outside++;
 }
 
 /* By how much input k may have been off before a sample, SI, and over how many samples. When it is told again, it may have

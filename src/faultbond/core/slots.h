@@ -394,10 +394,10 @@ static void step_both(const double *packed, const Normal *normal, Filter_wide *f
     memcpy(memory->found[1], filter->innovations, sizeof memory->found[1]);
 }
 
-/* The same of faults that come and go. */
+/* The same of faults that come and go; where the model does not hold nobody knows of that. */
 static void step_pairs(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
 {
-    interact(memory);
+    if (!IS_OUTSIDE(packed)) interact(memory);
     step_both(packed, normal, filter, memory);
 }
 

@@ -140,6 +140,7 @@ typedef struct {
                                    -1: it was not raised by that */
     double walk;                /* how far, in standard deviations of what is usual */
     int64_t old;                /* the snapshot from before a walk that began before the trail; -1: it did not */
+    int64_t outside;            /* samples since then at which the model did not hold */
 } Alarm;
 
 /* What the rule has in mind that accepts without a person: which hypothesis has been sure, since which sample, and since when
@@ -160,6 +161,9 @@ typedef struct {
     Alarm alarm;
     Sure sure;
 } State;
+
+/* Samples since the alarm that tell of it. */
+static inline int64_t since_alarm(const State *state) { return state->clock.index - state->clock.alarm - state->alarm.outside; }
 
 /* Number k of a lane of steps, and of one with a slot: where it stands, and what it is. */
 static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k)

@@ -10,7 +10,7 @@
 #define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
 #define OLD_WINDOW 3 /* window of the lane of long ago, from which drifts under way begin */
 
-enum { WAITING, STARTING, WARMING, WATCHING, DIAGNOSING, LOST }; /* what a run is doing */
+enum { WAITING, STARTING, WARMING, WATCHING, DIAGNOSING, LOST, OUTSIDE }; /* what a run is doing */
 
 /* What one sample brought; nan: nothing yet. */
 typedef struct {
@@ -18,6 +18,7 @@ typedef struct {
     int64_t wild;               /* values that were refused, or cut, since they lie far beyond all that was seen */
     int64_t detected;           /* 1: an alarm was raised, see State.alarm */
     int64_t due;                /* 1: time for a diagnosis */
+    int64_t left_out[N_OUTPUTS]; /* 1: the model, or the sensor, does not hold, so the reading is not judged */
     double expected[N_OUTPUTS]; /* readings of the healthy plant, SI */
     double variance[N_OUTPUTS]; /* of what is measured, SI squared */
     double cusum[N_OUTPUTS];    /* largest sum of each sensor */
@@ -71,7 +72,9 @@ static void begin_state(State *state, double t0, int64_t quiet)
         inputs->lowest[k] = inputs->since_step[k] = INFINITY;
         inputs->highest[k] = -INFINITY;
         inputs->habit[k] = state->normal.input_gain[k] = 1.0;
+        inputs->inside[k] = NAN;
     }
+    for (int c = 0; c < N_CONDITIONS; c++) state->inputs.true_for[c] = INFINITY;
     state->inputs.odd_since = -1;
     for (int j = 0; j < N_OUTPUTS; j++) {
         state->sensors.nis[j] = state->sensors.run[j] = state->normal.gain[j] = state->normal.noise[j] = 1.0;
@@ -283,6 +286,8 @@ static void judge_sample(State *state, const double *innovations, Report *report
     if (warm) accumulate(clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
     remember(state, work->lane);
     report_filter(state, diagnosing ? DIAGNOSING : warm ? WATCHING : WARMING, packed, innovations, report);
+    if (diagnosing && state->job.kind == IDLE && clock->alarm <= clock->index - DEPTH)
+        state->job.renewals = N_RENEWALS; /* the samples about the alarm are not kept any more */
     if (diagnosing && is_renewal(state) && clock->alarm > clock->begun) { /* of a filter that was lost, no lanes are kept */
         trail_of(state, &trail);
         begin_again(state, &trail, &work->bank);
@@ -338,6 +343,34 @@ static void filter_sample(State *state, int64_t wild, Report *report, Diagnosis 
     report->wild = wild;
 }
 
+/* Take a sample at which the model does not hold. Nothing is judged: no sum grows, no lane becomes likelier, and no time passes
+   for what waits for samples that are. */
+static void pass_outside(State *state, const Sample *sample, Report *report, Diagnosis *found, Work *work)
+{
+    Clock *clock = &state->clock;
+    double innovations[2 * N_OUTPUTS];
+    pack_outside(state, sample, clock, &state->inputs, work->packed);
+    clock->time = sample->time;
+    if (clock->running) {
+        filter_packed(state, innovations, work);
+        keep(state, work->packed, work->lane, 0.0, work);
+        memcpy(state->healthy.lane, work->lane, sizeof work->lane);
+        state->healthy.walk = state->healthy.walker = 0.0;
+        keep_for_long(clock->index, clock, 1, &state->healthy);
+        if (clock->index - clock->begun < WARM_UP_SAMPLES) clock->begun++;
+    } else {
+        clock->begun = -1;
+        if (clock->alarm >= 0) keep(state, work->packed, NULL, 0.0, work);
+    }
+    if (clock->alarm >= 0) state->alarm.outside++;
+    if (state->sure.since >= 0) state->sure.since++;
+    if (state->sure.clear_since >= 0) state->sure.clear_since++;
+    report_nothing(report, OUTSIDE);
+    for (int j = 0; j < N_OUTPUTS && clock->running; j++) report->cusum[j] = statistic(&state->sensors, j);
+    report->due = is_due(state);
+    if (report->due) conclude(state, found, &work->ranking);
+}
+
 /* Whether every input has had a value; while it has not, those of the sample are held. */
 static int has_inputs(Inputs *inputs, const Sample *sample)
 {
@@ -352,10 +385,13 @@ static int has_inputs(Inputs *inputs, const Sample *sample)
 static void watch(State *state, const Sample *told, Report *report, Diagnosis *found, Work *work)
 {
     Sample sample = *told;
+    int64_t left_out[N_OUTPUTS] = {0};
     correct(&state->normal, &sample);
     if (!has_inputs(&state->inputs, &sample)) {
         state->clock.time = sample.time;
         report_nothing(report, WAITING);
+    } else if (leave_out(&state->inputs, &sample, left_out)) {
+        pass_outside(state, &sample, report, found, work);
     } else {
         const int64_t wild = admit(state, &sample, work->earlier, work->packed, &work->sample, &work->filters.plain);
         state->clock.time = sample.time;
@@ -366,6 +402,7 @@ static void watch(State *state, const Sample *told, Report *report, Diagnosis *f
             gather(state, report, work);
         }
     }
+    memcpy(report->left_out, left_out, sizeof left_out);
     state->clock.index++;
 }
 

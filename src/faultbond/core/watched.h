@@ -11,6 +11,8 @@ typedef struct {
     whole accepted;   /* sample at which a diagnosis was accepted last */
     whole silent;     /* samples without any value, up to this one */
     whole quiet;      /* 1: no alarm is raised, as where a model is tried */
+    whole outside;    /* samples up to this one at which the model did not hold */
+    real doubt;       /* factor on the variances of the noise, since the states are sought where the model holds again; 0: none */
     real pause;       /* usual number of silent ones before a sample with a value; where rows are the grid, usual s between rows */
     real time;        /* s */
 } Clock;
@@ -27,6 +29,8 @@ typedef struct {
     real since_step[FB_ROOM(N_INPUTS)]; /* s since the last step */
     real change[FB_ROOM(N_INPUTS)];     /* change that is still felt */
     real odd[FB_ROOM(N_INPUTS)];        /* value that was refused at the last sample; nan: none was */
+    real true_for[FB_ROOM(N_CONDITIONS)]; /* s since each condition became true again; -1: it is not, inf: it has settled */
+    real inside[FB_ROOM(N_INPUTS)];     /* where the model does not hold: last values for which it did; nan: none */
     whole odd_since;                    /* sample at which the first of these was refused */
     real rival[PLAIN_NUMBERS];          /* the healthy filter as it is if they are real, */
     real gain;                          /* and by how much the readings have spoken for it, sd^2 */

@@ -139,7 +139,7 @@ static inline real pack_values(const Sample *sample, int first, const Sensors *s
     const double dt = first ? 0.0 : sample->dt;
     move_inputs(inputs, sample, first, dt);
     packed[SAMPLE_DT] = SAME(dt);
-    packed[SAMPLE_AGAIN] = packed[SAMPLE_BOUND] = SAME(0.0);
+    packed[SAMPLE_AGAIN] = packed[SAMPLE_BOUND] = packed[SAMPLE_STILL] = SAME(0.0);
     for (int k = 0; k < N_INPUTS; k++) {
         packed[SAMPLE_U_BEFORE + k] = inputs->earlier[k];
         packed[SAMPLE_U + k] = inputs->held[k];

@@ -10,12 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import NoVerdictError
 from faultbond.fit.likelihood import sample_fields
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
+
+LEAST_PART = 2  # times the samples from which a start is solved: a shorter part tells little more than that
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,6 +56,42 @@ def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:
     """Tell which sensors have a value in packed samples (n, n_sample) and are not blanked, (n, n_outputs)."""
     place = spec.sample_fields
     return np.asarray((packed[:, place["use"]] > 0) & (packed[:, place["scale"]] < spec.thresholds.blank_factor))
+
+
+def judged_parts(name: str, points: Sequence[Sample], core: Core) -> tuple[tuple[str, Sequence[Sample]], ...]:
+    """Give the parts of a recording in which the model holds, each with a name; all of it where it always does.
+
+    What the plant does between them nobody knows, so each begins anew. Too short ones are left out.
+
+    Raises
+    ------
+    NoVerdictError
+        Where none is long enough.
+    """
+    if core.spec.condition < 0:
+        return ((name, points),)
+    monitor, least = Monitor(core), LEAST_PART * int(core_settings()["START_SAMPLES"])
+    parts: list[list[Sample]] = [[]]
+    held = np.full(len(core.spec.inputs), np.nan)
+    for point in points:
+        held = np.where(np.isfinite(point.u), point.u, held)
+        if monitor.pack(point) is not None and monitor.is_outside:
+            parts.append([])
+        elif parts[-1] or len(parts) == 1:
+            parts[-1].append(point)
+        else:  # what was told before holds
+            parts[-1].append(replace(point, u=held))
+    kept = [
+        part
+        for part in parts
+        if len(part) >= least and np.isfinite(np.array([point.y for point in part])).any(axis=0).all()
+    ]
+    if not kept:
+        problem = f"{least} samples in a row with a value of each sensor; check the condition of `valid_when`"
+        raise NoVerdictError(f"{name}: nowhere does the model hold for {problem}")
+    if len(parts) == 1:
+        return ((name, points),)
+    return tuple((f"{name}, part {k}", part) for k, part in enumerate(kept, start=1))
 
 
 def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> HealthyRecording:

@@ -12,7 +12,7 @@ from faultbond.errors import ModelError
 from faultbond.fit.ascent import START_PRIOR
 from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant
-from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.samples import HealthyRecording, healthy_recording, judged_parts
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.graph import BondGraph, Parameter
 from faultbond.model.source import closest
@@ -69,7 +69,7 @@ def build_fit(
     core : of the same model, as the monitor runs it
     recordings : names and grid points
     parameters : those to be found, with their places; noise of sensors and sizes of slow errors are found beside
-    own : names of those that each recording has for itself
+    own : names of those that each recording has for itself; each part of it where the model does not hold all the time
     """
     layout, base, known = layout_of(model), nominal_q(model), known_starts(model)
     noises = tuple(range(layout.first_noise, layout.first_noise + layout.n_y + layout.n_b))
@@ -84,7 +84,8 @@ def build_fit(
         free=tuple(k for k in range(layout.n_x) if k not in known),
         own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),
     )
-    records = tuple(healthy_recording(name, points, core) for name, points in recordings)
+    parts = (part for name, points in recordings for part in judged_parts(name, points, core))
+    records = tuple(healthy_recording(name, points, core) for name, points in parts)
     return plant, records, begin_at(plant, records, core)
 
 

@@ -37,7 +37,8 @@ class FoundSoFar:
     """What a run has found so far.
 
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
-    input had a value. wild: values that were refused since the plant did not follow them. open: the detection that
+    input had a value. wild: values that were refused since the plant did not follow them. outside: points at
+    which the model did not hold. sensors_outside: readings of sensors that did not, at others. open: the detection that
     nothing was accepted for yet. rejected: candidates that were ruled out since then.
     """
 
@@ -45,9 +46,22 @@ class FoundSoFar:
     watched: int = 0
     waiting: int = 0
     wild: int = 0
+    outside: int = 0
+    sensors_outside: int = 0
     open: Detection | None = None
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
+
+    def with_counts(self, *, watched: int, waiting: int, wild: int, outside: int, sensors_outside: int) -> "FoundSoFar":
+        """Give this after some more points, by how much each number grows."""
+        return replace(
+            self,
+            watched=self.watched + watched,
+            waiting=self.waiting + waiting,
+            wild=self.wild + wild,
+            outside=self.outside + outside,
+            sensors_outside=self.sensors_outside + sensors_outside,
+        )
 
     def with_detection(self, detection: Detection) -> "FoundSoFar":
         """Give this after one more alarm."""

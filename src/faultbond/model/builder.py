@@ -22,8 +22,8 @@ class ModelBuilder:
     ----------
     name : the model's name, which starts every error message
     sample_time : `1 s`, or `variable`, or `none` for a static block network
-    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults : as in the model file; None
-        leaves the default in force
+    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when : as in the model
+        file; None leaves the default in force
 
     Example
     -------
@@ -51,11 +51,12 @@ class ModelBuilder:
         time: Scalar | Fields | None = None,
         time_between_false_alarms: Scalar | None = None,
         instrument_faults: bool | None = None,
+        valid_when: Scalar | Fields | None = None,
     ) -> None:
         self._source = Source(f"model {shown(str(name))}", has_lines=False)
         settings = {"sample_time": sample_time, "max_faults": max_faults, "accuracy": accuracy, "warm_up": warm_up}
         settings |= {"time_between_false_alarms": time_between_false_alarms, "instrument_faults": instrument_faults}
-        self._settings: Fields = {"name": name, **settings, "time": time}
+        self._settings: Fields = {"name": name, **settings, "time": time, "valid_when": valid_when}
         self._sections: dict[str, dict[str, Node]] = {}
         self._bonds: list[Text] = []
 
@@ -141,10 +142,11 @@ class ModelBuilder:
         column: str | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
+        valid_when: Scalar | Fields | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
         fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "lag": lag, "column": column}
-        return self._add("sensors", name, {**fields, "range": range, "suspect": suspect})
+        return self._add("sensors", name, {**fields, "range": range, "suspect": suspect, "valid_when": valid_when})
 
     def slow_error(
         self, target: str, size: Scalar, *, after: Sequence[str] | None = None, each: Scalar | None = None

@@ -23,6 +23,7 @@ from faultbond.model.graph import (
     SlowError,
     TimeColumn,
     Unit,
+    Validity,
 )
 from faultbond.model.parser import number_text, to_text
 from faultbond.model.quantities import shared_factor
@@ -105,6 +106,7 @@ class _Writer:
             "max_faults": str(graph.max_faults) if has_faults else "",
             "accuracy": self.accuracy,
             "warm_up": _seconds(graph.warm_up) if not self.static and self.stated("warm_up") else "",
+            "valid_when": _validity(graph.valid_when),
             "time_between_false_alarms": "" if patience is None else _seconds(patience),
             "time": "none" if time.column is None else _flow(column) if has_time else "",
         }
@@ -135,7 +137,8 @@ class _Writer:
         return _flow(texts, keys.INPUT_KEYS)
 
     def sensor(self, item: Sensor) -> str:
-        return _flow({**self.instrument(item), "reads": _scalar(to_text(item.reads))}, keys.SENSOR_KEYS)
+        texts = {"reads": _scalar(to_text(item.reads)), "valid_when": _validity(item.valid_when)}
+        return _flow({**self.instrument(item), **texts}, keys.SENSOR_KEYS)
 
     def instrument(self, item: Input | Sensor) -> dict[str, str]:
         """Give what inputs and sensors share."""
@@ -251,6 +254,14 @@ def _range(item: Parameter | Sensor | Input) -> str:
         return "any"
     ends = (number_text(end) if math.isinf(end) else _value(end, item.unit) for end in (item.lower, item.upper))
     return f"[{', '.join(ends)}]"
+
+
+def _validity(item: Validity | None) -> str:
+    """Give when something holds; empty where it always does."""
+    if item is None:
+        return ""
+    when = _scalar(to_text(item.condition))
+    return _flow({"when": when, "settling": _seconds(item.settling)}) if item.settling else when
 
 
 def _seconds(value: float) -> str:

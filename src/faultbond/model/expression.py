@@ -30,7 +30,10 @@ class Negative:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """`left operator right`; operator one of `+ - * / **`, a comparison `< <= > >=`, or logic `& ^ |`."""
+    """`left operator right`; operator one of `+ - * / **`, a comparison `< <= > >=`, or logic `& ^ |`.
+
+    In conditions, which are no laws, also `== !=`, `and` and `or`.
+    """
 
     operator: str
     left: "Expression"
@@ -48,6 +51,7 @@ class Call:
 Expression = Number | Name | Negative | Binary | Call
 
 LOGIC = ("&", "^", "|")  # operators between logic signals, the strongest first
+JOINS = ("and", "or")  # of comparisons in a condition, the stronger first
 NOT = "not"  # Call(NOT, (x,)) is `~x`
 TABLE = "table "  # Call(TABLE + "curve", (x,)) is `table(x, curve)`
 RATE = "der"  # Call(RATE, (Name("y"),)) is `der(y)`, the left side of a law that makes y a store

@@ -10,7 +10,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 
-from faultbond.model.expression import RATE, Call, Expression, Name
+from faultbond.model.expression import RATE, Call, Expression, Name, names
 from faultbond.types import CheckKind, ElementType, JunctionType, TimeGrid
 
 
@@ -191,11 +191,24 @@ class Bond:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Validity:
+    """When a model, or a sensor, holds.
+
+    condition : comparisons of inputs, constants and numbers, joined by `and` and `or`; SI
+    settling : seconds from where it became true again until what it is of is judged again
+    """
+
+    condition: Expression
+    settling: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
     """A measured output: `reads` gives its SI value, `noise` the SI standard deviation.
 
     lag : the parameter with which it follows what it reads, as a time constant; empty: at once
     lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
+    valid_when : when it reads as stated, beside what holds of the whole model; None: always
     suspect : whether it may fail; always False where there is no time
     """
 
@@ -207,6 +220,7 @@ class Sensor:
     lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf
+    valid_when: Validity | None = None
     suspect: bool = True
     line: int = 0
 
@@ -285,6 +299,7 @@ class BondGraph:
     slow_errors: tuple[SlowError, ...]
     tables: tuple[Curve, ...] = ()
     time_between_false_alarms: float | None = None
+    valid_when: Validity | None = None  # when all of it holds; None: always
     checks: tuple[Check, ...] = ()
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
@@ -325,6 +340,19 @@ class BondGraph:
     def sha256(self) -> str:
         """Hash that names the model: that of its canonical text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def conditions(self) -> tuple[Validity, ...]:
+        """When the model, then each sensor, holds, where that is stated; each condition once."""
+        stated = (self.valid_when, *(item.valid_when for item in self.sensors))
+        return tuple(dict.fromkeys(item for item in stated if item is not None))
+
+    @property
+    def acting_inputs(self) -> frozenset[str]:
+        """Inputs that a law or a sensor names; others only say in which state the plant is, or nothing."""
+        sides = (side for item in self.components for law in item.laws for side in (law.left, law.right))
+        used = {name for side in (*sides, *(item.reads for item in self.sensors)) for name in names(side)}
+        return frozenset(item.name for item in self.inputs if item.name in used)
 
     def parameter(self, name: str) -> Parameter:
         """Give the parameter of that name; KeyError if there is none."""

@@ -14,6 +14,7 @@ from faultbond.types import TimeGrid
 
 _OF_TIME = {
     "warm_up": "no alarms to wait for",
+    "valid_when": "no states of operation; leave out the rows that are not to be judged",
     "time_between_false_alarms": "no alarms to wait for",
     "slow_error": "no slow errors",
     "instrument_faults": "no faults of sensors and inputs",

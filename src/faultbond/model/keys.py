@@ -109,6 +109,18 @@ LAG_KEYS = Keys(
     },
     short="value",
 )
+VALID_KEYS = Keys(
+    {
+        "when": Key(
+            TEXT,
+            "a condition on inputs and constants, `mode == 1`, joined by `and`, `or`",
+            required=True,
+            missing="state the condition, such as `when: mode == 1`",
+        ),
+        "settling": Key(TEXT, "it is judged again so long after it became true; default `0 s`"),
+    },
+    short="when",
+)
 _PARAMETERS = Key(_named(PARAMETER_KEYS), "numbers that a fault may change")
 INPUT_KEYS = Keys(
     {
@@ -181,6 +193,7 @@ SENSOR_KEYS = Keys(
         "lag": Key(LAG_KEYS, "time constant with which it follows what it reads; default: at once"),
         "column": _COLUMN,
         "range": Key(RANGE, "measuring range; a value at an end or beyond is not used; default any"),
+        "valid_when": Key(VALID_KEYS, "condition under which it reads as stated; else it is not used"),
         "suspect": Key(YES_NO, "`no` trusts the sensor"),
     }
 )
@@ -254,6 +267,7 @@ MODEL_KEYS = Keys(
         ),
         "accuracy": Key(TEXT, "standard deviation of each healthy parameter, relative; default `3 %`"),
         "warm_up": Key(TEXT, "time without alarms after the start, `180 s`"),
+        "valid_when": Key(VALID_KEYS, "condition under which the model holds; else nothing is judged"),
         "time": Key(
             {
                 "description": "",

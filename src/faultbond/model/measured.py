@@ -24,6 +24,7 @@ class Measured:
 
     stated : of sensors and checks with a unit anywhere the measure that comes first, and where it stands
     sizes : of slow errors of signals the measure of their size, where it has one
+    valid : of sensors that do not always read as stated, where it stands when they do
     """
 
     sensors: tuple[Sensor, ...]
@@ -31,6 +32,7 @@ class Measured:
     checks: tuple[Check, ...]
     stated: Mapping[str, tuple[Measure, str]]
     sizes: Mapping[str, Measure]
+    valid: Mapping[str, Spot]
 
 
 class MeasuredReader:
@@ -42,6 +44,7 @@ class MeasuredReader:
         self.units: dict[str, Measure | None] = {}  # of sensors and checks
         self.stated: dict[str, tuple[Measure, str]] = {}
         self.sizes: dict[str, Measure] = {}
+        self.valid: dict[str, Spot] = {}
 
     def read(self, fields: Mapping[str, Spot]) -> Measured:
         """Read all of them, in the order of the file.
@@ -61,7 +64,7 @@ class MeasuredReader:
         taken = {item.name for item in sensors}
         places = fields["checks"].things("check") if "checks" in fields else ()
         checks = tuple(self._check(place, taken) for place in places)
-        return Measured(sensors, errors, checks, self.stated, self.sizes)
+        return Measured(sensors, errors, checks, self.stated, self.sizes, self.valid)
 
     def _sensor(self, place: Spot) -> Sensor:
         name = place.name
@@ -79,6 +82,11 @@ class MeasuredReader:
             return found.value
 
         lower, upper = read_reach(self.head, fields, end)
+        if "valid_when" in fields:
+            if self.head.static:
+                problem = ": with `sample_time: none` there are no states of operation; remove it"
+                raise fields["valid_when"].error(problem)
+            self.valid[name] = place.at(fields["valid_when"])
         return Sensor(
             name=name,
             column=read_column(self.head, fields, SENSOR_KEYS, name),

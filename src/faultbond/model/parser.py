@@ -10,7 +10,19 @@ import re
 from decimal import Decimal
 
 from faultbond.errors import ModelError
-from faultbond.model.expression import FUNCTIONS, NOT, RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
+from faultbond.model.expression import (
+    FUNCTIONS,
+    JOINS,
+    NOT,
+    RATE,
+    TABLE,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Negative,
+    Number,
+)
 from faultbond.model.source import choice, shown
 
 MAX_LAW_LENGTH = 2000
@@ -23,12 +35,16 @@ _TOKEN = re.compile(
     |(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?(?![A-Za-z0-9_.]))
     |(?P<name>[A-Za-z][A-Za-z0-9_]{0,63}(?:\.[A-Za-z][A-Za-z0-9_]{0,63})?(?![A-Za-z0-9_.]))
     |(?P<operator>\*\*|<=|>=|[-+*/<>(),])
+    |(?P<equality>==|!=)
     |(?P<logic>[&|^~])""",
     re.VERBOSE,
 )
 _EQUALS = re.compile(r"(?<![<>=!])=(?!=)")
 _ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+_EQUALITY: dict[type[ast.cmpop], str] = {ast.Eq: "==", ast.NotEq: "!="}
+_JOINED: dict[type[ast.boolop], str] = {ast.And: "and", ast.Or: "or"}
+_COMPARED = _COMPARISON | _EQUALITY
 _LOGIC: dict[type[ast.operator], str] = {ast.BitAnd: "&", ast.BitXor: "^", ast.BitOr: "|"}
 _OPERATORS = _ARITHMETIC | _LOGIC
 _ADVICE = {
@@ -37,6 +53,14 @@ _ADVICE = {
     "&": "logic belongs to block networks",
     "|": "logic belongs to block networks; write `abs(x)` for a magnitude",
     "~": "logic belongs to block networks",
+}
+_READ = "only numbers, names, part.signal, + - * / ** ( ) and functions are read"
+_OF_CONDITIONS = {
+    "=": "write `==` to compare",
+    "&": "write `and`",
+    "|": "write `or`",
+    "~": "turn the comparison, `mode != 1`, `speed <= idle`",
+    "!": "write `!=`, or turn the comparison",
 }
 
 
@@ -61,17 +85,41 @@ def parse_expression(text: str, where: str = "", *, blocks: bool = False) -> Exp
     >>> to_text(parse_expression("K1 * (f*abs(f))"))
     'K1*(f*abs(f))'
     """
-    if len(text) > MAX_LAW_LENGTH:
-        raise ModelError(
-            f"{where}the expression has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it"
-        )
+    _check_length(text, where, "expression")
     _check_tokens(text, where, blocks=blocks)
+    return _Reader(where, text, blocks=blocks).expression(_tree(text, where), 1)
+
+
+def parse_condition(text: str, where: str = "") -> Expression:
+    """Give the tree of a condition such as `mode == 1 and speed > idle`: comparisons, joined by `and` and `or`.
+
+    Parameters
+    ----------
+    text : what the user wrote
+    where : start of every error message, `model.yaml:12: `
+
+    Raises
+    ------
+    ModelError
+        if it is none, or as `parse_expression` says.
+
+    Example
+    -------
+    >>> to_text(parse_condition("mode == 1 and (speed > idle or by_hand < 1)"))
+    'mode == 1 and (speed > idle or by_hand < 1)'
+    """
+    _check_length(text, where, "condition")
+    _check_tokens(text, where, blocks=False, condition=True)
+    return _Reader(where, text, blocks=False).joined(_tree(text, where), 1)
+
+
+def _tree(text: str, where: str) -> ast.expr:
+    """Give what Python reads in a text whose tokens are checked."""
     try:
-        tree = ast.parse(" ".join(text.split()), mode="eval")
+        return ast.parse(" ".join(text.split()), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         problem = f"`{shown(text)}` is not an expression; look for a missing operator, operand or parenthesis"
         raise ModelError(where + problem) from None
-    return _Reader(where, text, blocks=blocks).expression(tree.body, 1)
 
 
 def parse_relation(text: str, where: str = "", *, blocks: bool = False) -> tuple[Expression, Expression]:
@@ -99,20 +147,22 @@ def _check_length(text: str, where: str, word: str) -> None:
         raise ModelError(f"{where}the {word} has {len(text)} characters; at most {MAX_LAW_LENGTH} are read. Split it")
 
 
-def _check_tokens(text: str, where: str, *, blocks: bool) -> None:
-    """Refuse everything that is not a number, a name or an operator of ours."""
+def _check_tokens(text: str, where: str, *, blocks: bool, condition: bool = False) -> None:
+    """Refuse everything that is not a number, a name or an operator of ours; those of a condition only there."""
     if not text.strip():
         raise ModelError(f"{where}an expression is missing; write one, such as `R*f`")
     at = 0
     while at < len(text):
         match = _TOKEN.match(text, at)
-        if match is None or (match["logic"] and not blocks):
-            advice = _ADVICE.get(text[at], "only numbers, names, part.signal, + - * / ** ( ) and functions are read")
+        if match is None or (match["logic"] and not blocks) or (match["equality"] and not condition):
+            advice = (_OF_CONDITIONS if condition else _ADVICE).get(text[at], _READ)
             raise ModelError(f"{where}cannot read `{shown(text[at : at + 20])}` in `{shown(text)}`; {advice}")
         if match["number"] and not math.isfinite(float(match["number"])):
             raise ModelError(f"{where}the number `{shown(match['number'])}` is too large; rescale it")
         for word in (match["name"] or "").split("."):
-            if keyword.iskeyword(word):
+            if condition and word == "not":
+                raise ModelError(f"{where}`not` is not read; turn the comparison, `mode != 1`, `speed <= idle`")
+            if keyword.iskeyword(word) and not (condition and word in JOINS):
                 raise ModelError(f"{where}`{word}` is a reserved word; choose another name")
         at = match.end()
 
@@ -178,6 +228,24 @@ class _Reader:
             return Call(name, (condition, *(self.expression(item, depth + 1) for item in node.args[1:])))
         return Call(name, tuple(self.expression(item, depth + 1) for item in node.args))
 
+    def joined(self, node: ast.expr, depth: int) -> Expression:
+        """Give a condition that is no part of a law."""
+        self.nodes += 1
+        if depth > MAX_LAW_DEPTH:
+            raise self.error(f"more than {MAX_LAW_DEPTH} levels of nesting; split the expression")
+        match node:
+            case ast.BoolOp(op=join, values=values):
+                first, *others = (self.joined(item, depth + 1) for item in values)
+                for other in others:
+                    first = Binary(_JOINED[type(join)], first, other)
+                return first
+            case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARED:
+                sides = self.expression(left, depth + 1), self.expression(right, depth + 1)
+                return Binary(_COMPARED[type(operator)], *sides)
+            case ast.Compare():
+                raise self.error("compare two things at a time, and join comparisons by `and`")
+        raise self.error("it is a comparison, such as `mode == 1`, or some joined by `and` and `or`")
+
     def condition(self, node: ast.expr, depth: int) -> Expression:
         match node:
             case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISON:
@@ -232,10 +300,12 @@ def arithmetic(operator: str, a: float, b: float) -> float:
         return math.nan
 
 
-_PRECEDENCE = {"<": 1, "<=": 1, ">": 1, ">=": 1, "|": 2, "^": 3, "&": 4, "+": 5, "-": 5, "*": 6, "/": 6, "**": 8}
+_PRECEDENCE = {"or": -1, "and": 0, **dict.fromkeys(_COMPARED.values(), 1), "|": 2, "^": 3, "&": 4}
+_PRECEDENCE |= {"+": 5, "-": 5, "*": 6, "/": 6, "**": 8}
 _SPACED = 5  # operators up to this strength stand between spaces
 _MINUS = 7  # also of `~`
 _ATOM = 9
+_WEAKEST = -1
 
 
 def to_text(expression: Expression) -> str:
@@ -246,7 +316,7 @@ def to_text(expression: Expression) -> str:
     >>> to_text(parse_expression("(a - (b - c)) * ((d))**2"))
     '(a - (b - c))*d**2'
     """
-    return _text(expression, 0)
+    return _text(expression, _WEAKEST)
 
 
 def _text(expression: Expression, needed: int) -> str:

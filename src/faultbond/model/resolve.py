@@ -9,7 +9,7 @@ from faultbond.model.defaults import Defaults
 from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
 from faultbond.model.expression import Expression, Name, names
-from faultbond.model.graph import BondGraph, Component, SlowError
+from faultbond.model.graph import BondGraph, Component, Sensor, SlowError
 from faultbond.model.head import Head, read_head
 from faultbond.model.keys import MODEL_KEYS
 from faultbond.model.laws import LawReader, check_used
@@ -18,6 +18,7 @@ from faultbond.model.source import Entry, Source, Table, Text
 from faultbond.model.spot import Spot
 from faultbond.model.tables import check_tables, read_tables
 from faultbond.model.units import Measure
+from faultbond.model.validity import ValidityReader, trust_states
 from faultbond.model.values import ValueReader, Values
 from faultbond.model.wiring import Wiring, wiring
 
@@ -55,8 +56,11 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
     check_used(plant, values, {name for side in sides for name in names(side)})
     top = Spot(source, "model", Entry("", table))
     check_tables(tables, _expressions(source, components, measured), top)
+    validity = ValidityReader(laws, frozenset(item.name for item in measured.sensors))
+    valid_when = validity.read(fields["valid_when"]) if "valid_when" in fields else None
+    sensors = tuple(_valid(item, measured.valid.get(item.name), validity) for item in measured.sensors)
     if not head.logic:
-        _check_dimensions(source, plant, values, components, laws, measured)
+        _check_dimensions(source, plant, values, components, laws, measured, validity)
     warm_up = _warm_up(fields, head, measured.slow_errors)
     patience = None
     if "time_between_false_alarms" in fields:
@@ -77,15 +81,22 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         components=components,
         junctions=tuple(plant.junctions.values()),
         bonds=plant.bonds,
-        sensors=measured.sensors,
+        sensors=sensors,
         slow_errors=measured.slow_errors,
         tables=tables,
         time_between_false_alarms=patience,
+        valid_when=valid_when,
         checks=measured.checks,
         defaults=defaults.pairs(),
         file=source.label,
     )
+    graph = trust_states(graph)
     return replace(graph, text=dump_model(graph))
+
+
+def _valid(sensor: Sensor, stated: Spot | None, reader: ValidityReader) -> Sensor:
+    """Give a sensor with the condition under which it reads as stated, where there is one."""
+    return sensor if stated is None else replace(sensor, valid_when=reader.read(stated))
 
 
 def _expressions(
@@ -122,6 +133,7 @@ def _check_dimensions(
     components: tuple[Component, ...],
     laws: LawReader | BlockReader,
     measured: Measured,
+    validity: ValidityReader,
 ) -> None:
     """Check laws, in the order of the file, then what refers to their signals."""
     demands: list[Demand] = []
@@ -148,4 +160,4 @@ def _check_dimensions(
         if start.measure is not None:
             words = f"start of {start.signal.partition('.')[0]}", "the start"
             expect(Name(start.signal), start.measure, words, start.line)
-    check_demands(demands, lambda: Checker(plant, values))
+    check_demands([*demands, *validity.demands], lambda: Checker(plant, values))

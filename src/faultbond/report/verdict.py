@@ -56,6 +56,7 @@ class RunCounts:
     saturated: int = 0
     frozen: int = 0
     wild: int = 0
+    outside: int = 0
     no_verdict: str = ""
 
     def defects(self) -> str:
@@ -63,6 +64,7 @@ class RunCounts:
         names = ("missing", "late", "duplicate", "untimed", "unused", "saturated", "frozen", "wild")
         found = [(getattr(self, name), name) for name in names]
         found.append((self.clock_jumps, "clock jump" if self.clock_jumps == 1 else "clock jumps"))
+        found.append((self.outside, "not judged (`valid_when`)"))
         return ", ".join(f"{number} {name}" for number, name in found if number)
 
 

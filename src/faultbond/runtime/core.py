@@ -63,7 +63,7 @@ class Core:
         n_y, n_slow = len(self.spec.outputs), len(self.spec.slow_errors)
         whole = [(name, _INT) for name in ("status", "wild", "detected", "due")]
         wide = [(name, _REAL, (n_y,)) for name in ("expected", "variance", "cusum")]
-        return np.dtype([*whole, *wide, ("slow", _REAL, (max(n_slow, 1),))])
+        return np.dtype([*whole, ("left_out", _INT, (n_y,)), *wide, ("slow", _REAL, (max(n_slow, 1),))])
 
     @cached_property
     def candidate(self) -> np.dtype[Any]:

@@ -190,6 +190,11 @@ class Monitor:
         return np.isfinite(self.numbers("normal.noise"))
 
     @property
+    def is_outside(self) -> bool:
+        """Whether the model did not hold at the last sample."""
+        return self.number("clock.outside") > 0
+
+    @property
     def knows_inputs(self) -> bool:
         """Whether no input has been missing for some samples, though it usually is told and does move."""
         settings = core_settings()
@@ -227,6 +232,7 @@ class Monitor:
         return Reports(
             status=rows["status"].copy(),
             wild=rows["wild"].copy(),
+            left_out=rows["left_out"] != 0,
             expected=rows["expected"].copy(),
             variance=rows["variance"].copy(),
             cusum=rows["cusum"].copy(),

@@ -14,6 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
+from faultbond.synthesis.conditions import conditions_text
 from faultbond.synthesis.emit import statements
 from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
 from faultbond.types import CheckKind
@@ -50,6 +51,7 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
         *_state_tables(spec, rate_entries, model.v.numel()),
         *_reading_tables(spec, reading_entries),
         *plan_tables(spec),
+        conditions_text(spec, model.plant.graph),
         "#ifdef FB_HOLDS_FILTERS",
         *(_function(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
         "#endif",
@@ -76,6 +78,8 @@ def _sizes(
         "N_OUTPUTS": len(spec.outputs),
         "N_IMPLICIT": len(spec.loops),
         "N_NOISY": len(spec.noisy_inputs),
+        "N_CONDITIONS": len(spec.settlings),
+        "MODEL_CONDITION": f"({spec.condition})" if spec.condition < 0 else spec.condition,
         "N_LINEAR": sum(item.linear for item in spec.inputs),
         "N_V": model.v.numel(),
         "N_RATE_SLOPES": len(rates),
@@ -105,6 +109,8 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
     yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
+    yield numbers("CONDITION_SETTLING", spec.settlings)
+    yield integers("OUTPUT_CONDITION", (item.condition for item in spec.outputs))
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
     for layout, kind in _kinds(spec):
         n = layout.n_joint

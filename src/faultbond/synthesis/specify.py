@@ -19,7 +19,7 @@ from faultbond.contract.spec import (
     Thresholds,
 )
 from faultbond.equations.step import StepModel, reference_inputs
-from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Validity
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
@@ -52,6 +52,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         )
         for error in graph.slow_errors
     )
+    conditions = graph.conditions
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     return EngineSpec(
         model=graph.name,
@@ -61,12 +62,14 @@ def build_spec(model: StepModel) -> EngineSpec:
         states=states,
         slow_errors=slow,
         parameters=tuple(_parameter(item) for item in graph.parameters),
-        inputs=tuple(_input(item) for item in graph.inputs),
-        outputs=tuple(_output(item, model.direct[k]) for k, item in enumerate(graph.sensors)),
+        inputs=tuple(_input(item, acts=item.name in graph.acting_inputs) for item in graph.inputs),
+        outputs=tuple(_output(item, model.direct[k], conditions) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
         reserve=reserve,
         coupled=graph.max_faults > 1,
+        settlings=tuple(item.settling for item in conditions),
+        condition=_place(graph.valid_when, conditions),
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)
@@ -191,7 +194,13 @@ def _parameter(item: Parameter) -> ParameterSpec:
     )
 
 
-def _input(item: Input) -> InputSpec:
+def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
+    """Give the place of a condition; -1 where none is stated."""
+    return -1 if stated is None else conditions.index(stated)
+
+
+def _input(item: Input, *, acts: bool) -> InputSpec:
+    """Give an input; one that no law names only says in which state the plant is, and may take any value."""
     percent = item.unit.text == "percent"
     noise = _STEP_NOISE * item.noise
     return InputSpec(
@@ -204,12 +213,12 @@ def _input(item: Input) -> InputSpec:
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
-        ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
+        ranged=not acts or bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         linear=item.linear,
     )
 
 
-def _output(item: Sensor, direct: tuple[int, ...]) -> OutputSpec:
+def _output(item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...]) -> OutputSpec:
     return OutputSpec(
         name=item.name,
         noise=item.noise,
@@ -219,4 +228,5 @@ def _output(item: Sensor, direct: tuple[int, ...]) -> OutputSpec:
         unit_offset=item.unit.offset,
         suspect=item.suspect,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
+        condition=_place(item.valid_when, conditions),
     )

@@ -54,6 +54,7 @@ def reports(first: int, last: int, detection: Detection | None = None, diagnosis
         variance=np.tile([4.0, 9.0], (len(k), 1)),
         cusum=np.column_stack([k + 0.4, k + 0.6]),
         slow=np.column_stack([k + 0.7, k + 0.8]),
+        left_out=np.zeros((len(k), 2), dtype=bool),
         detection=detection,
         diagnosis=diagnosis,
     )

@@ -66,7 +66,8 @@ def step(spec: EngineSpec, plan: ClassicPlan, state: ClassicState, sample: Sampl
 def _silent(spec: EngineSpec, state: ClassicState, status: Status) -> tuple[ClassicState, Report]:
     nothing = np.full(len(spec.outputs), np.nan)
     slow = np.full(len(spec.slow_errors), np.nan)
-    report = Report(status=status, expected=nothing, variance=nothing, cusum=nothing, slow=slow)
+    none = np.zeros(len(spec.outputs), dtype=bool)
+    report = Report(status=status, expected=nothing, variance=nothing, cusum=nothing, slow=slow, left_out=none)
     return replace(state, index=state.index + 1), report
 
 
@@ -300,6 +301,7 @@ def _judged(spec: EngineSpec, plan: ClassicPlan, state: ClassicState) -> tuple[C
         variance=spec.output_noise**2,
         cusum=index,
         slow=np.full(len(spec.slow_errors), np.nan),
+        left_out=np.zeros(len(spec.outputs), dtype=bool),
         detection=detection,
         diagnosis=diagnosis,
     )
