@@ -78,7 +78,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         junctions=tuple(plant.junctions.values()),
         bonds=plant.bonds,
         sensors=measured.sensors,
-        slow_errors=measured.slow_errors,
+        slow_errors=(*measured.slow_errors, *reader.wanders),
         tables=tables,
         time_between_false_alarms=patience,
         checks=measured.checks,

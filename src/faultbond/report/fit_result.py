@@ -53,11 +53,8 @@ class Fitted:
         ModelError
             Where the text that came out does not read back as the fitted model.
         """
-        changed = [item for item in self.noises if item.to_declare != item.declared]
-        sizes = [
-            NewSize(name=item.name, times=item.to_declare / item.declared, slow=isinstance(item.of, SlowError))
-            for item in changed
-        ]
+        changed = [item for item in self.noises if item.to_declare != item.declared]  # noise of sensors
+        sizes = [NewSize(name=item.name, times=item.to_declare / item.declared) for item in changed]
         what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
         parameters = [_new_parameter(item) for item in self.estimates]
@@ -172,7 +169,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "noise": [
             {"name": item.name, "kind": kind, "declared": item.declared, "found": item.found, "sd": item.sd}
             for item in fitted.noises
-            for kind in ("sensor" if isinstance(item.of, Sensor) else "slow_error",)
+            for kind in ("sensor" if isinstance(item.of, Sensor) else item.of.kind,)
         ],
         "whiteness": [
             {
@@ -291,7 +288,7 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
             both = f"{declared} or more"
         elif not item.is_known:
             both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
-        name = item.name if is_sensor else f"slow error of {item.name}"
+        name = item.of.name if isinstance(item.of, Sensor) else item.of.words
         yield name, declared, both, unit_text(unit.text), tests[item.name] if is_sensor else ""
 
 
