@@ -1,20 +1,23 @@
 """A parameter that wanders: what the model file says of it, what filter, alarm, diagnosis and analysis make of it."""
 
+import json
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.trust.wandering import MODEL, STEP, WANDER, WANDERING, R, course, part, watched
 
 from faultbond.analysis.false_alarm_trials import windows_of
 from faultbond.analysis.operation import operate
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
-from faultbond.arrays import FloatArray
 from faultbond.cli import DONE, main
-from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.samples import Sample, Samples
 from faultbond.errors import ModelError
+from faultbond.io.recording import write_recording
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import SlowError
 from faultbond.model.text import parse_model
@@ -23,7 +26,6 @@ from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Inputs, simulate
 from faultbond.synthesis.engine import build_engine, build_model
-from wandering import MODEL, STEP, WANDER, WANDERING, R, course
 
 HOUR = 3600.0
 
@@ -32,23 +34,6 @@ HOUR = 3600.0
 def core(text: str) -> Core:
     """Give the core of a model."""
     return build_engine(parse_model(text))[1]
-
-
-def part(samples: Samples, first: int, last: int | None = None) -> Samples:
-    """Give some of the samples."""
-    rows = slice(first, last)
-    return Samples(time=samples.time[rows], dt=samples.dt[rows], u=samples.u[rows], y=samples.y[rows])
-
-
-def watched(monitor: Monitor, samples: Samples) -> tuple[Detection | None, Diagnosis | None, FloatArray]:
-    """Give the first alarm, the last diagnosis, and how far the pipe is off before, in its declared size."""
-    first, taken, off = None, 0, [np.zeros((0, len(monitor.spec.slow_errors)))]
-    while taken < len(samples):
-        reports = monitor.take(part(samples, taken))
-        taken += len(reports.status)
-        off += [reports.slow] if first is None else []
-        first = first or reports.detection
-    return first, monitor.finish(), np.concatenate(off)
 
 
 def test_it_is_read_and_written() -> None:
@@ -230,6 +215,54 @@ def test_simulated_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[
     command = ["simulate", str(tmp_path / "still.yaml"), "--inputs", str(recording), "--wander"]
     assert main([*command, "-o", str(tmp_path / "none.csv")]) != DONE
     assert "still.yaml: nothing wanders in it" in capsys.readouterr().err
+
+
+def fitted(folder: Path, recordings: dict[str, Samples], text: str, *words: str) -> dict[str, dict[str, Any]]:
+    """Fit a model to recordings by the command; give its records by kind."""
+    (folder / "model.yaml").write_text(text)
+    for name, item in recordings.items():
+        columns = {
+            "time": item.time,
+            "inflow": item.u[:, 0] * 1e3,
+            "pressure": item.y[:, 0],
+            "flow": item.y[:, 1] * 1e3,
+        }
+        write_recording(folder / name, columns)
+    names = [str(folder / name) for name in recordings]
+    output = ["-o", str(folder / "new.yaml"), "--json", str(folder / "found.jsonl")]
+    assert main(["fit", str(folder / "model.yaml"), *names, *words, *output]) == DONE
+    found = map(json.loads, (folder / "found.jsonl").read_text().splitlines())
+    return {item["record"]: item for item in found}
+
+
+def test_fit_proposes_a_wander_within_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A pipe that wanders by 5 % over an hour, in 8 hours: about that, and the text says how to declare it."""
+    plant = course(73, 3000, plant=7)
+    spread = float(np.std(plant.resistance) / plant.usual)
+    (wander,) = fitted(tmp_path, {"a.csv": plant.samples}, MODEL)["fit"]["wanders"]
+    assert wander["parameter"] == "R"
+    assert wander["size"] == pytest.approx(spread, rel=0.25)
+    assert wander["memory"] == pytest.approx(36.0 * 60.0, rel=0.4)  # 36 min is the likeliest for this very path
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"wanders R, as it seems: .* declare `wander: \d(\.\d)? % over \d+(\.\d)? (min|h)`", said)
+
+
+def test_fit_proposes_a_wander_between_recordings(tmp_path: Path) -> None:
+    """A pipe that is another one each day, by 5 %, and hardly moves within 50 minutes, has a memory of many hours."""
+    days = {f"day{k}.csv": course(80 + k, 300, memory=200.0 * HOUR, plant=7) for k in range(6)}
+    spread = float(np.std([np.mean(item.resistance) / item.usual for item in days.values()]))
+    found = fitted(tmp_path, {name: item.samples for name, item in days.items()}, MODEL)["fit"]["wanders"]
+    (wander,) = found
+    assert wander["parameter"] == "R"
+    assert 0.4 * spread < wander["size"] < 1.6 * spread
+    assert wander["memory"] > 10.0 * HOUR
+
+
+def test_fit_proposes_none_where_none_is(tmp_path: Path) -> None:
+    """Of days with the same pipe nothing is said, nor where its wander is declared already."""
+    days = {f"day{k}.csv": course(90 + k, 300, size=0.0, plant=7).samples for k in range(3)}
+    assert fitted(tmp_path, days, MODEL)["fit"]["wanders"] == []
+    assert fitted(tmp_path, {"a.csv": course(71, 1500).samples}, WANDERING)["fit"]["wanders"] == []
 
 
 def test_trials_of_the_analysis_let_it_wander() -> None:

@@ -78,12 +78,13 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     words = f"{_up(size)} {unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:
         return (section, item.place, "noise"), words
-    return ("slow_error", item.place), f"{words} over {item.memory:.2g} s"
+    path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
+    return path, f"{words} over {item.memory:.2g} s"
 
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give a size in the unit of what it is of, and the unit; of a signal without a known one in SI."""
-    if item.kind is Kind.RELATIVE:
+    if item.kind in (Kind.RELATIVE, Kind.WANDER):
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
         return item.size, "s"
