@@ -119,7 +119,7 @@ def histories(draw: st.DrawFn) -> History:
         cusum=flat,
         slow=flat,
         cusum_limit=25.0,
-        slow_limit=1.6,
+        slow_limits=np.full(2, 1.6),
         slow_names=("line.f", "outlet.f"),
         detections=(alarm,),
         open=alarm,

@@ -1,8 +1,8 @@
 """What noise alone does to the detector: its innovations and statistics over a run, in many realisations.
 
 The healthy filter is linear about a run (`operation`), so noise of sensors and inputs, and healthy parameters off by
-their accuracy, pass its own recursion; slow errors are zero in the plant, since their declared size is a bound. The
-sums are those of the monitor (`runtime.cusum`), of all realisations at once.
+their accuracy, pass its own recursion; slow errors are zero in the plant, since their declared size is a bound; what
+wanders does so. The sums are those of the monitor (`runtime.cusum`), of all realisations at once.
 """
 
 from collections.abc import Callable
@@ -42,17 +42,19 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
     count, shape = len(operation.time), (REALISATIONS, len(spec.outputs))
     input_noise = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
     error = _first_errors(spec, operation.covariance, generator)
+    moving = _Wandering(spec, operation.covariance, error, generator)
     scores, ratios = np.zeros((count, *shape)), np.zeros((count, REALISATIONS, len(alarming(spec))))
     sums, quiet = no_sums(*shape), np.ones(REALISATIONS, dtype=bool)
     before, quiets = {}, {}
     for k in range(count):
         if k:
             error = error @ operation.transition[k].T
+            error[:, moving.places] -= moving.moved(np.diag(operation.transition[k])[moving.places], generator)
             error[:, spec.noise_slice] = input_noise * generator.standard_normal((REALISATIONS, input_noise.size))
             innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
             error = error + innovation @ operation.gain[k].T
             scores[k] = innovation / operation.spread[k]
-        ratios[k] = ratios_of(spec, error, operation.aged[k])
+        ratios[k] = ratios_of(spec, moving.estimates(error), operation.aged[k])
         if k in onsets:
             before[k], quiets[k] = sums, quiet
         if k >= operation.warm:
@@ -70,6 +72,31 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
     )
 
 
+class _Wandering:
+    """What wanders in the plant, in all realisations, from a first error of its estimates (m, n_joint)."""
+
+    def __init__(
+        self, spec: EngineSpec, covariance: FloatArray, error: FloatArray, generator: np.random.Generator
+    ) -> None:
+        wanders = np.array([item.wanders for item in spec.slow_errors], dtype=bool)
+        self.places = np.arange(spec.n_joint)[spec.slow_slice][wanders]
+        self.sizes = spec.slow_sizes[wanders]
+        known = np.sqrt(np.maximum(self.sizes**2 - np.diag(covariance)[self.places], 0.0))  # sd of the estimates
+        self.values = known * generator.standard_normal((REALISATIONS, known.size)) - error[:, self.places]
+
+    def moved(self, decay: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """Take a step in time; give by how much (m, n_wandering) it went elsewhere than to its usual value."""
+        by = self.sizes * np.sqrt(1.0 - decay**2) * generator.standard_normal(self.values.shape)
+        self.values = decay * self.values + by
+        return np.asarray(by)
+
+    def estimates(self, error: FloatArray) -> FloatArray:
+        """Give the estimates of all numbers (m, n_joint), of those that do not wander from zero."""
+        found = error.copy()
+        found[:, self.places] += self.values
+        return found
+
+
 def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Draw estimate minus truth, (m, n_joint), as the filter believes it where the true slow errors are zero.
 
@@ -77,7 +104,8 @@ def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random
     right has cov(e, truth) = -P; so, given slow errors s of declared variance S that are zero, e has the covariance
     P - P_s S^-1 P_s'.
     """
-    toward = covariance[:, spec.slow_slice] / spec.slow_sizes
+    still = np.array([not item.wanders for item in spec.slow_errors], dtype=bool)
+    toward = (covariance[:, spec.slow_slice] / spec.slow_sizes)[:, still]
     known = covariance - toward @ toward.T
     sizes = np.sqrt(np.maximum(np.diag(known), 1e-300))
     values, vectors = np.linalg.eigh(known / np.outer(sizes, sizes))
@@ -105,7 +133,7 @@ def alarms(spec: EngineSpec, sums: Sums, ratios: FloatArray) -> BoolArray:
     The sums are of innovations (..., n_outputs); ratios (..., n_alarming) are slow errors in declared sd.
     """
     crossed = np.any(height_of(spec.thresholds, sums) > spec.thresholds.cusum_limit, axis=-1)
-    return np.asarray(crossed | np.any(np.abs(ratios) > spec.thresholds.slow_error_limit, axis=-1))
+    return np.asarray(crossed | np.any(np.abs(ratios) > spec.slow_limits[alarming(spec)], axis=-1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +167,7 @@ class Detector:
         self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
         self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
         self.sums = _each(windows.sums, lambda item: item.transpose(0, 1, 3, 2).astype(np.float32))
+        self.limits = spec.slow_limits[alarming(spec)][:, None]
         self.counted, self.blanked = counted.transpose(1, 0, 2), blanked.transpose(1, 0, 2)
         if not windows.quiet.any():
             raise RecordingError(
@@ -191,7 +220,7 @@ class Detector:
             peak = np.maximum(peak, height_of(settings, sums))
             slowest = np.maximum(slowest, np.abs(ratios))
         crossed = np.any(peak > settings.cusum_limit, axis=2)
-        return np.asarray(crossed | np.any(slowest > settings.slow_error_limit, axis=2))
+        return np.asarray(crossed | np.any(slowest > self.limits, axis=2))
 
 
 def _each(sums: Sums, change: Callable[[Floats], Floats]) -> Sums:

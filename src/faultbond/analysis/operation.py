@@ -157,7 +157,7 @@ def _aged(spec: EngineSpec, dt: FloatArray, begun: int) -> BoolArray:
     """Give whether each slow error may alarm at each row (n, n_slow_errors), as `slow_error_alarms` of the core."""
     grid = spec.sample_time or float(np.median(dt[1:] if len(dt) > 1 else dt))
     watched = (np.arange(len(dt)) - begun) * grid
-    return np.asarray(watched[:, None] >= np.array([error.memory for error in spec.slow_errors]))
+    return np.asarray(watched[:, None] >= spec.slow_watched)
 
 
 def _stated_variances(spec: EngineSpec) -> list[float]:

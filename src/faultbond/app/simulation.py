@@ -11,7 +11,7 @@ import numpy as np
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import Imperfections
 from faultbond.contract.core_settings import core_settings
-from faultbond.errors import RecordingError
+from faultbond.errors import ModelError, RecordingError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Grid, GridPoint, on_grid
@@ -41,6 +41,9 @@ def simulate(
     noise: whether sensors and inputs scatter as the model declares
     """
     graph = load_model(model)
+    if imperfections.wander and not graph.wanders:
+        problem = "nothing wanders in it; state how far and how long, such as `wander: 3 % over 6 h` of a parameter"
+        raise ModelError(f"{graph.file}: {problem}, or leave out --wander")
     points, held = _inputs(graph, inputs)
     begin = {**solved_start(graph, inputs), **start}
     from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
@@ -52,7 +55,12 @@ def simulate(
         [plant.fault_in_si(fault, graph) for fault in faults],
         seed=seed,
         noise=noise,
-        effects=plant.Effects(spread=imperfections.spread, lag=imperfections.lag, curve=imperfections.curve),
+        effects=plant.Effects(
+            spread=imperfections.spread,
+            lag=imperfections.lag,
+            curve=imperfections.curve,
+            wander=imperfections.wander,
+        ),
         start=begin,
     )
     write_recording(output, plant.columns(graph, simulation, digits=9))
@@ -61,7 +69,7 @@ def simulate(
         {"record": "simulate", "model": graph.name, "output": str(output), "samples": rows, "seed": seed}
         | {"noise": noise, "held": held, "start": begin}
     )
-    drawn = f"; seed {seed}" if noise or imperfections.spread else ""
+    drawn = f"; seed {seed}" if noise or imperfections.spread or imperfections.wander else ""
     quiet = "" if noise else "; no noise"
     out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s{drawn}{quiet}")
     for name, value in begin.items():

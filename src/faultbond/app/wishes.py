@@ -51,12 +51,13 @@ class Imperfections:
     """What a simulated plant has and its model leaves out.
 
     spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
-    curve: largest error, as a part, of the curve of an input in percent.
+    curve: largest error, as a part, of the curve of an input in percent. wander: whether what wanders does so.
     """
 
     spread: float = 0.0
     lag: float = 0.0
     curve: float = 0.0
+    wander: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

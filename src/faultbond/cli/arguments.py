@@ -217,7 +217,9 @@ def _add_simulate(verbs: Subparsers) -> None:
             faults=tuple(parse_fault(text) for text in arguments.fault),
             seed=arguments.seed,
             noise=not arguments.no_noise,
-            imperfections=Imperfections(spread=arguments.spread, lag=arguments.lag, curve=arguments.curve),
+            imperfections=Imperfections(
+                spread=arguments.spread, lag=arguments.lag, curve=arguments.curve, wander=arguments.wander
+            ),
             start=dict(arguments.start),
             output=arguments.output,
             out=out,
@@ -254,6 +256,7 @@ def _add_simulate(verbs: Subparsers) -> None:
         ("--curve", "PART", _part, "inputs in percent act wrongly by up to '3 %%'"),
     ):
         add(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
+    add("--wander", action="store_true", help="what the model lets wander does so")
     add("-o", "--output", metavar="REC", type=Path, required=True, help="CSV file to write")
 
 

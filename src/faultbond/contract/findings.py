@@ -181,7 +181,7 @@ class History:
 
     time (T,); measured, expected, expected_sd (T, n_outputs), nan where missing; inputs (T, n_inputs).
     cusum (T, n_outputs): larger side of the CUSUM of each sensor, limit `cusum_limit`.
-    slow (T, n_slow): those slow errors that can alarm, in units of their declared sd, limit `slow_limit`.
+    slow (T, n_slow): those slow errors that can alarm, in units of their declared sd; slow_limits (n_slow,), alike.
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
     detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
     also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
@@ -196,7 +196,7 @@ class History:
     cusum: FloatArray
     slow: FloatArray
     cusum_limit: float
-    slow_limit: float
+    slow_limits: FloatArray
     slow_names: tuple[str, ...]
     detections: tuple[Detection, ...]
     diagnoses: tuple[Diagnosis, ...]

@@ -30,13 +30,19 @@ from faultbond.types import CheckKind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowErrorSpec:
-    """An Ornstein-Uhlenbeck error, in engine units (relative errors: 1 = 100 %)."""
+    """An Ornstein-Uhlenbeck error, or what wanders, in engine units (relative ones: 1 = 100 %)."""
 
     name: str
     sd: float
     memory: float  # seconds
-    alarms: bool  # a relative error of a plant signal alarms when it leaves its declared size
+    alarms: bool  # a relative error of a plant signal, or a parameter, alarms when it leaves its declared size
+    wanders: bool = False  # its size is no bound, but usual
     after: tuple[tuple[int, float], ...] = ()  # (input, sd per SI of change)
+
+    @property
+    def words(self) -> str:
+        """What it is, with the name of what it is of."""
+        return f"{'wander' if self.wanders else 'slow error'} of {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,6 +139,7 @@ class Thresholds:
     learning_bound: float = 6.0
     bank_bound: float = 20.0
     slow_error_limit: float = 1.6
+    wander_limit: float = 5.0
     cost_per_suspect: float = 5.0
     cost_per_sensor: float = 4.0
     group_nats: float = 3.0
@@ -266,6 +273,18 @@ class EngineSpec:
     def output_noise(self) -> FloatArray:
         """Noise sd of each output, shape (n_outputs,), SI."""
         return _still(np.array([output.noise for output in self.outputs]))
+
+    @cached_property
+    def slow_limits(self) -> FloatArray:
+        """Limit of each slow error in its declared sd, shape (n_slow_errors,)."""
+        settings = self.thresholds
+        limits = (settings.wander_limit if item.wanders else settings.slow_error_limit for item in self.slow_errors)
+        return _still(np.array(list(limits)))
+
+    @cached_property
+    def slow_watched(self) -> FloatArray:
+        """Time for which each slow error is watched before it may alarm, s, shape (n_slow_errors,)."""
+        return _still(np.array([0.0 if item.wanders else item.memory for item in self.slow_errors]))
 
     @cached_property
     def slow_sizes(self) -> FloatArray:

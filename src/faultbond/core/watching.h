@@ -290,7 +290,8 @@ static inline void accumulate(const Clock *clock, const Inputs *inputs, const He
 }
 
 /* Whether a slow error has left its declared size. It counts once it has been watched for as long as its memory: until
-   then it stands for parameters that the filter has not learned yet. */
+   then it stands for parameters that the filter has not learned yet. What wanders is as large as declared, and its limit
+   allows for that, so it counts at once. */
 static inline flag slow_error_alarms(const Clock *clock, const real *lane)
 {
     const real begun = AS_REAL(clock->begun), accepted = AS_REAL(clock->accepted), from = greater(begun, accepted);
@@ -298,7 +299,7 @@ static inline flag slow_error_alarms(const Clock *clock, const real *lane)
     flag found = NEVER;
     for (int k = 0; k < N_SLOW; k++)
         if (SLOW_ALARMS[k])
-            found |= (SIZE(lane[AT_SLOW + k] / SLOW_SD[k]) > SLOW_ERROR_LIMIT) & (watched >= SLOW_MEMORY[k]);
+            found |= (SIZE(lane[AT_SLOW + k] / SLOW_SD[k]) > SLOW_LIMIT[k]) & (watched >= SLOW_WATCHED[k]);
     return found;
 }
 

@@ -5,6 +5,7 @@
 x: stored quantities; u: inputs; theta: parameters; b: slow errors; all SI (relative slow errors as fractions).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -16,7 +17,7 @@ from faultbond.equations.inversion import isolate
 from faultbond.equations.linear import eliminate
 from faultbond.equations.sequence import Assignment, Loop, Step, sequence, slope_name
 from faultbond.model.expression import Binary, Name, names
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, SlowError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +78,11 @@ def build_plant(graph: BondGraph) -> Plant:
     values: dict[str, ca.SX] = {item.name: ca.SX(item.value) for item in graph.constants}
     values |= {item.name: u[k] for k, item in enumerate(graph.inputs)}
     values |= {item.name: theta[k] for k, item in enumerate(graph.parameters)}
-    values |= {state.name: x[k] for k, state in enumerate(network.states)}
+    usual = values.copy()
+    values |= {item.target: _off(item, values[item.target], b[k]) for k, item in _wanders(graph)}
+    states = {state.name: x[k] for k, state in enumerate(network.states)}
+    values |= states
+    usual |= states
     solver = _Solver(network, values, x, b)
     for step in steps:
         solver.take(step)
@@ -99,7 +104,7 @@ def build_plant(graph: BondGraph) -> Plant:
         by_hand=ca.vertcat(*(evaluate(item, values) for item in network.by_hand)) if network.by_hand else ca.SX(0, 1),
         gap=ca.vertcat(*solver.gaps) if solver.gaps else ca.SX(0, 1),
         implicit=tuple(solver.implicit),
-        co_energy=tuple(_co_energy(store, graph, network, steps, values) for store in network.states),
+        co_energy=tuple(_co_energy(store, graph, network, steps, usual) for store in network.states),
     )
 
 
@@ -137,9 +142,18 @@ def _column(name: str, size: int) -> ca.SX:
 def _in_error(network: ConstraintNetwork, name: str, value: ca.SX, b: ca.SX) -> ca.SX:
     """Give the value of a signal or sensor with its own slow errors."""
     for k, error in enumerate(network.slow_errors):
-        if error.target == name:
-            value = value * (1 + b[k]) if error.relative else value + b[k]
+        if error.target == name and not error.wanders:
+            value = _off(error, value, b[k])
     return value
+
+
+def _off(error: SlowError, value: ca.SX, by: ca.SX) -> ca.SX:
+    return value * (1 + by) if error.relative else value + by
+
+
+def _wanders(graph: BondGraph) -> Iterator[tuple[int, SlowError]]:
+    """Give what wanders, with its place in b."""
+    return ((k, item) for k, item in enumerate(graph.slow_errors) if item.wanders)
 
 
 class _Solver:

@@ -25,6 +25,7 @@ OVERSHOOT = 1.166  # standard deviations
 LEAST_VARIANCE = 0.02  # scores of a plant that declares too much are small; still they are not nothing
 STILL = 1e-9
 FLATTEST, STEEPEST = 1e-6, 16.0  # exponents; below, rounding decides; above, crossings are rare for ever
+SENSOR = "sensor"  # the kind of a statistic
 FARTHEST = 1e30  # s; longer is for ever
 
 
@@ -32,17 +33,23 @@ FARTHEST = 1e30  # s; longer is for ever
 class Rate:
     """What one statistic does while the plant is healthy.
 
-    name: the sensor, or the slow error; peak: its largest value as a part of the limit; between: expected seconds
-    between false alarms; mean, spread: of the scores of a sensor, 0 and 1 if all is as declared; memory: seconds.
+    name: the sensor, or what is in error or wanders; kind: `sensor`, `slow error` or `wander`; peak: its largest value
+    as a part of the limit; between: expected seconds between false alarms; mean, spread: of the scores of a sensor, 0
+    and 1 if all is as declared; memory: seconds.
     """
 
     name: str
-    is_sensor: bool
+    kind: str
     peak: float
     between: float
     mean: float
     spread: float
     memory: float
+
+    @property
+    def words(self) -> str:
+        """What it is, with its name."""
+        return self.name if self.kind == SENSOR else f"{self.kind} of {self.name}"
 
 
 def alarm_rates(spec: EngineSpec, watches: Sequence[Watch], step: float) -> tuple[Rate, ...]:
@@ -75,9 +82,7 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
     every = np.concatenate(scores) if scores else np.zeros(0)
     peak = max((float(np.max(item.height[:, j], initial=0.0)) for item in watches), default=0.0)
     if len(every) < 2:
-        return Rate(
-            name=spec.outputs[j].name, is_sensor=True, peak=0.0, between=np.inf, mean=0.0, spread=0.0, memory=0.0
-        )
+        return Rate(name=spec.outputs[j].name, kind=SENSOR, peak=0.0, between=np.inf, mean=0.0, spread=0.0, memory=0.0)
     mean, spread = float(every.mean()), float(every.std())
     variance = max(_variance(scores), LEAST_VARIANCE)
     samples = [
@@ -89,7 +94,7 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
     samples.append(max(scatter_time(settings, wild, lag) for lag in range(1, LAGS + 1)))
     return Rate(
         name=spec.outputs[j].name,
-        is_sensor=True,
+        kind=SENSOR,
         peak=peak / settings.cusum_limit,
         between=step / sum(1.0 / item for item in samples),
         mean=mean,
@@ -158,7 +163,7 @@ def _lundberg(gains: FloatArray) -> float:
 
 
 def _slow_rate(spec: EngineSpec, watches: Sequence[Watch], k: int, step: float) -> Rate:
-    limit = spec.thresholds.slow_error_limit
+    limit = float(spec.slow_limits[k])
     paths = [item.slow[np.isfinite(item.slow[:, k]), k] for item in watches]
     paths = [item for item in paths if len(item) > 2]
     every = np.concatenate(paths) if paths else np.zeros(1)
@@ -171,7 +176,7 @@ def _slow_rate(spec: EngineSpec, watches: Sequence[Watch], k: int, step: float) 
             between = float(min(np.pi * size / moves * np.exp(min(0.5 * (limit / size) ** 2, 70.0)), FARTHEST))
     return Rate(
         name=spec.slow_errors[k].name,
-        is_sensor=False,
+        kind="wander" if spec.slow_errors[k].wanders else "slow error",
         peak=peak,
         between=between,
         mean=float(every.mean()),

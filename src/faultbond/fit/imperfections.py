@@ -1,4 +1,4 @@
-"""What a model may leave out, as things that can be added to it: slow errors, lags, noise of inputs.
+"""What a model may leave out, as things that can be added to it: slow errors, wander, lags, noise of inputs.
 
 A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
 the same is its memory.
@@ -25,6 +25,7 @@ class Kind(Enum):
 
     RELATIVE = "relative slow error"
     ABSOLUTE = "slow error"
+    WANDER = "wander"
     INPUT_NOISE = "noise"
     LAG = "lag"
     HOLD = "linear hold"
@@ -51,7 +52,7 @@ class Imperfection:
     @property
     def is_slow(self) -> bool:
         """Whether it has a memory."""
-        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE)
+        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER)
 
     @property
     def words(self) -> str:
@@ -77,7 +78,7 @@ def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
 
 
 def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> tuple[Imperfection, ...]:
-    """Give what may be missing: slow errors of sensors and of the signals of laws, noise of inputs.
+    """Give what may be missing: slow errors of sensors and of the signals of laws, wander, noise of inputs.
 
     What the model declares may be larger than declared; a signal has one slow error, a part of its value or absolute.
 
@@ -88,7 +89,7 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
     n_states : of the plant; of a large one not all is tried
     """
     most = max(MOST_FOLLOWED - n_states - len(graph.inputs), LEAST_PLACES)
-    found = [_declared(item) for item in graph.slow_errors if not item.after]
+    found = [_declared(item) for item in graph.slow_errors if not item.after and (item.relative or not item.wanders)]
     taken = {item.target for item in graph.slow_errors}
     sensors = [
         Imperfection(kind=Kind.ABSOLUTE, place=item.name, is_sensor=True)
@@ -102,11 +103,26 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
         if name not in taken
     ]
     noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in graph.inputs]
-    return (*found, *[*sensors, *laws][: max(most - len(found), 0)], *noises)
+    wanders = [Imperfection(kind=Kind.WANDER, place=name) for name in _unseen(graph) if name not in taken]
+    return (*found, *[*sensors, *laws, *wanders][: max(most - len(found), 0)], *noises)
+
+
+def _unseen(graph: BondGraph) -> Iterator[str]:
+    """Give the parameters whose wander is not the slow error of a signal: of stores, and of laws with several."""
+    nominals = {item.name: item.nominal for item in graph.parameters}
+    for item in graph.components:
+        stores = item.type.is_store or any(law.store for law in item.laws)
+        if stores or len(item.parameters) > 1:
+            yield from (name for name in item.parameters if nominals[name] != 0.0)
+
+
+def kind_of(item: SlowError) -> Kind:
+    """Give what a declared slow error is."""
+    return Kind.WANDER if item.wanders else Kind.RELATIVE if item.relative else Kind.ABSOLUTE
 
 
 def _declared(item: SlowError) -> Imperfection:
-    kind = Kind.RELATIVE if item.relative else Kind.ABSOLUTE
+    kind = kind_of(item)
     return Imperfection(kind=kind, place=item.target, is_sensor=item.is_sensor, size=item.sd, memory=item.memory)
 
 
@@ -124,9 +140,10 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
         new = SlowError(
             target=item.place,
             sd=item.size,
-            relative=item.kind is Kind.RELATIVE,
+            relative=item.kind is not Kind.ABSOLUTE,
             memory=item.memory,
             is_sensor=item.is_sensor,
+            wanders=item.kind is Kind.WANDER,
         )
         at = next(
             (k for k, known in enumerate(errors) if (known.target, known.relative) == (new.target, new.relative)), -1
@@ -185,5 +202,5 @@ def memory_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
 
 
 def _number(graph: BondGraph, item: Imperfection) -> int:
-    wanted = item.place, item.kind is Kind.RELATIVE
+    wanted = item.place, item.kind is not Kind.ABSOLUTE
     return [(known.target, known.relative) for known in graph.slow_errors].index(wanted)

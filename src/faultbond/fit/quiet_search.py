@@ -29,6 +29,7 @@ from faultbond.fit.imperfections import (
     UNTRIED,
     Imperfection,
     Kind,
+    kind_of,
     lag_name,
     law_signals,
     memory_place,
@@ -62,7 +63,7 @@ LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 LAGS_TRIED = 2
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
-SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.INPUT_NOISE)
+SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
 BEHIND = 6  # samples
 MOST_SAMPLES = 6000  # with which sizes are compared
@@ -304,6 +305,8 @@ class Search:
         return self.asked
 
     def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
+        if item.kind is Kind.WANDER:
+            return SIZES
         if item.kind is Kind.RELATIVE:
             return SIZES if usual.get(item.place, 0.0) > 0.0 else ()
         if item.is_sensor:
@@ -424,7 +427,7 @@ class _Ground:
             if place in memories:
                 lower[k], upper[k] = np.log(search.step), np.log(max(search.longest, search.step))
             elif place in sizes:
-                upper[k] = np.log(MOST_PART) if sizes[place].kind is Kind.RELATIVE else upper[k]
+                upper[k] = np.log(MOST_PART) if sizes[place].kind in (Kind.RELATIVE, Kind.WANDER) else upper[k]
             elif place >= layout.first_noise + layout.n_y:
                 upper[k] = base[place]
         return FittedPlant(
@@ -558,7 +561,7 @@ def _with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
 
 def _keys(graph: BondGraph) -> set[tuple[Kind, str]]:
     noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
-    return noisy | {(Kind.RELATIVE if item.relative else Kind.ABSOLUTE, item.target) for item in graph.slow_errors}
+    return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
 
 
 def _changes(course: FloatArray) -> FloatArray:

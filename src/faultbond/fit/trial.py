@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
+from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
@@ -152,7 +152,7 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float) -> V
         if keeps(found):
             return now
         worst = min(range(len(found)), key=lambda k: (found[k].between, -found[k].peak))
-        if found[worst].is_sensor:
+        if found[worst].kind == SENSOR:
             noise[worst] *= RISE
         else:
             slow *= RISE

@@ -64,6 +64,7 @@ class _Writer:
         self.parameters = {item.name: item for item in graph.parameters}
         texts = {item.name: _spread(item, item.accuracy) for item in graph.parameters}
         own = [item.name for item in graph.parameters if self.own("accuracy", item, item.accuracy, keys.ACCURACY)]
+        self.wanders = {item.target: _over(item, item.unit) for item in graph.wanders}
         common = Counter(texts[name] for name in own if texts[name].endswith("%")).most_common(1)
         self.accuracy = common[0][0] if common and len(own) == len(graph.parameters) else ""
         self.accuracies = {name: texts[name] for name in own if texts[name] != self.accuracy}
@@ -83,13 +84,14 @@ class _Writer:
         yield from _section("tables", ((item.name, self.table(item)) for item in graph.tables))
         yield from _section("inputs", ((item.name, self.input(item)) for item in graph.inputs))
         parts = ((item.name, self.component(item)) for item in graph.components)
+        slow = (item for item in graph.slow_errors if not item.wanders)
         yield from _section("blocks" if graph.is_block_network else "components", parts)
         yield from _section("junctions", ((item.name, item.type.value) for item in graph.junctions))
         if not graph.is_block_network:
             yield "bonds:"
             yield from (f"  - {bond.tail} -> {bond.head}" for bond in graph.bonds)
         yield from _section("sensors", ((item.name, self.sensor(item)) for item in graph.sensors))
-        yield from _section("slow_error", ((item.target, self.slow_error(item)) for item in graph.slow_errors))
+        yield from _section("slow_error", ((item.target, self.slow_error(item)) for item in slow))
         yield from _section("checks", ((item.name, self.check(item)) for item in graph.checks))
 
     def head(self) -> dict[str, str]:
@@ -192,6 +194,7 @@ class _Writer:
         texts = {
             **self.spreads(item),
             "limit": f"[{', '.join(limits)}]" if len(limits) > 1 else "".join(limits),
+            "wander": self.wanders.get(item.name, ""),
             "suspect": "" if item.suspect else "no",
         }
         return _flow({"nominal": nominal, **texts}, keys.PARAMETER_KEYS) if any(texts.values()) else nominal
@@ -217,11 +220,7 @@ class _Writer:
 
     def slow_error(self, item: SlowError) -> str:
         unit = next((sensor.unit for sensor in self.graph.sensors if sensor.name == item.target), item.unit)
-        if item.relative:
-            sd = f"{text_of(item.sd, lambda number: number / 100) or number_text(item.sd * 100)} %"
-        else:
-            sd = _difference(item.sd, unit)
-        size = f"{sd} over {_seconds(item.memory)}"
+        size = _over(item, unit)
         if not item.after:
             return size
         return _flow(
@@ -246,6 +245,15 @@ def _spread(item: Parameter, value: float) -> str:
         if percent is not None and len(percent) <= 8:
             return f"{percent} %"
     return _difference(value, item.unit)
+
+
+def _over(item: SlowError, unit: Unit) -> str:
+    """Give the standard deviation and the memory of a slow error; `unit`: that of an absolute one."""
+    if item.relative:
+        sd = f"{text_of(item.sd, lambda number: number / 100) or number_text(item.sd * 100)} %"
+    else:
+        sd = _difference(item.sd, unit)
+    return f"{sd} over {_seconds(item.memory)}"
 
 
 def _range(item: Parameter | Sensor | Input) -> str:

@@ -230,7 +230,8 @@ class SlowError:
     """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or, with `is_sensor`, of a sensor (its name).
 
     `sd` is relative (0.02) when `relative`, else SI; `unit` is the one that the model file states. After a change of an
-    input in `after` by D (SI) the sd is larger by `each` * D for a while. `memory` in seconds.
+    input in `after` by D (SI) the sd is larger by `each` * D for a while. `memory` in seconds. With `wanders` it is no
+    error, but how far a parameter (its name) goes from its usual value and back.
     """
 
     target: str
@@ -240,8 +241,19 @@ class SlowError:
     after: tuple[str, ...] = ()
     each: float = 0.0
     is_sensor: bool = False
+    wanders: bool = False
     unit: Unit = Unit("")
     line: int = 0
+
+    @property
+    def kind(self) -> str:
+        """What it is, as a key and in records."""
+        return "wander" if self.wanders else "slow_error"
+
+    @property
+    def words(self) -> str:
+        """What it is, without its size."""
+        return f"{self.kind.replace('_', ' ')} of {self.target}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -304,6 +316,11 @@ class BondGraph:
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`
+
+    @property
+    def wanders(self) -> tuple[SlowError, ...]:
+        """What wanders, parameters first."""
+        return tuple(item for item in self.slow_errors if item.wanders)
 
     @property
     def is_block_network(self) -> bool:

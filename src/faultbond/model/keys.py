@@ -79,6 +79,11 @@ def _named(item: "Form | Keys", pattern: str = _NAME, **more: int) -> Form:
     return {"type": "object", "description": "", **names, **more}
 
 
+_SLOW: Form = {
+    "type": "string",
+    "pattern": rf"^\s*{_NUMBER}.*\sover\s",
+    "description": "standard deviation and memory, `2 % over 600 s`",
+}
 _UNIT = "unit of its column"
 _COLUMN = Key(TEXT, "column of a recording; default its name", default="its name")
 _START = "solved from the first samples"
@@ -95,6 +100,7 @@ PARAMETER_KEYS = Keys(
             {"description": "", "anyOf": [VALUE, {"type": "array", "items": VALUE, "minItems": 1, "maxItems": 2}]},
             "value at which a drift matters, or one on each side",
         ),
+        "wander": Key(_SLOW, "how far it goes from its usual value by itself, and its memory, `3 % over 6 h`"),
         "suspect": Key(YES_NO, "`no` trusts the parameter"),
     },
     short="nominal",
@@ -200,11 +206,7 @@ SENSOR_KEYS = Keys(
 SLOW_ERROR_KEYS = Keys(
     {
         "size": Key(
-            {
-                "type": "string",
-                "pattern": rf"^\s*{_NUMBER}.*\sover\s",
-                "description": "standard deviation and memory, `2 % over 600 s`",
-            },
+            _SLOW,
             required=True,
             missing="write it as `size: 0.2 cm over 40 s`",
         ),

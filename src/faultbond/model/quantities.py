@@ -148,8 +148,10 @@ def duration(text: str, where: str = "") -> float:
     return result.value
 
 
-def spread_over(text: str, where: str = "", default: Measure | None = None) -> tuple[Spread, float]:
-    """Give the standard deviation and the memory in seconds of a slow error, `2 % over 600 s`.
+def spread_over(
+    text: str, where: str = "", default: Measure | None = None, what: str = "slow error"
+) -> tuple[Spread, float]:
+    """Give the standard deviation and the memory in seconds of a slow error, or of `what` it is, `2 % over 600 s`.
 
     Raises
     ------
@@ -163,11 +165,11 @@ def spread_over(text: str, where: str = "", default: Measure | None = None) -> t
     """
     parts = re.split(r"\sover\s", text[: MAX_QUANTITY_LENGTH + 1])
     if len(parts) != 2:
-        problem = "is not a slow error; write its standard deviation and its memory, such as `2 % over 600 s`"
+        problem = f"is not a {what}; write its standard deviation and its memory, such as `2 % over 600 s`"
         raise ModelError(f"{where}`{shown(text)}` {problem}")
     memory = duration(parts[1], where)
     if memory == 0:
-        raise ModelError(f"{where}`{shown(text)}` has no memory; an error without memory is noise of a sensor or input")
+        raise ModelError(f"{where}`{shown(text)}` has no memory; what has none is noise of a sensor or input")
     return spread(parts[0], where, default), memory
 
 

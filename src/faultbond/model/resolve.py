@@ -82,7 +82,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         junctions=tuple(plant.junctions.values()),
         bonds=plant.bonds,
         sensors=sensors,
-        slow_errors=measured.slow_errors,
+        slow_errors=(*measured.slow_errors, *reader.wanders),
         tables=tables,
         time_between_false_alarms=patience,
         valid_when=valid_when,

@@ -24,11 +24,11 @@ class NewParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewSize:
-    """The noise of a sensor, or a slow error, and how many times larger it is to be."""
+    """The noise of a sensor, a slow error, or how far a parameter wanders, and how many times larger it is to be."""
 
     name: str
     times: float
-    slow: bool = False
+    kind: str = "noise"  # or `slow_error`, or `wander`
 
 
 _Edit = tuple[int, int, str]  # replace what stands between two places by a text
@@ -56,15 +56,13 @@ def rewrite(
     if top is None:
         raise ModelError(f"{graph.file}: the model is empty")
     edits: list[_Edit] = []
-    owners = {item.name: item.owner for item in graph.parameters}
-    section = "blocks" if graph.is_block_network else "components"
-    lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
-    lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
     for item in parameters:
-        path = lags.get(item.name) or (section, owners[item.name], "parameters", item.name)
-        edits += _parameter_edits(text, _at(top, path, graph), item, "value" if item.name in lags else "nominal")
+        path = parameter_path(graph, item.name)
+        edits += _parameter_edits(
+            text, _at(top, path, graph), item, "value" if path[0] in ("inputs", "sensors") else "nominal"
+        )
     for size in sizes:
-        node = _at(top, ("slow_error", size.name) if size.slow else ("sensors", size.name, "noise"), graph)
+        node = _at(top, _size_path(graph, size), graph)
         node = _values(node).get("size", node)
         old = str(node.value)
         if match := _NUMBER.match(old):  # what follows the number stays: `2 % of 8.9 kPa over 600 s`
@@ -75,6 +73,21 @@ def rewrite(
     if text.startswith(_MARK):
         text = text.partition("\n")[2]
     return f"{_MARK}{remark}\n{text}" if remark else text
+
+
+def _size_path(graph: BondGraph, size: NewSize) -> tuple[str, ...]:
+    """Give where a size stands."""
+    if size.kind == "wander":
+        return (*parameter_path(graph, size.name), "wander")
+    return ("slow_error", size.name) if size.kind == "slow_error" else ("sensors", size.name, "noise")
+
+
+def parameter_path(graph: BondGraph, name: str) -> tuple[str, ...]:
+    """Give where a parameter stands, by keys from the top of the file."""
+    lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
+    lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
+    section = "blocks" if graph.is_block_network else "components"
+    return lags.get(name) or (section, graph.parameter(name).owner, "parameters", name)
 
 
 def _at(node: yaml.Node, path: tuple[str, ...], graph: BondGraph) -> yaml.Node:

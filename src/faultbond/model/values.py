@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from faultbond.model.defaults import default_range
 from faultbond.model.expression import FUNCTIONS, RATE
-from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter
+from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter, SlowError
 from faultbond.model.head import Head
 from faultbond.model.keys import ACCURACY, CHANGE, HOLDS, INPUT_KEYS, LAG_KEYS, PARAMETER_KEYS, Keys
-from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity
+from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity, spread_over
 from faultbond.model.source import Entry, shown
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
@@ -57,6 +57,7 @@ class ValueReader:
         self.measures: dict[str, Measure | None] = {}
         self.places: dict[str, tuple[str, int]] = {}
         self.lags: list[Parameter] = []  # the time constants of inputs and sensors, which no law has to name
+        self.wanders: list[SlowError] = []  # how far numbers go from their usual values by themselves
 
     def read(
         self,
@@ -197,6 +198,8 @@ class ValueReader:
         name = self._claim(place, what, nominal.measure)
         accuracy = spreads.get("accuracy") or self.head.accuracy
         lower, upper = self._range(place, fields, nominal)
+        if "wander" in fields:
+            self.wanders.append(self._wander(fields["wander"], name, nominal))
         return Parameter(
             name=name,
             owner=owner,
@@ -208,6 +211,32 @@ class ValueReader:
             upper=upper,
             limits=self._limits(fields["limit"], nominal, (lower, upper)) if "limit" in fields else (),
             suspect=suspect,
+            line=place.line,
+        )
+
+    def _wander(self, place: Spot, name: str, usual: Quantity) -> SlowError:
+        """Give how far a number goes from its usual value by itself, and for how long."""
+        if self.head.static:
+            raise place.error(": with `sample_time: none` each row stands by itself, and nothing wanders; remove it")
+        sd, memory = spread_over(place.text(), place.where(": "), usual.measure, "wander")
+        if sd.quantity is not None:
+            place.check_unit(sd.quantity, usual.measure)
+        size = sd.ratio if sd.is_relative else sd.difference()
+        if sd.is_relative and usual.value == 0.0:
+            size_text = f"2 {usual.unit.text}".rstrip()
+            problem = f": a part of 0 is nothing; write a size, such as `{size_text} over 6 h` with your numbers"
+            raise place.error(problem)
+        if size == 0.0:
+            raise place.error(": its size must be above 0; what does not wander states none")
+        place.check_size(size)
+        place.check_time(memory, ": its memory")
+        return SlowError(
+            target=name,
+            sd=size,
+            relative=sd.is_relative,
+            memory=memory,
+            wanders=True,
+            unit=NO_UNIT if sd.is_relative else usual.unit,
             line=place.line,
         )
 

@@ -21,6 +21,7 @@ from faultbond.fit.outcome import (
     residual_sizes,
     silences_of,
 )
+from faultbond.fit.wandering import Wandering
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
@@ -44,6 +45,7 @@ class Fitted:
     estimates: tuple[Estimate, ...]
     noises: tuple[NoiseFound, ...]
     silences: tuple[Silence, ...]
+    wanders: tuple[Wandering, ...] = ()
 
     def model_text(self, text: str) -> str:
         """Give the text of the model file with what was found.
@@ -53,11 +55,8 @@ class Fitted:
         ModelError
             Where the text that came out does not read back as the fitted model.
         """
-        changed = [item for item in self.noises if item.to_declare != item.declared]
-        sizes = [
-            NewSize(name=item.name, times=item.to_declare / item.declared, slow=isinstance(item.of, SlowError))
-            for item in changed
-        ]
+        changed = [item for item in self.noises if item.to_declare != item.declared]  # noise of sensors
+        sizes = [NewSize(name=item.name, times=item.to_declare / item.declared) for item in changed]
         what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
         parameters = [_new_parameter(item) for item in self.estimates]
@@ -82,7 +81,7 @@ class Fitted:
             raise ModelError(f"{refusal} without changing the rest")
 
 
-def fitted_model(graph: BondGraph, found: Fit, version: str) -> Fitted:
+def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wandering, ...] = ()) -> Fitted:
     """Give what a fit means for its model."""
     return Fitted(
         graph=graph,
@@ -91,6 +90,7 @@ def fitted_model(graph: BondGraph, found: Fit, version: str) -> Fitted:
         estimates=estimates_of(found),
         noises=noises_of(found, graph),
         silences=silences_of(found),
+        wanders=wanders,
     )
 
 
@@ -172,7 +172,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "noise": [
             {"name": item.name, "kind": kind, "declared": item.declared, "found": item.found, "sd": item.sd}
             for item in fitted.noises
-            for kind in ("sensor" if isinstance(item.of, Sensor) else "slow_error",)
+            for kind in ("sensor" if isinstance(item.of, Sensor) else item.of.kind,)
         ],
         "whiteness": [
             {
@@ -196,6 +196,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "log_likelihood": found.summit.evaluation.value,
         "log_likelihood_before": found.before,
         "changes": [asdict(item) for item in found.changes],
+        "wanders": [asdict(item) for item in fitted.wanders],
         "wild": found.wild,
         "starts": found.starts,
         "reached": found.reached,
@@ -263,11 +264,22 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
         about = f"about {clock_text(first.time)}. Is it healthy?"
         told.append(("not steady", f"{names}; most of all {first.parameter}, {about}"))
+    told += under("wanders", [_wander_text(item) for item in fitted.wanders])
     most = max((item.inflation for item in fitted.estimates), default=0.0)
     if most > 1.1:
         wider = f"up to {most:.1f} times that of a right model: the data ask for other values at other times"
         told.append(("± sd", wider))
     return told
+
+
+def _wander_text(item: Wandering) -> str:
+    """Say what a parameter that seems to wander is to declare."""
+    length, unit = next((pair for pair in ((3600.0, "h"), (60.0, "min")) if item.memory >= 2.0 * pair[0]), (1.0, "s"))
+    declared = f"{100 * item.size:.2g} % over {figure(item.memory / length, digits=2).number()} {unit}"
+    return (
+        f"{item.parameter}, as it seems: no one value does for all that was recorded. If that is its nature, declare "
+        f"`wander: {declared}` and fit again ({item.gain:.0f} nats)"
+    )
 
 
 def _silence_text(item: Silence) -> str:
@@ -291,7 +303,7 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
             both = f"{declared} or more"
         elif not item.is_known:
             both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
-        name = item.name if is_sensor else f"slow error of {item.name}"
+        name = item.of.name if isinstance(item.of, Sensor) else item.of.words
         yield name, declared, both, unit_text(unit.text), tests[item.name] if is_sensor else ""
 
 

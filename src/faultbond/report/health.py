@@ -44,7 +44,7 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
         "statistics": [
             {
                 "name": item.name,
-                "kind": "sensor" if item.is_sensor else "slow_error",
+                "kind": item.kind.replace(" ", "_"),
                 "peak": item.peak,
                 "between_alarms": item.between,
                 "mean": item.mean,
@@ -70,9 +70,10 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")
     rows = []
     for item in found.rates:
-        name = item.name if item.is_sensor else f"slow error of {item.name}"
         score = f"{item.mean:+.2f} ± {item.spread:.2f}".replace("-", MINUS)
-        rows.append((name, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), spacing_text(item.between)))
+        rows.append(
+            (item.words, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), spacing_text(item.between))
+        )
     table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
     lines(console, where_lines(graph, found) or [("", "nowhere that the detector would mind")])

@@ -37,6 +37,7 @@ THRESHOLDS = {
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
     "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
     "bank_bound": "largest innovation that counts after the alarm, standard deviations",
+    "wander_limit": "limit at which a parameter that wanders alarms, in its declared sizes",
     "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
     "cost_per_suspect": "cost of each suspect of a set, nats",
     "cost_per_sensor": "cost of a sensor as the suspect, nats",
@@ -163,6 +164,11 @@ def check_record(seen: Inventory) -> Record:
             {"signal": error.target, "sd": error.sd, "relative": error.relative, "memory": error.memory}
             | {"alarms": known.alarms, "after": list(error.after), "each": error.each}
             for error, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
+            if not error.wanders
+        ],
+        "wanders": [
+            {"name": item.target, "sd": item.sd, "relative": item.relative, "memory": item.memory}
+            for item in graph.wanders
         ],
         "checks": [
             {
@@ -404,15 +410,18 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
     lines(console, [*_lags(seen), *_instruments(graph)])
-    if graph.slow_errors:
-        title(console, "Slow errors")
+    for kind, heading, what in (("slow_error", "Slow errors", "signal"), ("wander", "What wanders", "name")):
         rows = []
         for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
+            if error.kind != kind:
+                continue
             known_unit = error.unit if error.unit.text else Unit("SI")
             size = f"{100 * error.sd:g} %" if error.relative else _spread(known_unit, error.sd)
             size += f", more after a change of {', '.join(error.after)}" if error.after else ""
             rows.append((error.target, size, duration_text(error.memory), "yes" if slow.alarms else "no"))
-        table(console, ("signal", "size (sd)", "memory", "may alarm"), rows)
+        if rows:
+            title(console, heading)
+            table(console, (what, "size (sd)", "memory", "may alarm"), rows)
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])

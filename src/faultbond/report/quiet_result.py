@@ -15,7 +15,7 @@ from faultbond.fit.quiet_search import Added
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.graph import BondGraph, Unit
-from faultbond.model.rewrite import NewSize, rewrite
+from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
@@ -78,12 +78,13 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     words = f"{_up(size)} {unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:
         return (section, item.place, "noise"), words
-    return ("slow_error", item.place), f"{words} over {item.memory:.2g} s"
+    path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
+    return path, f"{words} over {item.memory:.2g} s"
 
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give a size in the unit of what it is of, and the unit; of a signal without a known one in SI."""
-    if item.kind is Kind.RELATIVE:
+    if item.kind in (Kind.RELATIVE, Kind.WANDER):
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
         return item.size, "s"
@@ -107,7 +108,7 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     raised = [Raised(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
     sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
     if variant.slow != 1.0:
-        sizes += [NewSize(name=item.target, times=variant.slow, slow=True) for item in graph.slow_errors]
+        sizes += [NewSize(name=item.target, times=variant.slow, kind=item.kind) for item in graph.slow_errors]
     text = rewrite(text, graph, (), sizes)
     if variant.accuracy != 1.0:
         text = amended(text, list(_accuracies(graph, variant.accuracy)), graph.file)
@@ -120,15 +121,14 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
 
 
 def _accuracies(graph: BondGraph, times: float) -> Iterator[tuple[Path, str]]:
-    section = "blocks" if graph.is_block_network else "components"
-    lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
-    lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
     for item in graph.parameters:
-        path = lags.get(item.name) or (section, item.owner, "parameters", item.name)
         if item.accuracy > 0.0:
             wider = times * item.accuracy
             part = f"{_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
-            yield (*path, "accuracy"), part or f"{_up(wider / item.unit.factor)} {item.unit.text}".rstrip()
+            yield (
+                (*parameter_path(graph, item.name), "accuracy"),
+                part or f"{_up(wider / item.unit.factor)} {item.unit.text}".rstrip(),
+            )
 
 
 def quiet_record(found: Quieted) -> Record:

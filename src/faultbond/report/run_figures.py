@@ -85,8 +85,8 @@ def _input_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
 def _detector_charts(graph: BondGraph, history: History) -> tuple[Chart, ...]:
     """Give all statistics in one chart, each divided by its limit."""
     names = [f"CUSUM of {sensor.name}" for sensor in graph.sensors]
-    names += [f"slow error of {name}" for name in history.slow_names]
-    shares = [*(history.cusum / history.cusum_limit).T, *np.abs(history.slow / history.slow_limit).T]
+    names += history.slow_names
+    shares = [*(history.cusum / history.cusum_limit).T, *np.abs(history.slow / history.slow_limits).T]
     if not shares:
         return ()
     traces = tuple(

@@ -11,7 +11,16 @@ from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, IntegrationMethod, Integrator, Segments
-from faultbond.simulate.truth import Effects, Fault, check_faults, healthy_parameters, name_hint, true_parameters
+from faultbond.simulate.truth import (
+    Effects,
+    Fault,
+    check_faults,
+    healthy_parameters,
+    name_hint,
+    true_parameters,
+    wander_paths,
+    wandering_parameters,
+)
 from faultbond.types import FaultKind
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
@@ -104,8 +113,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a plant and record it as its instruments would.
 
-    Sensors and inputs have the noise that the model declares; slow errors are zero. The same seed gives the same noise
-    and the same plant whatever the faults.
+    Sensors and inputs have the noise that the model declares; slow errors are zero, and nothing wanders unless
+    `effects` says so. The same seed gives the same noise and the same plant whatever the faults.
 
     Parameters
     ----------
@@ -142,13 +151,14 @@ def simulate(
     draws_y, draws_u = (
         np.zeros(shape) if scattering is None else scattering.standard_normal(shape) for shape in shapes
     )
+    paths = wander_paths(graph, time, generator if effects.wander else None)
     if not effects.lag >= 0.0:
         raise ModelError(f"{graph.file}: a lag of {effects.lag:g} s; it must be 0 or more")
     curves = effects.curve_of(graph)
     lagged = tuple(k for k, item in enumerate(graph.inputs) if item.settling > 0 and effects.lag > 0)
     run = _Run(
         integrator=Integrator(plant, lagged, effects.lag, tuple(curves.get(item.name, 0.0) for item in graph.inputs)),
-        course=(course := _course(graph, healthy, faults, time)),
+        course=(course := _course(graph, healthy, faults, time, paths)),
         x=_start(plant, start or {}),
         time=time,
         sensors=sensors,
@@ -252,7 +262,13 @@ class _Run:
         return values
 
 
-def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time: FloatArray) -> _Course:
+def _course(
+    graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time: FloatArray, paths: FloatArray
+) -> _Course:
+    def values(times: FloatArray, *, after: bool) -> FloatArray:
+        usual = true_parameters(graph, healthy, faults, times, after=after)
+        return wandering_parameters(graph, time, usual, times, paths)
+
     own = [fault for fault in faults if not fault.instrument]
     events = [moment for fault in own for moment in (*fault.switches(float(time[-1])), fault.end) if moment is not None]
     inside = [moment for moment in events if time[0] < moment < time[-1]]
@@ -265,9 +281,9 @@ def _course(graph: BondGraph, healthy: FloatArray, faults: Sequence[Fault], time
         held=tuple(held.tolist()),
         parts=np.array([moments[:-1] - time[held], moments[1:] - time[held]]) / length,
         linear=np.array([float(item.linear) for item in graph.inputs]),
-        left=true_parameters(graph, healthy, faults, moments[:-1], after=True),
-        right=true_parameters(graph, healthy, faults, moments[1:], after=False),
-        at_rows=true_parameters(graph, healthy, faults, time, after=True),
+        left=values(moments[:-1], after=True),
+        right=values(moments[1:], after=False),
+        at_rows=values(time, after=True),
     )
 
 

@@ -66,6 +66,7 @@ class Effects:
     lag : time constant, s, of a first-order lag between an input with a declared settling and what acts
     curve : actuator curve error of the inputs in percent, one number for all or one by name: an opening u acts as
         u (1 + curve sin(2 pi u / 100)), right when shut, half open and fully open
+    wander : whether what wanders does so, as far and as long as the model declares; else it stays at its usual value
 
     Notes
     -----
@@ -77,6 +78,7 @@ class Effects:
     spread: float = 0.0
     lag: float = 0.0
     curve: float | Mapping[str, float] = 0.0
+    wander: bool = False
 
     def curve_of(self, graph: BondGraph) -> dict[str, float]:
         """Give the curve error by input, without those that are zero.
@@ -224,6 +226,49 @@ def true_parameters(
         if chosen:
             values[:, k] = value_over_time(float(healthy[k]), chosen, times, after=after)
     return values
+
+
+def wandering_parameters(
+    graph: BondGraph, rows: FloatArray, values: FloatArray, times: FloatArray, paths: FloatArray
+) -> FloatArray:
+    """Give the parameters at some times, where those that wander do so.
+
+    Parameters
+    ----------
+    graph : the plant
+    rows : float array, shape (n_rows,), s; between them what wanders goes on a straight line
+    values : float array, shape (n, n_parameters), SI, at their usual values
+    times : float array, shape (n,), s
+    paths : float array, shape (n_rows, n_wanders), as `wander_paths` gives them
+
+    Returns
+    -------
+    float array, shape (n, n_parameters), SI
+    """
+    found, places = values.copy(), {item.name: k for k, item in enumerate(graph.parameters)}
+    for item, path in zip(graph.wanders, paths.T, strict=True):
+        by, column = np.interp(times, rows, path), found[:, places[item.target]]
+        found[:, places[item.target]] = column * (1.0 + by) if item.relative else column + by
+    return found
+
+
+def wander_paths(graph: BondGraph, rows: FloatArray, generator: np.random.Generator | None) -> FloatArray:
+    """Draw how far each thing that wanders is off at some times `rows` (n,), s; zero without a generator.
+
+    Returns
+    -------
+    float array, shape (n, n_wanders), of relative ones in parts, else SI, in the order of `graph.wanders`
+    """
+    found = np.zeros((rows.size, len(graph.wanders)))
+    if generator is None:
+        return found
+    draws = generator.standard_normal(found.shape)
+    for k, item in enumerate(graph.wanders):
+        decay = np.exp(-np.diff(rows, prepend=-inf) / item.memory)
+        for row in range(rows.size):
+            before = found[row - 1, k] if row else 0.0
+            found[row, k] = decay[row] * before + item.sd * np.sqrt(1.0 - decay[row] ** 2) * draws[row, k]
+    return found
 
 
 def value_over_time(healthy: float, faults: Sequence[Fault], times: FloatArray, *, after: bool) -> FloatArray:

@@ -57,7 +57,6 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "LEARNING_BOUND": literal(settings.learning_bound),
         "BANK_BOUND": literal(settings.bank_bound),
         "WILDEST": literal(settings.bank_bound**2),
-        "SLOW_ERROR_LIMIT": literal(settings.slow_error_limit),
         "GROUP_NATS": literal(settings.group_nats),
         "BLANK_FACTOR": literal(settings.blank_factor),
         "WARM_UP_SAMPLES": settings.warm_up_samples,
@@ -89,6 +88,8 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("JUMP_EXPONENT", (power for item in spec.states for _, power in item.jumps))
     yield numbers("SLOW_SD", (item.sd for item in spec.slow_errors))
     yield integers("SLOW_ALARMS", (item.alarms for item in spec.slow_errors))
+    yield numbers("SLOW_LIMIT", spec.slow_limits)
+    yield numbers("SLOW_WATCHED", spec.slow_watched)
     yield from ragged_table("AFTER", [[k for k, _ in item.after] for item in spec.slow_errors], "INPUT")
     yield numbers("AFTER_EACH", (each for item in spec.slow_errors for _, each in item.after))
     yield numbers("LOOP_GUESS", spec.loops)

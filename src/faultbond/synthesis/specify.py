@@ -47,7 +47,8 @@ def build_spec(model: StepModel) -> EngineSpec:
             name=error.target,
             sd=error.sd,
             memory=error.memory,
-            alarms=error.relative and not error.is_sensor,
+            alarms=error.wanders or (error.relative and not error.is_sensor),
+            wanders=error.wanders,
             after=tuple((positions[name], error.each) for name in error.after),
         )
         for error in graph.slow_errors
@@ -93,11 +94,13 @@ def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresho
     promise, shares = graph.time_between_false_alarms, 2 if memories else 1
     if promise is None:
         return usual
+    slow_limit = slow_error_limit(promise, memories, shares) if memories else 0.0
     return replace(
         usual,
         cusum_limit=cusum_limit(promise, grid, len(graph.sensors), usual.cusum_drift, 2 * shares),
         fast_limit=cusum_limit(promise, grid, len(graph.sensors), usual.fast_drift, 2 * shares),
-        slow_error_limit=slow_error_limit(promise, memories, shares) if memories else usual.slow_error_limit,
+        slow_error_limit=slow_limit or usual.slow_error_limit,
+        wander_limit=slow_limit or usual.wander_limit,
     )
 
 

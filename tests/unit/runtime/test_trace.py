@@ -85,8 +85,8 @@ def test_columns_stand_in_their_places() -> None:
     assert history.inputs[:, 0] == pytest.approx(rows + 0.5)
     assert history.cusum == pytest.approx(np.column_stack([rows + 0.4, rows + 0.6]))
     assert history.slow[:, 0] == pytest.approx(rows + 0.7)
-    assert history.slow_names == ("line.f",)
-    assert (history.cusum_limit, history.slow_limit) == (26.0, 1.6)
+    assert history.slow_names == ("slow error of line.f",)
+    assert (history.cusum_limit, history.slow_limits.tolist()) == (26.0, [1.6])
 
 
 def test_what_lags_stands_beside_its_sample() -> None:
