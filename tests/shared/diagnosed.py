@@ -46,6 +46,9 @@ RESERVE = (*PAIRS[2:], *combinations(range(N_P), 3))
 SPEC = replace(PLAIN, hypotheses=(*SINGLES, *PAIRS[:2]), reserve=RESERVE)
 
 
+FAR = 100.0  # a factor that no healthy parameter has
+
+
 def slot_of(**wanted: Any) -> int:
     """Give the first lane with a slot that is so."""
     lanes = enumerate(plan_slots(SPEC).lanes)
@@ -165,6 +168,14 @@ class Diagnosed:
             what, lane = ("step", k) if k < self.n_steps else ("slot", k - self.n_steps)
             self.lane(what, lane)[(self.spec if what == "step" else self.spec.slotted).n_numbers - 1] = float(value)
 
+    def far_off(self) -> None:
+        """Let all parameters of all lanes be far from healthy, within their ranges."""
+        for what, count, spec in (("step", self.n_steps, self.spec), ("slot", self.n_slots, self.spec.slotted)):
+            for k in range(count):
+                lane = self.lane(what, k)
+                for place in range(spec.parameter_slice.start, spec.parameter_slice.stop):
+                    lane[place] = FAR
+
     def only(self, lane: int) -> None:
         """Let one lane explain the data, steps first."""
         values = np.full(self.n_steps + self.n_slots, -1000.0)
@@ -206,5 +217,5 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
     head = numbers("i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal")
-    rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability")
+    rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy")
     return np.dtype([("time", "f8"), *head, *rest, ("candidates", candidate, (most,))])

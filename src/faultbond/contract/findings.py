@@ -151,7 +151,8 @@ class Diagnosis:
     """Ranked candidates at a time, best first.
 
     unexplained: that none of the modelled faults explains the data. advice: what to do next, the best for its cost
-    first. untested: what else it could be; None where all sets are tested.
+    first. untested: what else it could be; None where all sets are tested. within_accuracy: probability that nothing is
+    at fault but what the declared accuracy allows; with those of the candidates it adds up to 1.
     """
 
     time: float
@@ -159,6 +160,7 @@ class Diagnosis:
     unexplained: Unexplained | None = None
     advice: tuple[Advice, ...] = ()
     untested: Untested | None = None
+    within_accuracy: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ sensors and inputs are data too.
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -61,6 +62,8 @@ class ParameterSpec:
     unit: str
     unit_factor: float
     limits: tuple[float, ...] = ()  # SI; forecasts say when a drift reaches them
+    least: float = -inf  # what a fault may do, in factors; the filters let estimates scatter from lower to upper
+    most: float = inf
 
     @property
     def healthy(self) -> float:

@@ -3,6 +3,7 @@
 #define FB_DIAGNOSIS_H
 
 #include "untested.h"
+#include "within.h"
 
 FB_SELDOM
 
@@ -55,6 +56,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
     if (N_HYPOTHESES == 0 || state->job.kind == BEGINNING) return;
     score_all(state, OUT_REJECTED, ranking);
+    leave_out_small(state, ranking);
     rank(state, ranking, found);
     find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);

@@ -16,6 +16,7 @@ FB_EACH_PAIR(hypot)
 
 #define FB_LN2 0.6931471805599453
 #define FB_SQRT2 1.4142135623730951
+#define FB_TAU 6.283185307179586
 #define FB_LARGEST 1.7976931348623157e308
 
 /* Natural logarithm of variances. x = 2^e m with m in [sqrt(1/2), sqrt(2)); log m = 2 atanh((m - 1) / (m + 1)), by its

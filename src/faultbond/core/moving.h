@@ -106,18 +106,22 @@ static void note_values(State *state)
     }
 }
 
-/* Judge suspect k of a lane: where it moved too far since it was noted, it is as uncertain as that. */
+/* Judge suspect k of a lane, as far as likelihoods count: its value is as uncertain as that (see `share_of_evidence`), and where
+   it moved too far since it was noted, as uncertain as it moved, too. */
 static void judge_value(const State *state, int64_t lane, int64_t k, Suspect *suspect)
 {
     const Bank *bank = &state->bank;
+    const double left = suspect->sd * suspect->sd, share = share_of_evidence(state);
+    suspect->sd = sqrt(left / share);
+    suspect->rate_sd = sqrt(suspect->rate_sd * suspect->rate_sd / share);
     if (bank->noted_at[0] == 0 || !is_constant(bank, lane)) return;
     const double moved = suspect->estimate - bank->noted[0][0][k][lane], before = bank->noted[0][1][k][lane];
-    const double left = suspect->sd * suspect->sd, shrunk = before * before - left;
+    const double shrunk = before * before - left;
     const double usual = suspect->parameter >= 0 ? usual_walk(&state->healthy, WALKS - 1, (int)suspect->parameter) : 1.0;
     const double far = fabs(moved) / sqrt(fmax(shrunk, WALK_LEAST * left) * fmax(usual, 1.0));
     if (!(far > STILL)) return;
     suspect->moved = far;
-    suspect->sd = sqrt(left + moved * moved);
+    suspect->sd = sqrt(left / share + moved * moved);
 }
 
 #endif

@@ -4,18 +4,14 @@
    exp(score) normalised; hypotheses within GROUP_NATS of the best are one group. Source: Magill, IEEE Trans.
    Automatic Control 10 (1965).
 
-   No model is exact. Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY): so that one hypothesis
-   fits better by less than 0.1 sd of an innovation at each sample makes it no likelier than what it costs, however long that
-   lasts. Source: J. W. Miller, D. B. Dunson, "Robust Bayesian inference via coarsening", J. American Statistical
-   Association 114 (2019) 1113. */
+   Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY), see `share_of_evidence`; and by how much of what
+   they say lies within the ranges of their suspects, see fault_range.h. */
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
-#include "moving.h"
+#include "fault_range.h"
 
 #define SELDOM 1e-6          /* least probability that counts */
-#define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
-#define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
 /* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
@@ -32,11 +28,12 @@ typedef struct {
 
 /* Ranked candidates, the best first. Where none explains the data, the best is off by `unexplained_sd` at a sensor,
    `signal`, from `since` to `until`; else these are nan, and -1. Of the sets that are not tested
-   `untested_probability` is at most how likely it is that one is the true one; 1: no bound. */
+   `untested_probability` is at most how likely it is that one is the true one; 1: no bound. `within_accuracy`: probability that
+   nothing is at fault but what the declared accuracy allows; with those of all candidates it adds up to 1. */
 typedef struct {
     double time; /* s */
     int64_t n_candidates, is_unexplained, has_untested, untested_sets, signal;
-    double unexplained_sd, since, until, untested_probability;
+    double unexplained_sd, since, until, untested_probability, within_accuracy;
     Candidate candidates[MOST_CANDIDATES];
 } Diagnosis;
 
@@ -51,6 +48,8 @@ typedef struct {
     double score[FB_ROOM(N_HYPOTHESES)];            /* of each hypothesis, with its cost */
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
     int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
+    double within;                                  /* score of no fault but what lies within the accuracy, see within.h, */
+    double shared[FB_ROOM(N_HYPOTHESES)];           /* and its memory: what each hypothesis is worth */
 } Ranking;
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
@@ -63,13 +62,6 @@ static int is_out(const Bank *bank, int out, int64_t hypothesis)
 static double log_returns(const Bank *bank, int64_t lane)
 {
     return SLOT_KIND[lane] == KIND_INTERMITTENT ? log(fmax(of_slot(bank, lane, ROLE_RETURNS), SELDOM)) : 0.0;
-}
-
-/* The part of differences of log-likelihoods that counts, so many samples after the alarm. */
-static inline double share_of_evidence(int64_t n)
-{
-    const double seen = n < 0 ? 0.0 : (double)n < MOST_AS_MANY ? (double)n : MOST_AS_MANY;
-    return 1.0 / (1.0 + seen / AS_MANY);
 }
 
 /* The log-likelihood of a lane beside the likeliest one, as far as it counts; that of one that is no number is below all. A
@@ -138,7 +130,8 @@ static void score_all(const State *state, int out, Ranking *ranking)
 {
     const Bank *bank = &state->bank;
     ranking->most = most_likely(bank);
-    ranking->share = share_of_evidence(since_alarm(state));
+    ranking->within = -INFINITY;
+    ranking->share = share_of_evidence(state);
     weigh_lanes(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         for (int kind = 0; kind < N_KINDS; kind++) ranking->kinds[k][kind] = -INFINITY;
@@ -146,6 +139,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         ranking->best[k] = -1;
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
+        if (ranking->weighted[lane] > -INFINITY) ranking->weighted[lane] += log_in_range(bank, lane, ranking->share);
         double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
@@ -224,10 +218,13 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
 static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     int64_t order[MOST_CANDIDATES];
-    double total = 0.0;
+    double total;
     found->n_candidates = best_hypotheses(ranking, order);
     if (found->n_candidates == 0) return;
+    total = exp(ranking->within - ranking->score[order[0]]);
+    found->within_accuracy = total;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) total += exp(ranking->score[k] - ranking->score[order[0]]);
+    found->within_accuracy /= total;
     for (int64_t row = 0; row < found->n_candidates; row++) {
         const int64_t k = order[row];
         Candidate *candidate = &found->candidates[row];

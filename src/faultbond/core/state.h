@@ -57,7 +57,7 @@ typedef struct {
     WideBlock couples[FB_ROOM(BLOCKS(N_COUPLE_LANES))];
     double sums[2][N_OUTPUTS][FB_ROOM(N_LANES)];  /* of the innovations of each lane, */
     double since[2][N_OUTPUTS][FB_ROOM(N_LANES)]; /* and the sample after which each began */
-    double healthy[PLAIN_NUMBERS];                /* the healthy lane before the fault, where there is a reserve */
+    double healthy[PLAIN_NUMBERS];                /* the healthy lane before the fault */
     int64_t rests[FB_ROOM(N_RESTING)];            /* 1: groups of steps, with a slot, of couples, that do not go on */
     int64_t onset[FB_ROOM(N_LANES)];              /* sample at which each began */
     int64_t grown[FB_ROOM(N_GROWN)];              /* which sets of the reserve have lanes; -1: not yet */

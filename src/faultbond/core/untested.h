@@ -185,7 +185,7 @@ static double most_by(const Bank *bank, const Ranking *ranking, const Hidden *hi
 /* Probability that the truth is at most among the sets of the reserve that are left. */
 static double untested_part(const Bank *bank, const Ranking *ranking, int64_t index, Hidden *hidden)
 {
-    double best = -INFINITY, best_step = -INFINITY, tested = -INFINITY, rest = -INFINITY;
+    double best = -INFINITY, best_step = -INFINITY, tested = ranking->within, rest = -INFINITY;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         best = larger(best, ranking->score[k]);
         best_step = larger(best_step, ranking->kinds[k][KIND_STEP] - COST[k]);

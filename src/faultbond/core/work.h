@@ -116,7 +116,7 @@ static void begin_all(State *state, const Trail *trail, int64_t change)
     job->n_singles = N_SINGLE_LANES;
     job->n_wanted = N_PLANNED;
     for (int64_t lane = 0; lane < N_PLANNED; lane++) job->wanted[lane] = lane;
-    for (int64_t k = 0; N_RESERVE + N_COUPLES > 0 && k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) bank->healthy[k] = healthy_at(trail, 0)[k];
 }
 
 /* Leave out what lies long before the onsets of all lanes: the work then may take as much longer. */

@@ -86,7 +86,7 @@ class RunView:
     state: `fault`, `open` or `healthy`. period, span: first and last time, and how long that is. events: alarms, and
     what was accepted or rejected, in the order of time; True: an alarm. diagnosis: of the fault that is open, with its
     rows and checks. several: whether candidates cannot be told from the best. remainder, left_out: candidates that the
-    rows leave out, and sets that were not tested.
+    rows leave out, and what may be true beside all candidates.
     """
 
     state: str
@@ -128,7 +128,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        left_out=untested_sentence(diagnosis) if diagnosis else "",
+        left_out=_beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
     )
@@ -224,7 +224,7 @@ def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
         told.append(f"         ... and {len(left) - RANKED_SETS} more")
     if diagnosis.unexplained is not None:
         told.append(unexplained_sentence(diagnosis.unexplained))
-    return "\n".join([*told, *filter(None, [untested_sentence(diagnosis)])])
+    return "\n".join([*told, *filter(None, [_beside(diagnosis)])])
 
 
 def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
@@ -248,8 +248,8 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         change_of(graph, best, suspect, diagnosis.time, notation) + (MOVES if suspect.moved else "")
         for suspect in best.suspects
     )
-    if diagnosis.unexplained is not None:  # what comes nearest, without a claim
-        off = unexplained_sentence(diagnosis.unexplained)
+    off = _no_claim(diagnosis)
+    if off:  # what comes nearest
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
         changed = (
@@ -297,6 +297,29 @@ def unexplained_sentence(found: Unexplained) -> str:
         f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
         f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
     )
+
+
+def _no_claim(diagnosis: Diagnosis) -> str:
+    """Say why no candidate is claimed; empty where one is."""
+    if diagnosis.unexplained is not None:
+        return unexplained_sentence(diagnosis.unexplained)
+    if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
+        return ""
+    sure = certainty_text(diagnosis.within_accuracy)
+    return f"Something changed, by no more than the declared accuracy allows a healthy part, {sure}."
+
+
+def _beside(diagnosis: Diagnosis) -> str:
+    """Say what may be true beside the candidates."""
+    return " ".join(filter(None, (within_sentence(diagnosis), untested_sentence(diagnosis))))
+
+
+def within_sentence(diagnosis: Diagnosis) -> str:
+    """Say how likely it is that nothing is at fault but what the declared accuracy allows; empty where it hardly is."""
+    if diagnosis.within_accuracy < NEGLIGIBLE:
+        return ""
+    percent = probability_text(diagnosis.within_accuracy)
+    return f"With {percent} % no part changed by more than its declared accuracy allows a healthy one."
 
 
 def untested_sentence(diagnosis: Diagnosis) -> str:

@@ -29,6 +29,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         candidates=tuple(candidate_of(spec, item) for item in found["candidates"][: int(found["n_candidates"])]),
         unexplained=unexplained,
         untested=untested,
+        within_accuracy=float(found["within_accuracy"]),
     )
 
 

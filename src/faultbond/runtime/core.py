@@ -104,7 +104,10 @@ class Core:
                     (name, _INT)
                     for name in ("n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal")
                 ),
-                *((name, _REAL) for name in ("unexplained_sd", "since", "until", "untested_probability")),
+                *(
+                    (name, _REAL)
+                    for name in ("unexplained_sd", "since", "until", "untested_probability", "within_accuracy")
+                ),
                 ("candidates", self.candidate, (min(max(self.spec.n_hypotheses, 1), MAX_CANDIDATES),)),
             ]
         )

@@ -95,6 +95,8 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("LOOP_GUESS", spec.loops)
     for name in ("nominal", "scale", "healthy", "accuracy", "change"):
         yield numbers(name.upper(), (getattr(item, name) for item in spec.parameters))
+    for name in ("least", "most"):
+        yield numbers(f"RANGE_{name.upper()}", (getattr(item, name) for item in spec.parameters))
     yield from ragged_table("LIMIT", [item.limits for item in spec.parameters], None)
     yield numbers("LIMIT", (limit for item in spec.parameters for limit in item.limits))
     yield numbers("INPUT_NOISE", (item.noise for item in spec.inputs))

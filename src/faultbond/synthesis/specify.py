@@ -173,7 +173,7 @@ def _drifts(model: StepModel) -> FloatArray:
 
 def _parameter(item: Parameter) -> ParameterSpec:
     size = abs(item.scale)
-    lower, upper = sorted((item.lower / item.scale, item.upper / item.scale))
+    lower, upper = least, most = sorted((item.lower / item.scale, item.upper / item.scale))
     healthy, reach = (0.0 if item.nominal == 0.0 else 1.0), _OUTSIDE * item.accuracy / size
     if item.nominal != 0.0:  # keep a division by the parameter away from zero
         lower = _FACTOR_LOW if lower == 0.0 else lower
@@ -194,6 +194,8 @@ def _parameter(item: Parameter) -> ParameterSpec:
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         limits=item.limits,
+        least=least,
+        most=most,
     )
 
 

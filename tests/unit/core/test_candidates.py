@@ -25,12 +25,15 @@ FIRST = SPEC.parameter_slice.start
 SIZE = WIDE.slot_slice.start
 SETTINGS = SPEC.thresholds
 STEP = KINDS.index(FaultKind.STEP)
+WIDER = sqrt(1.0 / share_of(400))  # standard deviations, in those of the filter: 400 samples after the alarm
 
 
 @pytest.fixture
 def state() -> Diagnosed:
-    """A state with an alarm."""
-    return Diagnosed()
+    """A state with an alarm, whose parameters are far from healthy."""
+    found = Diagnosed()
+    found.far_off()
+    return found
 
 
 def lanes_of(grown: FloatArray) -> list[tuple[int, int, float]]:
@@ -150,7 +153,7 @@ def test_estimates_are_those_of_the_best_lane_of_the_best_kind(state: Diagnosed)
     assert (suspect["parameter"], suspect["input"], suspect["output"], suspect["word"]) == (1, -1, -1, 0)
     scale = SPEC.parameters[1].scale
     assert best["lane"] == own[2]
-    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((1.7 * scale, 0.2 * scale))
+    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((1.7 * scale, WIDER * 0.2 * scale))
     assert suspect["nominal"] == SPEC.parameters[1].nominal
     assert np.isnan([suspect["rate"], suspect["rate_sd"]]).all()
 
@@ -195,6 +198,7 @@ def test_at_most_a_hundred_candidates(first: int) -> None:
     sets = tuple(combinations(range(len(SPEC.parameters)), 2)) * 20
     spec, better = replace(SPEC, hypotheses=sets, reserve=()), range(first, first + 10)
     state = Diagnosed(spec)
+    state.far_off()
     values = np.full(state.n_steps + state.n_slots, -inf)
     values[: state.n_steps] = np.where(np.isin(plan_lanes(spec).hypothesis, better), 3.0, 0.0)
     state.likelihoods(values)
@@ -220,12 +224,12 @@ def test_a_drift_reaches_its_limit_on_a_straight_line(state: Diagnosed) -> None:
     """From 12 ohm at 0.01 ohm/s to 5 ohm: never; to 20 ohm: in 800 s, sooner and later by the sd of the value."""
     state["clock.time"] = 1000.0
     suspect = drifting(state, 1.2, 0.001, (0.01**2, 0.0))
-    assert (suspect["estimate"], suspect["rate"], suspect["sd"]) == pytest.approx((12.0, 0.01, 0.1))
+    assert (suspect["estimate"], suspect["rate"], suspect["sd"]) == pytest.approx((12.0, 0.01, 0.1 * WIDER))
     assert suspect["n_forecasts"] == 2
     low, high = suspect["forecasts"]
     assert (low["limit"], high["limit"]) == (5.0, 20.0)
     assert np.isnan([low["time"], low["earliest"], low["latest"]]).all()
-    off = NormalDist().inv_cdf(0.95) * 0.1 / 0.01
+    off = NormalDist().inv_cdf(0.95) * 0.1 * WIDER / 0.01
     assert tuple(high)[1:] == pytest.approx((1800.0, 1800.0 - off, 1800.0 + off), rel=1e-12)
 
 
@@ -243,14 +247,16 @@ def test_a_drift_is_that_of_the_parameter_and_the_slot(state: Diagnosed) -> None
         suspect = drifting(state, value, 0.001, (full[1, 1], full[2, 2]))
         assert suspect["estimate"] == pytest.approx(both * min(value, SPEC.parameters[0].upper))
         assert suspect["rate"] == pytest.approx(both * (0.001 + 3e-4))
-        assert suspect["sd"] == pytest.approx(both * sqrt(one @ full @ one))
-        assert suspect["rate_sd"] == pytest.approx(both * sqrt(full[2, 2]))
+        assert suspect["sd"] == pytest.approx(WIDER * both * sqrt(one @ full @ one))
+        assert suspect["rate_sd"] == pytest.approx(WIDER * both * sqrt(full[2, 2]))
     suspect = drifting(state, 0.9, 0.001, (full[1, 1], full[2, 2]))
     for item in suspect["forecasts"]:
         t = item["earliest"] - state["clock.time"][0]
         sign = 1.0 if item["limit"] > suspect["nominal"] else -1.0
         at = np.array([1.0, 1.0, t])
-        score = sign * (suspect["estimate"] + suspect["rate"] * t - item["limit"]) / (both * sqrt(at @ full @ at))
+        score = (
+            sign * (suspect["estimate"] + suspect["rate"] * t - item["limit"]) / (WIDER * both * sqrt(at @ full @ at))
+        )
         assert NormalDist().cdf(score) == pytest.approx(0.05, rel=1e-6)
 
 
@@ -259,7 +265,7 @@ def test_a_rate_that_is_not_known_may_never_reach_the_limit(state: Diagnosed) ->
     sd = 0.001
     suspect = drifting(state, 1.2, 0.0005, (0.0, sd**2))
     high = suspect["forecasts"][1]
-    early = 0.8 / (0.0005 + NormalDist().inv_cdf(0.95) * sd)
+    early = 0.8 / (0.0005 + NormalDist().inv_cdf(0.95) * WIDER * sd)
     assert tuple(high)[1:3] == pytest.approx((0.8 / 0.0005, early), rel=1e-12)
     assert np.isnan(high["latest"])
     assert drifting(state, 2.5, 0.0005, (1e-8, 1e-8))["forecasts"][1]["latest"] == pytest.approx(0.0, abs=1e-12)
@@ -276,7 +282,7 @@ def test_the_noise_of_a_sensor_is_where_its_likelihood_is_largest(state: Diagnos
     suspect = state.diagnose()["candidates"][0]["suspects"][0]
     sd = SPEC.outputs[1].noise * 2.0 * 1.5 * sqrt(12.0)
     assert (suspect["output"], suspect["word"], suspect["nominal"]) == (1, 4, SPEC.outputs[1].noise)
-    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((sd, sd / sqrt(600.0)))
+    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((sd, WIDER * sd / sqrt(600.0)))
 
 
 def test_words_of_instruments(state: Diagnosed) -> None:

@@ -33,8 +33,9 @@ SLOTS = lanes_of(WIDE, PLAN.n_lanes)
 
 @cache
 def state() -> Diagnosed:
-    """A state whose lanes with a slot are these."""
+    """A state whose lanes with a slot are these, at its alarm: likelihoods still count whole."""
     state = Diagnosed()
+    state["clock.index"] = state["clock.alarm"]
     for lane in range(PLAN.n_lanes):
         state.write("slot", lane, SLOTS[:, lane])
     return state

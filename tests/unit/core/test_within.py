@@ -1,0 +1,185 @@
+"""What lies within the declared accuracy is no fault, and what lies beyond its range no answer."""
+
+from dataclasses import replace
+from math import exp, log, log1p, pi, sqrt
+
+import numpy as np
+import pytest
+
+from diagnosed import RESERVE, SPEC, Diagnosed, share_of, slot_of
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import covariance_place
+from faultbond.synthesis.compile import find_compiler
+from faultbond.types import FaultKind
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+STEPS, SLOTS, WIDE = plan_lanes(SPEC), plan_slots(SPEC), SPEC.slotted
+FIRST, SIZE = SPEC.parameter_slice.start, WIDE.slot_slice.start
+MOVES_BY = core_settings()["MOVES_BY"]
+SHARE = share_of(400)
+NAMES = [item.name for item in SPEC.parameters]
+
+
+def diagnosed(spec: object = SPEC) -> Diagnosed:
+    """A state whose parameters are healthy before the fault, and far off in all lanes."""
+    state = Diagnosed(spec) if spec is not SPEC else Diagnosed()  # type: ignore[arg-type]
+    state.far_off()
+    healthy = np.zeros(SPEC.n_numbers)
+    healthy[SPEC.parameter_slice] = [item.healthy for item in SPEC.parameters]
+    state["bank.healthy"] = healthy
+    return state
+
+
+def found_at(state: Diagnosed, lane: int, changes: dict[int, float], sd: float = 1e-4) -> None:
+    """Let a lane of steps have found these changes of parameters, in factors, each with this sd of its filter."""
+    numbers = state.lane("step", lane)
+    for index, change in changes.items():
+        numbers[FIRST + index] = SPEC.parameters[index].healthy + change
+        numbers[covariance_place(SPEC, FIRST + index, FIRST + index)] = sd**2
+
+
+def told(state: Diagnosed) -> tuple[float, dict[tuple[int, ...], float]]:
+    """The probability of nothing at fault, and those of the sets, instruments by negative numbers."""
+    found = state.diagnose()
+    rows = found["candidates"][: found["n_candidates"]]
+    sets = {}
+    for row in rows:
+        k = int(row["hypothesis"])
+        instrument = (-1 - (k - len(SPEC.hypotheses)),) if len(SPEC.hypotheses) <= k < SPEC.n_begun else ()
+        sets[instrument or tuple(SPEC.members(k))] = float(row["probability"])
+    return float(found["within_accuracy"]), sets
+
+
+def part_within(index: int, change: float, sd: float = 1e-4) -> float:
+    """The part of a hypothesis that says no more than that a parameter is healthy, by its density."""
+    item, variance = SPEC.parameters[index], sd**2 / SHARE
+
+    def density(spread: float) -> float:
+        square = spread**2 + variance
+        return exp(-0.5 * change**2 / square) / sqrt(2.0 * pi * square)
+
+    healthy, faulty = density(MOVES_BY * item.accuracy), density(item.change)
+    return healthy / (healthy + faulty)
+
+
+@pytest.mark.parametrize("parts", [0.0, 0.3, 1.0, 1.5, 2.0, 4.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_change_within_the_accuracy_is_no_fault(parts: float, side: float) -> None:
+    """The surest hypothesis loses its share to nothing at fault where its change is that of a healthy parameter."""
+    state, index = diagnosed(), 1
+    change = side * parts * SPEC.parameters[index].accuracy
+    lane = int(np.flatnonzero(STEPS.hypothesis == index)[0])
+    state.only(lane)
+    found_at(state, lane, {index: change})
+    within, sets = told(state)
+    assert within == pytest.approx(part_within(index, change), rel=1e-6)
+    assert sets[(index,)] == pytest.approx(1.0 - part_within(index, change), rel=1e-6)
+    assert within + sum(sets.values()) == pytest.approx(1.0)
+    assert (within > 0.9) == (parts <= 1.0)
+    assert (within < 0.05) == (parts >= 2.0)
+
+
+def test_a_change_counts_from_before_the_fault_too() -> None:
+    """A parameter that comes back to its nominal value has changed; what was accepted before is the new normal."""
+    state, index = diagnosed(), 0
+    accuracy, lane = SPEC.parameters[index].accuracy, int(np.flatnonzero(STEPS.hypothesis == index)[0])
+    state.only(lane)
+    found_at(state, lane, {index: 0.0})
+    before = state["bank.healthy"].copy()
+    before[FIRST + index] = 1.0 + 5.0 * accuracy
+    state["clock.accepted"] = -1
+    state["bank.healthy"] = before
+    assert told(state)[0] < 1e-6
+    found_at(state, lane, {index: 5.2 * accuracy})
+    assert told(state)[0] < 1e-6
+    state["clock.accepted"] = 50
+    assert told(state)[0] == pytest.approx(part_within(index, 0.2 * accuracy), rel=1e-6)
+
+
+def test_of_a_pair_the_part_within_the_accuracy_goes_to_the_other_alone() -> None:
+    """A second suspect that hardly changed is none; where both hardly did, nothing is at fault."""
+    k = len(SPEC.hypotheses) - 1
+    one, two = SPEC.hypotheses[k]
+    lane, state = int(np.flatnonzero(STEPS.hypothesis == k)[0]), diagnosed()
+    state.only(lane)
+    large, small = 0.5, 0.4 * SPEC.parameters[two].accuracy
+    found_at(state, lane, {one: large, two: small})
+    part = part_within(two, small)
+    within, sets = told(state)
+    assert part > 0.95
+    assert sets[(one,)] == pytest.approx(part, rel=1e-6)
+    assert sets[(one, two)] == pytest.approx(1.0 - part, rel=1e-6)
+    assert within < 1e-9
+    found_at(state, lane, {one: -small, two: small})
+    assert told(state)[0] == pytest.approx(part * part_within(one, small), rel=1e-6)
+
+
+def test_without_a_test_of_the_rest_a_set_keeps_its_share() -> None:
+    """Where the set without the small change is not tested, nothing else can have it."""
+    pairs = tuple(chosen for chosen in SPEC.hypotheses if len(chosen) == 2)
+    spec = replace(SPEC, hypotheses=pairs, reserve=())
+    state = diagnosed(spec)
+    lane = int(np.flatnonzero(plan_lanes(spec).hypothesis == 0)[0])
+    state.only(lane)
+    one, two = pairs[0]
+    found_at(state, lane, {one: 0.5, two: 0.0})
+    found = state.diagnose()
+    assert found["candidates"][0]["probability"] > 0.99
+    assert found["within_accuracy"] < 1e-9
+
+
+def test_an_instrument_has_no_accuracy() -> None:
+    """A bias of a sensor is never within it."""
+    state, lane = diagnosed(), slot_of(output=0, kind=FaultKind.BIAS)
+    state.only(state.n_steps + lane)
+    state.lane("slot", lane)[SIZE] = 1e-6
+    assert told(state)[0] < 1e-9
+
+
+def test_a_set_of_the_reserve_loses_its_part_too() -> None:
+    """It goes to the pair or single that is tested."""
+    state, row = diagnosed(), next(k for k, chosen in enumerate(RESERVE) if len(chosen) == 2)
+    one, two = RESERVE[row]
+    grown = state["bank.grown"].copy()
+    grown[0] = row
+    state["bank.grown"] = grown
+    lane = STEPS.n_lanes
+    state.only(lane)
+    found_at(state, lane, {one: 0.5, two: 0.1 * SPEC.parameters[two].accuracy})
+    assert told(state)[1][(one,)] == pytest.approx(part_within(two, 0.1 * SPEC.parameters[two].accuracy), rel=1e-6)
+
+
+def log_below(x: float) -> float:
+    """Logarithm of the normal distribution function far below, where it has no digits left otherwise."""
+    square = x * x
+    return -0.5 * square - log(-x) - 0.5 * log(2.0 * pi) + log1p(-1.0 / square + 3.0 / square**2)
+
+
+@pytest.mark.parametrize("off", [6.0, 12.0, 35.0])
+def test_what_lies_beyond_its_range_is_no_answer(off: float) -> None:
+    """Its likelihood counts by the part of what it says that lies within; a drift that runs on beyond its end alike."""
+    kept, out = 0, 1
+    reach = sqrt(1e-4 / SHARE + SPEC.parameters[out].accuracy ** 2)
+    value = -off * reach
+    single, drift = int(np.flatnonzero(STEPS.hypothesis == out)[0]), slot_of(hypothesis=out, kind=FaultKind.DRIFT)
+    for lane, what, spec in ((single, "step", SPEC), (STEPS.n_lanes + 3 * len(RESERVE) + drift, "slot", WIDE)):
+        state = diagnosed()
+        number = lane if what == "step" else lane - state.n_steps
+        values = np.full(state.n_steps + state.n_slots, -1e6)
+        values[int(np.flatnonzero(STEPS.hypothesis == kept)[0])] = values[lane] = 50.0
+        state.likelihoods(values)
+        before = told(state)[1]
+        numbers = state.lane(what, number)
+        numbers[FIRST + out] = value if what == "step" else 1.0
+        numbers[covariance_place(spec, FIRST + out, FIRST + out)] = 1e-4
+        if what == "slot":
+            numbers[SIZE] = value - 1.0
+        after = told(state)[1]
+        lost = log(after[(out,)] / after[(kept,)]) - log(before[(out,)] / before[(kept,)])
+        assert lost == pytest.approx(log_below(-off), abs=0.03)
+    state = diagnosed()  # a value at the end of its range is an answer
+    state.only(single)
+    found_at(state, single, {out: -0.98})
+    assert told(state)[1][(out,)] > 0.99
