@@ -1,6 +1,7 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +12,18 @@ from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
+from faultbond.contract.findings import Unexplained
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.quiet_search import Added
 from faultbond.fit.samples import healthy_recording
-from faultbond.fit.trial import enough
+from faultbond.fit.trial import enough, on_trial
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.text import load_model, parse_model
+from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import amended_text, raised_text
+from faultbond.report.verdict import unexplained_sentence
 
 MODEL = """# a motor
 name: motor
@@ -105,6 +109,78 @@ def test_a_slow_error_is_found_with_its_size_and_memory(model: Path, tmp_path: P
     (error,) = load_model(tmp_path / "new.yaml").slow_errors
     assert (error.target, error.relative) == ("source.e", True)
     assert error.sd >= added["size"]
+
+
+TWO = """name: two windings
+sample_time: 0.02 s
+accuracy: 3 %
+time_between_false_alarms: 1 h
+inputs: {V: {unit: V}, W: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 3 ohm}}
+  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+  other: {type: Se, law: e = W}
+  R2: {type: R, parameters: {R2: 3 ohm}}
+  L2: {type: I, parameters: {L2: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+junctions: {armature: 1, field: 1}
+bonds: [source -> armature -> R, armature -> L, other -> field -> R2, field -> L2]
+sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}, j: {reads: field.f, unit: A, noise: 50 mA}}
+"""
+
+
+def write_two(folder: Path, seed: int) -> Path:
+    """Write a recording of two windings: the voltage of one wanders, the sensor of the other lags."""
+    one, two = (folder / f"{seed}.{name}.csv" for name in ("one", "two"))
+    write(one, seed=seed, rows=900, wander=0.05)
+    write(two, seed=seed + 50, rows=900, lag=0.12)
+    first, second = (np.genfromtxt(path, delimiter=",", names=True) for path in (one, two))
+    path = folder / f"{seed}.csv"
+    write_recording(path, {"time": first["time"], "V": first["V"], "i": first["i"], "W": second["V"], "j": second["i"]})
+    return path
+
+
+def test_what_a_lag_explains_is_no_error_any_more(tmp_path: Path) -> None:
+    """One winding lags, and explains most; the other wanders: that is asked for with the lag in place, and found."""
+    model = tmp_path / "model.yaml"
+    model.write_text(TWO, encoding="utf-8")
+    found = records(tmp_path, model, *[write_two(tmp_path, seed) for seed in (1, 2)])["quiet"]
+    kinds = {(item["kind"], item["of"] in ("j", "W")) for item in found["added"]}
+    assert kinds == {("relative slow error", False), ("lag", True)}
+
+
+def hints(folder: Path, text: str, recording: Path) -> tuple[dict[str, Any], str]:
+    """Put a model on trial; give the record and what is said."""
+    model = folder / "tried.yaml"
+    model.write_text(text, encoding="utf-8")
+    graph = load_model(model)
+    core = build_watcher(graph)
+    health = on_trial(core, [healthy_recording(str(recording), read_points(graph, str(recording)), core)], factors=())
+    return health_record(graph, core.spec, health), " ".join(text for _, text in where_lines(graph, health))
+
+
+def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
+    """A sensor that lags comes late; a bond that is turned round mirrors; a right model has neither."""
+    truth = MODEL.replace("R: 3 ohm", f"R: {R} ohm").replace("nominal: 2.5 H", f"nominal: {L} H")
+    plain, late = write(tmp_path / "a.csv", seed=1), write(tmp_path / "b.csv", seed=1, lag=0.12)
+    found, said = hints(tmp_path, truth, plain)
+    assert (found["late"], found["mirrored"]) == ([], [])
+    assert "lag" not in said
+    found, said = hints(tmp_path, truth, late)
+    assert [(item["sensor"], item["of"]) for item in found["late"]] == [("i", "V")]
+    assert found["mirrored"] == []
+    assert "a `lag:` of V or of i" in said
+    turned = truth.replace("source -> armature -> R", "armature -> source, armature -> R")
+    found, said = hints(tmp_path, turned, plain)
+    assert found["mirrored"] == ["i"]
+    assert "i moves the other way round than expected" in said
+
+
+def test_an_interval_has_a_length() -> None:
+    """No text names an interval that ends where it begins."""
+    item = Unexplained(signal="i", sd=3.0, since=7.0, until=7.0)
+    assert unexplained_sentence(item).endswith("off in i at 7 s.")
+    assert "between 7 s and 8 s, on average" in unexplained_sentence(replace(item, until=8.0))
 
 
 def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from faultbond.fit.library import load_likelihood
 from faultbond.io.cache import loadable
 
 
-def likelihood_engine(step_model: Any) -> Engine:
-    """Build what evaluates the likelihood of a model in discrete time.
+def likelihood_engine(step_model: Any, *, slopes: bool = True) -> Engine:
+    """Build what evaluates the likelihood of a model in discrete time, perhaps without its slopes.
 
     Raises
     ------
@@ -20,7 +20,7 @@ def likelihood_engine(step_model: Any) -> Engine:
     from faultbond.synthesis.compile import compile_library, compiler_title, required_compiler  # noqa: PLC0415 - as emit
     from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
 
-    compiler, function = required_compiler(), build_likelihood(step_model)
+    compiler, function = required_compiler(), build_likelihood(step_model, slopes=slopes)
     template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
     library = compile_library(emit_filter(function, template), compiler)
     with loadable([library]) as (path,):

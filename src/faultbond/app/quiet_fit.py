@@ -11,7 +11,7 @@ from faultbond.fit.identification import Prior, fit_plant
 from faultbond.fit.quiet_search import ROUNDS, Footing, Recordings, Search, Tell, as_found, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, Health, alarms_of, enough, on_trial
+from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
@@ -21,6 +21,8 @@ from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
+SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
+AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,8 +39,8 @@ class Attempt:
 
     @property
     def quiet(self) -> bool:
-        """Whether it keeps its promise and the monitor itself does not alarm."""
-        return self.health.keeps and not self.alarms
+        """Whether it keeps its promise, with room for other days, and the monitor itself does not alarm."""
+        return self.health.has_room and not self.alarms
 
 
 def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
@@ -58,7 +60,17 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     plant, records, begin = build_fit(model, likelihood, core, fitted, parameters, wishes.own)
     _, records_held, begin_held = build_fit(model, likelihood, core, held, parameters, wishes.own)
     prior = Prior(wishes.prior)
-    found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
+    found = fit_plant(
+        plant,
+        records,
+        begin,
+        prior=prior,
+        starts=wishes.starts,
+        agreeing=AGREEING,
+        settled=SETTLED,
+        seed=wishes.seed,
+        tell=tell,
+    )
     tell("putting the first model on trial")
     before = on_trial(core, (*records, *records_held), promise, factors=())
     search = Search(
@@ -105,9 +117,9 @@ def _searched(
         better = search.better(stand) if rounds < ROUNDS else None
         if better is None:
             break
+        new, gain = better.added[len(stand.added) :], better.held - stand.held
         stand, tried = better, None
-        last = stand.added[-1]
-        tell(f"added: {last.what.words}; what was held back gains {last.held:.0f} nats")
+        tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
     return tried or _attempt(stand, text, graph, read, wishes, tell), stand, rounds
 
 
@@ -115,9 +127,8 @@ def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:
     """Tell whether the recordings would be quiet with everything as it stands, which costs less than to try."""
     tell("asking whether that is quiet")
     core = build_watcher(as_found(stand))
-    records = [healthy_recording(name, points, core) for name, points in read]
-    promise = stand.graph.time_between_false_alarms or MONTH
-    return on_trial(core, records, promise, factors=()).peak <= 1.0
+    records = [healthy_recording(name, points, core) for name, points in reversed(read)]  # first what was held back
+    return stays_below(core, records, ROOM)
 
 
 def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Attempt:
@@ -131,7 +142,8 @@ def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wish
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, stand))
-    found = fit_plant(plant, records, begin, prior=Prior(wishes.prior), starts=1, seed=wishes.seed)
+    prior = Prior(wishes.prior)
+    found = fit_plant(plant, records, begin, prior=prior, starts=1, settled=SETTLED, seed=wishes.seed)
     fitted = fitted_model(first, found, core.spec.version)
     return _on_trial(fitted.model_text(with_added), fitted, read, tell)
 

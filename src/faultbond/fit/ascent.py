@@ -54,6 +54,7 @@ def ascend(
     *,
     anchor: FloatArray | None = None,
     turns: int | None = None,
+    settled: float = SETTLED,
 ) -> Summit:
     """Climb from a point.
 
@@ -67,9 +68,10 @@ def ascend(
     prior : sd of each unknown about its nominal value, (n,)
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
+    settled : nats that the next step would still bring where a climb ends
     """
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
-    now = _straight(hill, hill.at(begin), TURNS if turns is None else turns)
+    now = _straight(hill, hill.at(begin), TURNS if turns is None else turns, settled)
     if turns is not None:
         return replace(now, steps=hill.calls)
     rng = np.random.default_rng(len(prior))
@@ -80,15 +82,15 @@ def ascend(
         for _ in range(PLACES):
             trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
             if trial.posterior > now.posterior - NEAR:
-                trial = _straight(hill, trial, SHORT)
+                trial = _straight(hill, trial, SHORT, settled)
             best = max(best, trial, key=lambda item: item.posterior)
         worse = best.posterior - now.posterior < WORTH
-        now = replace(best if worse else _straight(hill, best, TURNS), settled=worse)
+        now = replace(best if worse else _straight(hill, best, TURNS, settled), settled=worse)
     return replace(now, steps=hill.calls)
 
 
-def _straight(hill: "_Hill", now: Summit, most: int) -> Summit:
-    """Climb as the slope leads, so many steps at most."""
+def _straight(hill: "_Hill", now: Summit, most: int, settled: float) -> Summit:
+    """Climb as the slope leads, so many steps at most, until a step would bring less than `settled` nats."""
     damping = 1e-3
     for _ in range(most):
         if not np.isfinite(now.posterior):
@@ -97,7 +99,7 @@ def _straight(hill: "_Hill", now: Summit, most: int) -> Summit:
         free = ~hill.held(now, slope)
         for _ in range(PATIENCE):
             move, promise = hill.move(now, slope, free, damping)
-            if promise <= SETTLED and damping <= SOFT:
+            if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True)
             trial = hill.at(hill.moved(now.point, move))
             gain = trial.posterior - now.posterior

@@ -14,6 +14,7 @@ from faultbond.fit.unknowns import Unknowns
 
 _NONE = np.zeros(0)
 _TURNS = 12  # of the climb to the starts alone
+CLOSE_ENOUGH = 0.2  # nats that a further step would bring to a climb that compares
 _PLACES = 50  # moments of a recording at which signals are looked at
 
 
@@ -42,7 +43,7 @@ def likelihoods(
 
 
 def _still_lanes(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:
-    """Give lanes (n_numbers, n) at the begin of a recording that move in no direction."""
+    """Give lanes (n_numbers, n) at the begin of a recording, which move in no direction if they have one."""
     layout, n_free = plant.layout, len(plant.free)
     x = np.zeros(layout.n_x)
     x[list(plant.free)] = start[:n_free]
@@ -51,7 +52,7 @@ def _still_lanes(plant: FittedPlant, start: FloatArray, declared: FloatArray) ->
         q = row.copy()
         q[[place for place, _ in plant.own]] = start[n_free:]
         held.append(np.concatenate([plant.begin(q, x)[0].full()[:, 0], q, plant.implicit]))
-    still = np.zeros((layout.n_filter + layout.n_q, len(held)))
+    still = np.zeros((layout.n_filter + layout.n_q if plant.slopes else 0, len(held)))
     return np.concatenate([np.array(held).T, still])
 
 
@@ -83,4 +84,5 @@ def all_known(plant: FittedPlant, q: FloatArray) -> FittedPlant:
 
 def foretold(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> Summit:
     """Give the likelihood of recordings that were held back: all of q (n_q,) is known but where they start."""
-    return ascend(all_known(plant, q), records, replace(begin, values=_NONE), _NONE, turns=_TURNS)
+    known = replace(begin, values=_NONE)
+    return ascend(all_known(plant, q), records, known, _NONE, turns=_TURNS, settled=CLOSE_ENOUGH)

@@ -16,7 +16,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
-from faultbond.fit.ascent import START_PRIOR, Summit, ascend, spread_noise
+from faultbond.fit.ascent import SETTLED, START_PRIOR, Summit, ascend, spread_noise
 from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
@@ -88,6 +88,8 @@ def fit_plant(
     *,
     prior: Prior = Prior.WIDENED,
     starts: int = 4,
+    agreeing: int | None = None,
+    settled: float = SETTLED,
     seed: int = 0,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Fit:
@@ -100,6 +102,8 @@ def fit_plant(
     begin : nominal values, and the starts of the recordings
     prior : what declared accuracies count for
     starts : how many starts the search has, the nominal values among them
+    agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
+    settled : nats that the next step would still bring where a climb ends
     seed : of the other starts
     tell : takes what is being done
 
@@ -116,10 +120,10 @@ def fit_plant(
         raise NoVerdictError(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
-    best, reached = _search(plant, records, begin, starts, seed, tell)
-    records, best = _without_wild(plant, records, best)
+    best, reached, starts = _search(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
+    records, best = _without_wild(plant, records, best, settled)
     tell("weighing the declared accuracies")
-    best, widths = _weigh(plant, records, begin, best, prior)
+    best, widths = _weigh(plant, records, begin, best, prior, settled)
     widths = np.maximum(widths, 1.0)
     courses, found = _certainty(plant, records, best, widths)
     return Fit(
@@ -157,10 +161,12 @@ def _search(
     records: Sequence[HealthyRecording],
     begin: FitPoint,
     starts: int,
+    agreeing: int,
+    settled: float,
     seed: int,
     tell: Callable[[str], None],
-) -> tuple[Summit, int]:
-    """Climb from several starts under a wide prior; give the best summit and how many reached it."""
+) -> tuple[Summit, int, int]:
+    """Climb from several starts under a wide prior; give the best summit, how many reached it, and of how many."""
     rng = np.random.default_rng(seed)
     unknowns, summits = plant.unknowns, []
     prior = unknowns.widened(WIDE)
@@ -169,18 +175,21 @@ def _search(
         values = begin.values.copy()
         values[: unknowns.n_theta] += START_SPREAD * rng.standard_normal(unknowns.n_theta) if k else 0.0
         point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
-        summits.append(ascend(plant, records, spread_noise(plant, records, point), prior))
-    best = max(summits, key=lambda item: item.posterior)
+        summits.append(ascend(plant, records, spread_noise(plant, records, point), prior, settled=settled))
+        best = max(summits, key=lambda item: item.posterior)
+        reached = sum(item.posterior > best.posterior - ALIKE for item in summits)
+        if reached >= agreeing:
+            break
     if not np.isfinite(best.posterior):
         names = ", ".join(record.name for record in records)
         raise RecordingError(
             f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
         )
-    return best, sum(item.posterior > best.posterior - ALIKE for item in summits)
+    return best, reached, len(summits)
 
 
 def _without_wild(
-    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit
+    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit, settled: float
 ) -> tuple[tuple[HealthyRecording, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
@@ -191,12 +200,18 @@ def _without_wild(
             break
         kept = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
         begin = spread_noise(plant, kept, best.point)
-        best = ascend(plant, kept, begin, plant.unknowns.widened(WIDE), anchor=best.point.starts)
+        wide = plant.unknowns.widened(WIDE)
+        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, settled=settled)
     return kept, best
 
 
 def _weigh(
-    plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, best: Summit, prior: Prior
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    best: Summit,
+    prior: Prior,
+    settled: float,
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -218,7 +233,8 @@ def _weigh(
         away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
         widths = np.minimum(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE), most)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
-        best = ascend(plant, records, best.point, unknowns.widened(widths), anchor=begin.starts)
+        wide = unknowns.widened(widths)
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)

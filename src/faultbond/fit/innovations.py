@@ -32,13 +32,17 @@ class Watch:
 
     scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; cusum (2, N,
     n_outputs): up, down; height (N, n_outputs): the largest sum, see `runtime.cusum`; slow (N, n_slow): slow errors in
-    their declared sizes.
+    their declared sizes. walk: how far a parameter walked at most, with everything as declared; 1: an alarm; walker:
+    the parameter, -1: none was judged. alone (N, n_outputs): what the plant alone shows under the inputs, SI.
     """
 
     scores: FloatArray
     cusum: FloatArray
     height: FloatArray
     slow: FloatArray
+    walk: float
+    walker: int
+    alone: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +50,8 @@ class _Taken:
     """What the monitor's filter took of n samples, those from its start on.
 
     rows: (n, n_sample), packed; started: how many of them it gathered for its start. use, settling: (n, n_outputs),
-    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt.
+    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. walk, walker: see
+    `Watch`.
     """
 
     rows: FloatArray
@@ -54,6 +59,8 @@ class _Taken:
     use: BoolArray
     settling: BoolArray
     astray: BoolArray
+    walk: float
+    walker: int
 
 
 def watch_recording(
@@ -72,6 +79,8 @@ def watch_recording(
     scores, slow = np.full(shape, np.nan), np.full((*shape[:2], len(spec.slow_errors)), np.nan)
     for k, variant in enumerate(variants):
         scores[k, first:], slow[k, first:] = _filtered(core, taken, variant)
+    alone = np.full(shape[1:], np.nan)
+    alone[first:] = _alone(core, taken)
     warm = first + spec.thresholds.warm_up_samples
     scores[:, :warm], slow[:, :warm] = np.nan, np.nan
     cusum, height = np.zeros((2, *shape)), np.zeros(shape)
@@ -85,7 +94,16 @@ def watch_recording(
         cusum[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
     scores[:, first:][:, ~taken.use] = np.nan
     return tuple(
-        Watch(scores=scores[k], cusum=cusum[:, k], height=height[k], slow=slow[k]) for k in range(len(variants))
+        Watch(
+            scores=scores[k],
+            cusum=cusum[:, k],
+            height=height[k],
+            slow=slow[k],
+            walk=taken.walk,
+            walker=taken.walker,
+            alone=alone,
+        )
+        for k in range(len(variants))
     )
 
 
@@ -93,6 +111,7 @@ def _taken(core: Core, record: HealthyRecording) -> _Taken:
     """Run the monitor with its alarms off."""
     spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
     running, rows, known, astray = False, list[FloatArray](), list[bool](), list[bool]()
+    walk, walker = 0.0, -1
     for number, point in enumerate(record.points):
         before = running
         monitor.step(point)
@@ -105,6 +124,8 @@ def _taken(core: Core, record: HealthyRecording) -> _Taken:
         new = len(rows) - len(known)
         known += [monitor.knows_inputs] * new
         astray += [bool(monitor.numbers("healthy.astray").any())] * new
+        if (walked := monitor.number("healthy.walk")) > walk:
+            walk, walker = walked, int(monitor.number("healthy.walker")) % max(len(spec.parameters), 1)
     packed = np.array(rows).reshape(-1, spec.n_sample)
     use = trusted(spec, packed)
     return _Taken(
@@ -113,6 +134,8 @@ def _taken(core: Core, record: HealthyRecording) -> _Taken:
         use=use & np.array(known, dtype=bool)[:, None],
         settling=(packed[:, spec.sample_fields["use"]] > 0) & ~use,
         astray=np.array(astray, dtype=bool),
+        walk=walk,
+        walker=walker,
     )
 
 
@@ -140,6 +163,19 @@ def _filtered(core: Core, taken: _Taken, variant: Variant) -> tuple[FloatArray, 
             lane, innovations = core.advance(lane, rows[t : t + 1])
             slow[t], found[t] = lane[spec.slow_slice, 0] / sizes, innovations[0, : 2 * n_y, 0]
     return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
+
+
+def _alone(core: Core, taken: _Taken) -> FloatArray:
+    """Give what the plant shows if no reading is taken, (n, n_outputs), SI; nan where there is none to compare with."""
+    place, n_y = core.spec.sample_fields, len(core.spec.outputs)
+    rows = taken.rows.copy()
+    if not len(rows):
+        return np.zeros((0, n_y))
+    rows[:, place["use"]] = 0.0
+    known = _declared(core, Variant())
+    lane = core.healthy_lane(*core.solve_start(taken.rows[: taken.started], known), known)
+    off = core.advance(lane, rows)[1][:, :n_y, 0]
+    return np.where(taken.use, rows[:, place["y"]] - off, np.nan)
 
 
 def _declared(core: Core, variant: Variant) -> FloatArray:

@@ -91,11 +91,12 @@ def layout_of(model: StepModel) -> Layout:
     )
 
 
-def build_likelihood(model: StepModel) -> ca.Function:
+def build_likelihood(model: StepModel, *, slopes: bool = True) -> ca.Function:
     """Give (lane, sample) -> (lane, innovations) of one sample.
 
     innovations: for each sensor the difference between the measured value and what the past and the sensors before it
-    predict, then the variances of these, then the derivatives of both along the lane's direction; SI.
+    predict, then the variances of these, then the derivatives of both along the lane's direction; SI. Without `slopes`
+    a lane has no direction, and there are no derivatives: a third of the work.
     """
     size = layout_of(model)
     sample = ca.SX.sym("sample", size.n_sample)
@@ -105,10 +106,15 @@ def build_likelihood(model: StepModel) -> ca.Function:
     direction = ca.SX.sym("direction", moving.numel())
     following, seen, solved = _sample(model, size, moving, implicit, fields)
     n_f = size.n_filter
+    if not slopes:
+        return _function(ca.vertcat(moving, implicit), sample, ca.vertcat(following, moving[n_f:], solved), seen)
     change = ca.jtimes(ca.vertcat(following, seen), moving, direction)
     lane = ca.vertcat(moving, implicit, direction)
     after = ca.vertcat(following, moving[n_f:], solved, change[:n_f], direction[n_f:])
-    innovations = ca.vertcat(seen, change[n_f:])
+    return _function(lane, sample, after, ca.vertcat(seen, change[n_f:]))
+
+
+def _function(lane: ca.SX, sample: ca.SX, after: ca.SX, innovations: ca.SX) -> ca.Function:
     return ca.Function(
         "filter_step",
         [lane, sample],

@@ -22,7 +22,7 @@ class FittedPlant:
 
     begin: see `build_begin`; base: (n_q,), q as the model file states it, see `Layout`; implicit: (n_z,), a first guess
     of the implicit signals, SI; free: states whose start is to be found; own: places in q of parameters that each
-    recording has for itself, with the sd before the data, in factors.
+    recording has for itself, with the sd before the data, in factors; slopes: whether the engine gives them.
     """
 
     sensors: tuple[str, ...]
@@ -34,6 +34,7 @@ class FittedPlant:
     unknowns: Unknowns
     free: tuple[int, ...]
     own: tuple[tuple[int, float], ...] = ()
+    slopes: bool = True
 
     @property
     def n_own(self) -> int:

@@ -2,8 +2,8 @@
 
 Round by round: what each possible imperfection would gain is asked on a grid of sizes and memories with all else as it
 stands; the best few are fitted together with everything else; of those that foretell the recordings that were held back
-about equally well, the one is kept that leaves the parameters best known. A round that foretells nothing better is the
-last.
+about equally well, the one is kept that leaves the parameters best known. Others of the round that gain beside it what
+they gain alone are kept with it. A round that foretells nothing better is the last.
 
 Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); held-back data as in Stone, J. Royal
 Statistical Society B 36 (1974) 111.
@@ -12,6 +12,7 @@ Statistical Society B 36 (1974) 111.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import NoVerdictError, StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
-from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.hints import explained, last_changes
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
 from faultbond.fit.imperfections import (
     UNTRIED,
@@ -50,6 +52,10 @@ WORTH = 3.0  # nats by which held-back recordings must be foretold better
 FEWEST = 5.0  # nats, and
 CLOSE = 0.03  # part of the best gain: so much less is about as good
 TRIED = 3  # of the best, in each round
+PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
+WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
+BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
+MOST_BESIDE = 3  # kept in a round
 ROUNDS = 8
 TURNS = 15  # steps of a climb that compares
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)  # parts of a value, or of the usual size of a signal
@@ -65,13 +71,19 @@ LAGS_TRIED = 2
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
-BEHIND = 6  # samples
 MOST_SAMPLES = 6000  # with which sizes are compared
+FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 HELD = 3  # one recording of so many is held back, and the last part of so many where there is one
 
-Build = Callable[[StepModel], Engine]
 Tell = Callable[[str], None]
 Recordings = Sequence[tuple[str, Sequence[Sample]]]  # names and grid points
+
+
+class Build(Protocol):
+    """Gives what runs the likelihood of a plant, perhaps without its slopes."""
+
+    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Engine:
+        """Give it; without its slopes a lane has no direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +106,7 @@ class Footing:
     graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
     starts : of the recordings that are fitted, by the name of the state or of a recording's own parameter
     innovations, expected : of the recordings that are fitted, (N, n_outputs) each; in standard deviations, and SI
-    trained, held : logarithms of the likelihood of recordings fitted and held back
+    trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
     unknown : mean logarithm of the standard errors of the parameters
     """
 
@@ -102,6 +114,7 @@ class Footing:
     values: Mapping[str, float]
     starts: Mapping[str, FloatArray]
     trained: float = 0.0
+    few: float = 0.0
     held: float = 0.0
     unknown: float = 0.0
     innovations: tuple[FloatArray, ...] = ()
@@ -167,20 +180,25 @@ class Search:
         self.columns = (*free, *(item.name for item in graph.parameters if item.name in own))
         steps = np.concatenate([np.diff(item.time) for item in (*self.trained, *self.held)])
         self.step = float(np.median(steps))
+        ends = np.cumsum([len(item.time) for item in self.trained])
+        self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
         self.possible = possible(graph, signals, len(model.states))
         self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
-        checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in signals)
-        everything = replace(with_imperfections(graph, self.possible), checks=checks)
         self.signals = signals
         tell("building a filter with all that may be missing")
-        self.all = self._ground(everything)
+        self.all = self._with_all(graph)
 
-    def _ground(self, graph: BondGraph) -> "_Ground":
+    def _with_all(self, graph: BondGraph) -> "_Ground":
+        """Give a plant in which all that may be missing is open, for likelihoods alone."""
+        checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
+        return self._ground(replace(with_imperfections(graph, self.possible), checks=checks), slopes=False)
+
+    def _ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
         model = build_step_model(build_plant(graph))
-        return _Ground(self, graph, model, self.build(model))
+        return _Ground(self, graph, model, self.build(model, slopes=slopes), slopes=slopes)
 
     def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
@@ -206,16 +224,11 @@ class Search:
 
     def better(self, stand: Footing) -> Footing | None:
         """Give where the best further imperfection leads; None: none foretells what was held back better."""
-        slow = [item for item, gain in self.profile(stand) if gain > 0.0][:TRIED]
-        lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED] + self.holds(stand)[:1]
-        if not slow and not lags:
+        tried = self._promising(stand)
+        if not tried:
             return None
-        self.tell(f"fitting {', '.join(item.words for item in (*slow, *lags))}")
-        untried = tuple(replace(item, size=UNTRIED) for item in slow if item.key not in _keys(stand.graph))
-        found = []
-        for some in (slow, *([item] for item in lags)):
-            with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-                found += self._climbed(stand, some, untried)
+        self.tell(f"fitting {', '.join(item.words for _, item in tried)}")
+        found = [ground.climbed(stand, item, few=True) for ground, item in tried]
         gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
         most = max(gained, default=-np.inf)
         if not most >= WORTH:
@@ -223,20 +236,75 @@ class Search:
         self.refused |= {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain < WORTH}
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
+        # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it.
+        order = sorted(found, key=lambda item: (item in near, -item.held))
+        others = [item for item in order if item is not best]
+        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most)]
+        if not best.added[-1].what.is_slow:  # a slow error also takes what a lag explains that is not there yet
+            worthy = [item for item in worthy if not item.added[-1].what.is_slow]
+        joint = self._joint(stand, best, worthy)
+        if joint is not None:
+            return joint
         alike = tuple(item.added[-1].what for item in near if item is not best)
-        return replace(best, added=(*best.added[:-1], replace(best.added[-1], alike=alike)))
+        return self._together(stand, [replace(best.added[-1], alike=alike)])
 
-    def _climbed(
-        self, stand: Footing, some: Sequence[Imperfection], untried: tuple[Imperfection, ...]
-    ) -> list[Footing]:
-        """Give where each of some imperfections leads that one plant can hold side by side."""
-        if not some:
+    def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection]]:
+        """Give what is worth to be fitted, each with a plant that may have it, by its gain with the rest as it is.
+
+        Lags and slow errors are weighed among their like: a slow error takes at once what a lag does with others only.
+        """
+        slow = [item for item in self.profile(stand) if item[1] > 0.0][:TRIED]
+        slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
+        lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
+        if not slow and not lags and not self.holds(stand):
             return []
-        lag = some[0].kind in (Kind.LAG, Kind.HOLD)
-        added = (replace(some[0], size=LAG_GRID * self.step),) if lag else untried
-        ground = self._ground(with_imperfections(stand.graph, added))
-        begun = [ground.best_lag(stand, item) if item.kind is Kind.LAG else item for item in some]
-        return [ground.climbed(stand, item) for item in begun]
+        shared = self._ground_with(stand, [item for item, _ in slow if item.key not in _keys(stand.graph)])
+        found: list[tuple[_Ground, Imperfection, float]] = []
+        for item in (*lags, *self.holds(stand)[:1]):
+            with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
+                ground = self._ground_with(stand, (item,))
+                found.append((ground, *ground.best_lag(stand, item)))
+        most = max((gain for _, _, gain in found), default=0.0)
+        return [
+            *((shared, item) for item, _ in slow),
+            *((ground, item) for ground, item, gain in found if gain >= PROMISING * most),
+        ]
+
+    def _ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
+        """Give a plant that may have further imperfections."""
+        sizes = {Kind.LAG: LAG_GRID * self.step}
+        opened = tuple(replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
+        return self._ground(with_imperfections(stand.graph, opened))
+
+    def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
+        """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
+
+        What explains the same thing gains together hardly more than alone; that is not added twice.
+        """
+        places = {best.added[-1].what.place}
+        chosen = [best]
+        for item in others:
+            if len(chosen) < MOST_BESIDE and item.added[-1].what.place not in places:
+                chosen.append(item)
+                places.add(item.added[-1].what.place)
+        while len(chosen) > 1:
+            more = [item.added[-1] for item in chosen]
+            self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
+            with suppress(StructureError):
+                found = self._together(stand, more)
+                alone = [item.held for item in more]
+                if found.held - stand.held >= alone[0] + BESIDE * sum(alone[1:]):
+                    return found
+            chosen = chosen[: 2 if len(chosen) > 2 else 0]
+        return None
+
+    def _together(self, stand: Footing, more: Sequence[Added]) -> Footing:
+        """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
+        items = [item.what for item in more]
+        found = self._ground_with(stand, items).climbed(stand, *items)
+        sizes = {item.what.key: item.what for item in found.added}
+        kept = (replace(item, what=sizes[item.what.key]) for item in more)
+        return replace(found, added=(*found.added[: len(stand.added)], *kept))
 
     def lags(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.
@@ -248,11 +316,11 @@ class Search:
         found = []
         for k, sensor in enumerate(self.graph.sensors):
             parts = zip(stand.innovations, stand.expected, strict=True)
-            gain = sum(_explained(off[:, k], _changes(expected[:, k])) for off, expected in parts)
+            gain = sum(explained(off[:, k], last_changes(expected[:, k])) for off, expected in parts)
             found.append((Imperfection(kind=Kind.LAG, place=sensor.name, is_sensor=True), gain))
         for k, item in enumerate(self.graph.inputs):
             parts = zip(stand.innovations, (record.u[:, k] for record in self.trained), strict=True)
-            gain = sum(_explained(column, _changes(u)) for off, u in parts for column in off.T)
+            gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
             found.append((Imperfection(kind=Kind.LAG, place=item.name), gain))
         free = [item for item in found if lag_name(item[0]) not in taken and item[0].key not in self.refused]
         return sorted(free, key=lambda item: item[1], reverse=True)
@@ -264,7 +332,7 @@ class Search:
             courses = [record.u[:, k] for record in self.trained]
             moves = float(np.mean(np.concatenate([np.diff(u) != 0.0 for u in courses])))
             parts = zip(stand.innovations, courses, strict=True)
-            gain = sum(_explained(column, _changes(u)) for off, u in parts for column in off.T)
+            gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
             if not item.linear and moves > RESTLESS and gain > HINT:
                 found.append((gain, Imperfection(kind=Kind.HOLD, place=item.name)))
         best = sorted(found, key=lambda one: one[0], reverse=True)
@@ -273,6 +341,8 @@ class Search:
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
+        if _in_time(stand.graph) != _in_time(self.all.graph):  # what lags by now is to be no error any more
+            self.all = self._with_all(stand.graph)
         record = _shortened(self.trained[0])
         q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
         plant = self.all.plant(q)
@@ -328,8 +398,8 @@ class Search:
 class _Ground:
     """A plant in which some imperfections are open, as the likelihood takes it."""
 
-    def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Engine) -> None:
-        self.search, self.graph, self.model, self.engine = search, graph, model, engine
+    def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Engine, *, slopes: bool) -> None:
+        self.search, self.graph, self.model, self.engine, self.slopes = search, graph, model, engine, slopes
         self.layout = layout_of(model)
         self.begin, known = build_begin(model), known_starts(model)
         self.free = tuple(k for k in range(self.layout.n_x) if k not in known)
@@ -367,14 +437,17 @@ class _Ground:
         summit = foretold(plant, records, begin, q)
         return [score_recording(all_known(plant, q), item, summit.point, r) for r, item in enumerate(records)]
 
-    def best_lag(self, stand: Footing, item: Imperfection) -> Imperfection:
-        """Give a lag as long as it explains most with all else as it stands."""
+    def best_lag(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
+        """Give a lag as long as it explains most with all else as it stands, or a hold, and what it gains, nats."""
+        q, starts = self.q_of(stand), self.starts_of(stand)[: len(self.search.few)]
+        if item.kind is not Kind.LAG:
+            return item, float(likelihoods(self.plant(q), self.search.few, starts, q[None])[0]) - stand.few
         times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
         times = times or [self.search.step]
-        q, starts = self.q_of(stand), self.starts_of(stand)
         tried = np.array([self.with_one(q, replace(item, size=time)) for time in times])
-        gains = likelihoods(self.plant(q), self.search.trained, starts, tried)
-        return replace(item, size=times[int(np.argmax(gains))])
+        gains = likelihoods(self.plant(q), self.search.few, starts, tried) - stand.few
+        best = int(np.argmax(gains))
+        return replace(item, size=times[best]), float(gains[best])
 
     def q_of(self, stand: Footing) -> FloatArray:
         """Give q with everything as it stands, (n_q,); what is not part of it is next to nothing."""
@@ -440,27 +513,33 @@ class _Ground:
             unknowns=replace(unknowns, lower=lower, upper=upper),
             free=self.free,
             own=tuple((k, item.accuracy / abs(item.scale)) for k, item in self.own),
+            slopes=self.slopes,
         )
 
-    def climbed(self, stand: Footing, more: Imperfection | None = None) -> Footing:
-        """Give where a climb leads that begins where it stands, with one more imperfection or none."""
+    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False) -> Footing:
+        """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records."""
         search = self.search
-        opened = [*(item.what for item in stand.added), *([] if more is None else [more])]
-        q = self.q_of(stand) if more is None else self.with_one(self.q_of(stand), more)
+        records = search.few if few else search.trained
+        opened = [*(item.what for item in stand.added), *more]
+        q = self.q_of(stand)
+        for item in more:
+            q = self.with_one(q, item)
         plant = self.plant(q, opened)
         unknowns = plant.unknowns
         values = np.clip(_values(plant, q), unknowns.lower, unknowns.upper)
-        known = self.begin_of(search.trained, search.begin)
-        begin = replace(known, values=values, starts=self.starts_of(stand))
-        summit = ascend(plant, search.trained, begin, unknowns.widened(WIDE), anchor=known.starts, turns=TURNS)
+        known = self.begin_of(records, search.begin)
+        begin = replace(known, values=values, starts=self.starts_of(stand)[: len(records)])
+        wide = unknowns.widened(WIDE)
+        summit = ascend(plant, records, begin, wide, anchor=known.starts, turns=TURNS, settled=CLOSE_ENOUGH)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
         stood = self._stood(stand, opened, found, summit, ahead.evaluation.value)
-        if more is None:
-            return stood
-        last = next(item for item in _found(self, found, opened) if item.key == more.key)
-        gained = Added(what=last, trained=stood.trained - stand.trained, held=stood.held - stand.held)
-        return replace(stood, added=(*stood.added, gained))
+        stood = replace(stood, few=stood.trained) if few else self._seen(stood, found, summit)
+        keys = {item.key for item in more}
+        gains = stood.few - stand.few, stood.held - stand.held
+        last = (item for item in _found(self, found, opened) if item.key in keys)
+        gained = (Added(what=item, trained=gains[0], held=gains[1]) for item in last)
+        return replace(stood, added=(*stood.added, *gained))
 
     def _stood(
         self, stand: Footing, opened: Sequence[Imperfection], q: FloatArray, summit: Summit, held: float
@@ -474,23 +553,28 @@ class _Ground:
         n_theta = len([item for item in search.parameters if item[1].name not in search.own])
         unknown = float(np.mean(np.log(np.maximum(spread[:n_theta], 1e-300)))) / 2.0 if n_theta else 0.0
         by_key = {item.key: item for item in sizes}
-        plant, values = self.plant(q), {}
+        values = {}
         for item, factor in zip(self.graph.parameters, q[: layout.n_p].tolist(), strict=True):
             values[item.name] = factor * item.scale
-        seen = [
-            score_recording(all_known(plant, q), item, replace(summit.point, values=np.zeros(0)), r)
-            for r, item in enumerate(search.trained)
-        ]
         return Footing(
             graph=with_imperfections(_with_noise(stand.graph, noise), sizes),
             values=values,
             starts=dict(zip(self.columns, summit.point.starts.T, strict=True)),
-            innovations=tuple(item.standardised for item in seen),
-            expected=tuple(record.y - item.innovations for record, item in zip(search.trained, seen, strict=True)),
             trained=summit.evaluation.value,
             held=held if np.isfinite(summit.evaluation.value) else -np.inf,
             unknown=unknown,
             added=tuple(replace(item, what=by_key[item.what.key]) for item in stand.added),
+        )
+
+    def _seen(self, stood: Footing, q: FloatArray, summit: Summit) -> Footing:
+        """Give a footing with what each recording shows there."""
+        known, point = all_known(self.plant(q), q), replace(summit.point, values=np.zeros(0))
+        seen = [score_recording(known, item, point, r) for r, item in enumerate(self.search.trained)]
+        return replace(
+            stood,
+            innovations=tuple(item.standardised for item in seen),
+            expected=tuple(x.y - item.innovations for x, item in zip(self.search.trained, seen, strict=True)),
+            few=sum(item.value for item in seen[: len(self.search.few)]),
         )
 
     def usual(self, record: HealthyRecording, start: FloatArray, q: FloatArray) -> dict[str, float]:
@@ -554,6 +638,11 @@ def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tu
     return tuple(found)
 
 
+def _in_time(graph: BondGraph) -> tuple[tuple[str, bool], ...]:
+    """Give what of a plant lags, and which inputs go on between rows."""
+    return (*((item.lag, item.linear) for item in graph.inputs), *((item.lag, False) for item in graph.sensors))
+
+
 def _with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
     sensors = zip(graph.sensors, noise.tolist(), strict=True)
     return replace(graph, sensors=tuple(replace(item, noise=sd) for item, sd in sensors))
@@ -562,23 +651,6 @@ def _with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
 def _keys(graph: BondGraph) -> set[tuple[Kind, str]]:
     noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
     return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
-
-
-def _changes(course: FloatArray) -> FloatArray:
-    """Give the last changes of something, (N, n), the newest first."""
-    change = np.diff(course, prepend=course[:1])
-    return np.column_stack([np.concatenate([np.zeros(lag), change[: len(change) - lag]]) for lag in range(BEHIND)])
-
-
-def _explained(off: FloatArray, changes: FloatArray) -> float:
-    """Give how many nats it is worth that errors (N,), in standard deviations, go with changes (N, n)."""
-    here = np.isfinite(off) & np.isfinite(changes).all(axis=1)
-    scale = changes[here].std(axis=0) if here.any() else np.zeros(1)
-    if here.sum() <= 2 * BEHIND or not np.all(scale > 0.0):
-        return 0.0
-    columns, values = changes[here] / scale, off[here]
-    left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    return float(0.5 * here.sum() * np.log(max(np.sum(values**2), 1e-300) / max(np.sum(left**2), 1e-300)))
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:

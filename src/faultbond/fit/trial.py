@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
+from faultbond.fit.hints import Late, late_sensors, mirrored_sensors
 from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
@@ -17,6 +18,7 @@ MONTH = 30.0 * 86400.0  # s
 WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
 RISE, MOST_RISES = 1.25, 24  # by which noise or slow errors rise, and how often
 KINDS = ("accuracy", "noise", "slow")
+ROOM = 0.8  # of every limit: recordings that are as quiet are so on other days too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +36,11 @@ class DeclarationTrial:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Health:
-    """A model on healthy recordings. needed: smallest factor of each kind that keeps the promise; None: none does."""
+    """A model on healthy recordings. needed: smallest factor of each kind that keeps the promise; None: none does.
+
+    walk: how far a parameter walked at most as a part of its limit, and walker, which; empty: none was judged; late:
+    sensors that come later than the model says; mirrored: those that move the other way round
+    """
 
     promise: float
     step: float
@@ -44,6 +50,10 @@ class Health:
     regions: tuple[Region, ...]
     moments: tuple[Moment, ...]
     trials: tuple[DeclarationTrial, ...]
+    walk: float
+    walker: str
+    late: tuple[Late, ...]
+    mirrored: tuple[str, ...]
 
     @property
     def between(self) -> float:
@@ -56,9 +66,14 @@ class Health:
         return max((item.peak for item in self.rates), default=0.0)
 
     @property
+    def has_room(self) -> bool:
+        """Whether the promise is kept and every statistic stays well below its limit."""
+        return self.keeps and max(self.peak, self.walk) <= ROOM
+
+    @property
     def keeps(self) -> bool:
         """Whether the promise is kept as declared."""
-        return self.peak <= 1.0 and self.between >= self.promise
+        return max(self.peak, self.walk) <= 1.0 and self.between >= self.promise
 
     @property
     def needed(self) -> dict[str, float | None]:
@@ -100,6 +115,7 @@ def on_trial(
         statistics = found[variant]
         peak = max((item.peak for item in statistics), default=0.0)
         trials.append(DeclarationTrial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
+    farthest = max(seen[0], key=lambda item: item.walk)
     return Health(
         promise=promise,
         step=step,
@@ -109,7 +125,21 @@ def on_trial(
         regions=wrong_regions(spec, records, seen[0]),
         moments=moments(spec, records, seen[0]),
         trials=tuple(trials),
+        walk=farthest.walk,
+        walker=spec.parameters[farthest.walker].name if farthest.walker >= 0 else "",
+        late=late_sensors(spec, records, seen[0]),
+        mirrored=mirrored_sensors(spec, records, seen[0]),
     )
+
+
+def stays_below(core: Core, records: Sequence[HealthyRecording], most: float) -> bool:
+    """Tell whether every statistic stays below a part of its limit on every recording."""
+    step = _step(records)
+    for record in records:
+        (seen,) = watch_recording(core, record)
+        if max(seen.walk, *(item.peak for item in alarm_rates(core.spec, (seen,), step))) > most:
+            return False
+    return True
 
 
 def first_alarm(core: Core, record: HealthyRecording) -> float | None:
@@ -127,8 +157,10 @@ def alarms_of(core: Core, records: Sequence[HealthyRecording]) -> dict[str, floa
     return {name: time for name, time in found.items() if time is not None}
 
 
-def enough(core: Core, records: Sequence[HealthyRecording], promise: float) -> Variant | None:
+def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most: float = ROOM) -> Variant | None:
     """Give what must be declared larger for the promise to be kept, as little as that takes; None: nothing is enough.
+
+    All statistics shall stay below `most` of their limits.
 
     First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
     step the noise of the sensor that alarms most often, or the slow errors where one of them does.
@@ -140,7 +172,7 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float) -> V
         return alarm_rates(core.spec, seen, step)
 
     def keeps(found: tuple[Rate, ...]) -> bool:
-        return max((item.peak for item in found), default=0.0) <= 1.0 and between_alarms(found) >= promise
+        return max((item.peak for item in found), default=0.0) <= most and between_alarms(found) >= promise
 
     for factor in WIDER if core.spec.parameters else ():
         if keeps(rates(Variant(accuracy=factor))):

@@ -17,6 +17,7 @@ from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
 
 MOST_REGIONS = 6
+MUCH = 0.8  # of the limit of a walk
 YEAR = 365.25 * 86400.0  # s
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
 
@@ -60,6 +61,9 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
             for item in found.trials
         ],
         "needed": found.needed,
+        "walk": {"of": found.walker or None, "peak": found.walk},
+        "late": [asdict(item) for item in found.late],
+        "mirrored": list(found.mirrored),
     }
 
 
@@ -106,8 +110,25 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         where = f" of {item.recording}" if len(found.records) > 1 else ""
         reads = f"{item.sensor} reads {'more' if item.side > 0 else 'less'} than expected"
         height = f"{100 * item.height:.0f} % of the way to an alarm"
-        moments.append(f"{clock_text(item.begin)} to {clock_text(item.end)}{where}: {reads}, {height}")
-    return told + under("moments", moments)
+        begin, end = clock_text(item.begin), clock_text(item.end)
+        when = begin if begin == end else f"{begin} to {end}"
+        moments.append(f"{when}{where}: {reads}, {height}")
+    return told + under("moments", moments) + under("hints", list(_hints(found)))
+
+
+def _hints(found: Health) -> Iterator[str]:
+    """Say what the errors look like."""
+    for name in found.mirrored:
+        yield f"{name} moves the other way round than expected: is a bond, or a sign in a law, turned round?"
+    for item in found.late:
+        if item.sensor not in found.mirrored:
+            yield (
+                f"{item.sensor} follows changes of {item.of} later than the model says: "
+                f"a `lag:` of {item.of} or of {item.sensor}?"
+            )
+    if found.walk > MUCH:
+        far = f"{100 * found.walk:.0f} % of the way to an alarm"
+        yield f"{found.walker} walks on healthy data, {far}: is it a constant?"
 
 
 def _region_text(item: Region, units: dict[str, Unit]) -> str:

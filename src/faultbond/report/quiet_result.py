@@ -156,6 +156,7 @@ def quiet_record(found: Quieted) -> Record:
         "between_alarms": found.health.between,
         "peak_before": found.before.peak,
         "peak": found.health.peak,
+        "walk": found.health.walk,
         "alarms": found.alarms,
         "smallest_before": {item.parameter: item.value for item in found.smallest_before},
         "smallest": {item.parameter: item.value for item in found.smallest_after},
@@ -182,7 +183,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
         table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
-    if not found.quiet or found.raised:
+    if not found.quiet or found.raised or not found.health.has_room:
         title(console, "What could not be mended")
         lines(console, list(_left_lines(found)))
     console.print()
@@ -240,6 +241,12 @@ def _left_lines(found: Quieted) -> Iterator[tuple[str, str]]:
 def quiet_verdict(found: Quieted) -> str:
     """Say in a sentence what came of it."""
     between = spacing_text(found.health.between)
+    if found.quiet and not found.health.has_room:
+        nearest = max(found.health.peak, found.health.walk)
+        return (
+            f"The recordings are as quiet as promised, with little to spare: {100 * nearest:.0f} % of the way to an "
+            "alarm. A recording of another day may alarm."
+        )
     if found.quiet:
         return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell."
     now = "it alarms on them" if found.alarms or found.health.peak > 1.0 else f"a false alarm every {between}"

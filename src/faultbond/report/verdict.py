@@ -292,10 +292,11 @@ def _certainty(diagnosis: Diagnosis) -> str:
 
 def unexplained_sentence(found: Unexplained) -> str:
     """Say that no candidate fits, and where the best one is off."""
-    size = figure(found.sd, digits=2).number()
+    size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
+    when = f"at {since}" if since == until else f"between {since} and {until}, on average"
     return (
         f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
-        f"{found.signal} between {clock_text(found.since)} and {clock_text(found.until)}, on average."
+        f"{found.signal} {when}."
     )
 
 

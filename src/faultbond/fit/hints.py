@@ -1,0 +1,122 @@
+"""What errors of a model look like: they come with the last changes of an input, or a sensor moves the other way round.
+
+What lags by T is behind by about T times its rate, so errors go with the last changes of what it follows. Where a bond
+or a sign is turned round, the plant alone moves against the readings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from faultbond.arrays import FloatArray
+from faultbond.contract.spec import EngineSpec
+from faultbond.fit.innovations import Watch
+from faultbond.fit.samples import HealthyRecording
+
+BEHIND = 6  # samples
+AGO = (0, 1, 3, 7, 15, 31, 63)  # samples; changes between one and the next are summed up
+CLEAR = 30.0  # nats that changes of an input must explain
+LEAST_PART = 0.03  # of the scatter of the errors, and
+FADED = 0.5  # part of the largest error that is left of it at the end
+WINDOWS = (1, 4, 16, 64)  # samples over which moves are compared
+MOVES = 3.0  # times the noise of a sensor: a move that is one
+AGAINST = -0.5  # correlation of moves that are turned round
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Late:
+    """A sensor that follows the changes of an input later than the model says; part: of the scatter of its errors."""
+
+    sensor: str
+    of: str
+    part: float
+
+
+def last_changes(course: FloatArray) -> FloatArray:
+    """Give the last changes of something (N,), the newest first, (N, n)."""
+    change = np.diff(course, prepend=course[:1])
+    return np.column_stack([np.concatenate([np.zeros(lag), change[: len(change) - lag]]) for lag in range(BEHIND)])
+
+
+def _changes_ago(course: FloatArray) -> FloatArray:
+    """Give how far something (N,) has moved in spans of the past, the newest first, (N, n)."""
+    padded = np.concatenate([np.full(AGO[-1], course[0]), course])
+    past = [padded[AGO[-1] - ago : len(padded) - ago] for ago in AGO]
+    return np.column_stack([new - old for new, old in pairwise(past)])
+
+
+def explained(off: FloatArray, changes: FloatArray) -> float:
+    """Give how many nats it is worth that errors (N,), in standard deviations, go with changes (N, n)."""
+    found = _regressed(off, changes)
+    return 0.0 if found is None else found[1]
+
+
+def _regressed(off: FloatArray, changes: FloatArray) -> tuple[FloatArray, float, int] | None:
+    """Give slopes (n,) in standard deviations of the changes, the nats they are worth and the number of samples."""
+    here = np.isfinite(off) & np.isfinite(changes).all(axis=1)
+    scale = changes[here].std(axis=0) if here.any() else np.zeros(1)
+    if here.sum() <= 2 * BEHIND or not np.all(scale > 0.0):
+        return None
+    columns, values = changes[here] / scale, off[here]
+    slopes = np.linalg.lstsq(columns, values, rcond=None)[0]
+    left = values - columns @ slopes
+    gain = float(0.5 * here.sum() * np.log(max(np.sum(values**2), 1e-300) / max(np.sum(left**2), 1e-300)))
+    return slopes, gain, int(here.sum())
+
+
+def late_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]) -> tuple[Late, ...]:
+    """Give which sensors come late, each with the input that tells most; of recordings and what was seen of them."""
+    found = []
+    for j, output in enumerate(spec.outputs):
+        scores = np.concatenate([item.scores[:, j] for item in watches])
+        moved = np.concatenate([_moved(item.y[:, j]) for item in records])
+        best = Late(sensor=output.name, of="", part=LEAST_PART)
+        for k, known in enumerate(spec.inputs):
+            changes = np.concatenate([_changes_ago(item.u[:, k]) for item in records])
+            seen, course = _regressed(scores, changes), _regressed(moved, changes)
+            if seen is None or course is None or seen[1] < CLEAR:
+                continue
+            slopes, part = seen[0], 1.0 - float(np.exp(-2.0 * seen[1] / seen[2]))
+            fades = np.abs(slopes[-1]) < FADED * np.max(np.abs(slopes))
+            if part > best.part and fades and _largest(slopes) * _largest(course[0]) < 0.0:
+                best = Late(sensor=output.name, of=known.name, part=part)
+        found += [best] if best.of else []
+    return tuple(sorted(found, key=lambda item: item.part, reverse=True))
+
+
+def _largest(slopes: FloatArray) -> float:
+    """Give the largest of some slopes (n,), with its sign."""
+    return float(slopes[np.argmax(np.abs(slopes))])
+
+
+def _moved(course: FloatArray) -> FloatArray:
+    """Give how far something (N,) has moved within the samples looked at, (N,)."""
+    far = AGO[-1]
+    return np.concatenate([np.zeros(min(far, len(course))), course[far:] - course[:-far]])
+
+
+def mirrored_sensors(
+    spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]
+) -> tuple[str, ...]:
+    """Give the sensors that move against what the plant alone does."""
+    return tuple(
+        output.name
+        for j, output in enumerate(spec.outputs)
+        if _is_mirrored(
+            [item.y[:, j] for item in records], [item.alone[:, j] for item in watches], MOVES * output.noise
+        )
+    )
+
+
+def _is_mirrored(readings: Sequence[FloatArray], alone: Sequence[FloatArray], least: float) -> bool:
+    """Tell whether readings move against what was expected, over every span of time in which both move enough."""
+    found = []
+    for window in WINDOWS:
+        pairs = [(y[window:] - y[:-window], x[window:] - x[:-window]) for y, x in zip(readings, alone, strict=True)]
+        moves = np.concatenate([np.column_stack(pair) for pair in pairs])
+        moves = moves[np.isfinite(moves).all(axis=1)]
+        if len(moves) > WINDOWS[-1] and np.all(moves.std(axis=0) > least):
+            found.append(float(np.corrcoef(moves.T)[0, 1]))
+    return bool(found) and max(found) < 0.0 and min(found) < AGAINST
