@@ -9,7 +9,8 @@
 
    Lanes of a couple: the likeliest base; the likeliest base of another kind of fault, since a sensor that reads too much may
    look stuck while nothing moves, or where there is none the first again, with the parameter at its healthy value; and of a
-   store the first again, with its content going on. A lane that is begun again keeps what is likelier. */
+   store, with its content going on, each of both in turn: without its jump the likeliest base may be one that follows the jump,
+   as a drift does. A lane that is begun again keeps what is likelier. */
 #ifndef FB_COUPLES_H
 #define FB_COUPLES_H
 
@@ -170,7 +171,7 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
         job->values[lane] = is_first ? value : is_alone ? bank->healthy[place] : match->value[other];
     }
     if (!is_of_store(COUPLE_PARAMETER[match->couple])) return;
-    job->bases[lane_of_couple(match->row, JUMPING)] = base;
+    job->bases[lane_of_couple(match->row, JUMPING)] = job->renewals % 2 == 0 && !is_alone ? match->base[other] : base;
     job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
 
@@ -290,8 +291,9 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
         const int64_t lane = job->lane[l], base = job->bases[lane];
         suspect_too(bank, job, lane, start->healthy, SLOT_OLD[base] ? lane_of_old : start->healthy, plain);
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
-        begin_slot(base, trail, job->peak, start, job->run, l);
-        if (!is_renewed(base) || !is_again(bank, job, lane)) continue;
+        const int from_found = is_of_found(base) && is_again(bank, job, lane);
+        begin_slot(from_found && SLOT_KIND[base] == KIND_BIAS ? widest_slot(base) : base, trail, job->peak, start, job->run, l);
+        if (!from_found) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
         job->run[AT_SLOT + 1][l] = job->found[l][1];
     }

@@ -14,6 +14,7 @@
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
+#define RENEWED_KINDS 4         /* of an instrument: bias, drift, gain, stuck */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
 
 /* From what lanes begin: the healthy lane at one place, and what was seen up to there. */
@@ -34,7 +35,7 @@ typedef struct {
     lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS]; /* pairs side by side */
     lanes apart[2][WIDE_JOINT], kept[2], ready[2], found[2][2 * N_OUTPUTS];
     SlotStart start;
-    Renewed renewed[FB_ROOM(N_BEGUN + N_INPUTS)]; /* of an input biases, and drifts */
+    Renewed renewed[FB_ROOM(N_SETS + RENEWED_KINDS * N_INSTRUMENTS)];
     double plain[PLAIN_NUMBERS], sample[N_SAMPLE];
     double moves[WIDE_NUMBERS][FB_LANES], stays[WIDE_NUMBERS][FB_LANES]; /* see ramps.h */
 } SlotMemory;
@@ -276,6 +277,17 @@ static void take_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, lane
 static inline int64_t in_block(int64_t first, int64_t n) { return n - first < FB_LANES ? n - first : FB_LANES; }
 static inline int64_t in_group(int64_t first, int64_t n) { return n - first < GROUP ? n - first : GROUP; }
 
+/* Whether lanes of this fault are begun again: all that may be in a couple. What begins again has the better onset: were it not
+   begun again by itself, a needless second suspect would bring that. */
+static inline int is_renewed(int64_t k) { return SLOT_KIND[k] != KIND_NOISE && SLOT_KIND[k] != KIND_RAMP; }
+
+/* Whether they then begin at what was found: drifts of parameters and inputs, and biases of inputs, which the plant bends. All
+   others begin as at first. */
+static inline int is_of_found(int64_t k)
+{
+    return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS);
+}
+
 /* Begin a group of lanes of the plan at an onset. Where they begin again, found holds their sizes and rates, as they are at the
    end of the trail; NULL: they have found nothing. */
 static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail *trail, int64_t onset, const double *peak,
@@ -288,7 +300,7 @@ static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail
         begin_slot(lane[l], trail, peak, &memory->start, group, l);
         walk->samples[l] = walk->steps[l] = 0;
         walk->variance[l] = 0.0;
-        if (!found) {
+        if (!found || !is_of_found(lane[l])) {
             begin_walk(lane[l], trail, onset, group, l, walk);
         } else {
             group[AT_SLOT][l] = found[l][0] - found[l][1] * elapsed;
@@ -504,12 +516,6 @@ static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, con
     fill_up_slots(bank);
 }
 
-/* Whether lanes of this fault are begun again: drifts of parameters and inputs, and biases of inputs. */
-static inline int is_renewed(int64_t k)
-{
-    return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS);
-}
-
 /* The log-likelihood of a lane; that of one that is no number is below all others. */
 static inline double likelihood_of_slot(Bank *bank, int64_t lane)
 {
@@ -518,7 +524,7 @@ static inline double likelihood_of_slot(Bank *bank, int64_t lane)
 }
 
 /* Find the lanes of each fault that are begun again. The spread is that of the least likely of them, or, of a bias, the
-   widest: else what was found would count twice. */
+   widest: else what was found would count twice. What begins as at first has its own spread, and takes its own place. */
 static int64_t find_renewed(Bank *bank, Renewed *renewed)
 {
     int64_t n = 0;
@@ -535,10 +541,21 @@ static int64_t find_renewed(Bank *bank, Renewed *renewed)
         Renewed *group = &renewed[at];
         if (likelihood_of_slot(bank, lane) > likelihood_of_slot(bank, group->best)) group->best = lane;
         if (likelihood_of_slot(bank, lane) < likelihood_of_slot(bank, group->worst)) group->worst = lane;
-        if (SLOT_KIND[lane] == KIND_DRIFT) group->spread = group->worst;
+        if (!is_of_found(lane)) group->worst = group->spread = group->best;
+        else if (SLOT_KIND[lane] == KIND_DRIFT) group->spread = group->worst;
         else if (SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[group->spread]) group->spread = lane;
     }
     return n;
+}
+
+/* The lane of the same kind of fault that begins widest. */
+static int64_t widest_slot(int64_t k)
+{
+    int64_t widest = k;
+    for (int64_t lane = 0; lane < SWITCHED; lane++)
+        if (SLOT_HYPOTHESIS[lane] == SLOT_HYPOTHESIS[k] && SLOT_KIND[lane] == SLOT_KIND[k] && SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[widest])
+            widest = lane;
+    return widest;
 }
 
 /* A lane in the place of the least likely one of its fault, if it is likelier. Only where it begins, and so where it

@@ -386,8 +386,12 @@ def test_a_lane_that_is_no_number_spoils_no_other(core: Core) -> None:
 
 
 @pytest.mark.parametrize("likelier", [False, True])
-def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core, likelier: bool) -> None:
-    """The least likely lane of each becomes one that begins with size and rate of the likeliest, if it is likelier."""
+def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> None:
+    """Of drifts and biases of inputs the least likely lane of each becomes one that begins with what was found.
+
+    That is size and rate of the likeliest. Of all other kinds the likeliest begins as at first. Either is kept if it is
+    likelier.
+    """
     of, old = trail(30), plain_lane(99)
     lanes = np.array([begun(k, 20, 3, of, None) for k in range(N)]).T
     lanes[SIZE], lanes[RATE], lanes[-1] = np.random.default_rng(3).normal(0.0, [[0.3], [0.01], [5.0]], (3, N))
@@ -399,17 +403,24 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
     wanted = lanes.copy()
     groups: dict[tuple[int, FaultKind], list[int]] = {}
     for k, item in enumerate(PLAN.lanes[:SWITCHED]):
-        if item.output < 0 and item.kind in (FaultKind.DRIFT, FaultKind.BIAS):
+        if item.kind not in (FaultKind.NOISE, FaultKind.RAMP):
             groups.setdefault((item.hypothesis, item.kind), []).append(k)
+    anew = [dense(core, onset, of, old) for onset in range(1, 30)]
     for group in groups.values():
         likelihood = np.nan_to_num(lanes[-1, group], nan=-np.inf)
         best, worst = group[int(np.argmax(likelihood))], group[int(np.argmin(likelihood))]
+        of_found = PLAN.lanes[best].output < 0 and PLAN.lanes[best].kind in (FaultKind.DRIFT, FaultKind.BIAS)
+        if not of_found:
+            group[:] = [best]
+            worst = best
         widest = max(group, key=lambda k: PLAN.lanes[k].size_sd)
         spread, ends = widest if PLAN.lanes[worst].kind is FaultKind.BIAS else worst, []
         for onset in range(1, 30):
             lane = begun(spread, onset - 1, onset, of, old)
-            lane[SIZE], lane[RATE] = lanes[SIZE, best] - lanes[RATE, best] * 0.5 * (30 - onset), lanes[RATE, best]
-            ends.append(core.advanced(lane[:, None], of[0][onset:])[0][:, 0])
+            if of_found:
+                lane[SIZE], lane[RATE] = lanes[SIZE, best] - lanes[RATE, best] * 0.5 * (30 - onset), lanes[RATE, best]
+            as_first = not of_found and best < RAMPED
+            ends.append(anew[onset - 1][:, best] if as_first else core.advanced(lane[:, None], of[0][onset:])[0][:, 0])
         if likelier or worst == 1:
             wanted[:, worst] = ends[core.onsets[worst] - (len(core.rows) - 3) - 1]
             wanted[-1, worst] = core.lanes()[-1, worst]
@@ -417,7 +428,8 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
     assert close(np.delete(core.lanes(), 1, axis=1), np.delete(wanted, 1, axis=1))
     assert np.array_equal(np.isfinite(core.lanes()[-1]), np.isfinite(wanted[-1]))
     changed = {k for k in range(N) if not np.array_equal(core.lanes()[:, k], lanes[:, k])}
-    assert [len(changed & set(group)) for group in groups.values()] == ([1] * 6 if likelier else [1] + [0] * 5)
+    counts = [len(changed & set(group)) for group in groups.values()]
+    assert counts == ([1] * 16 if likelier else [1] + [0] * 15)
 
 
 def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
