@@ -29,7 +29,7 @@ enum { SPARE, WANTED, REQUIRED, TRIED }; /* onsets of a search: those between, t
 /* Let a place be one that may be tried, or (`standing`) first is or surely is, if it is one. */
 static void mark(uint8_t *marks, const Trail *trail, int64_t place, int standing)
 {
-    if (place >= 1 && place < trail->n && marks[place] < 1 + standing) marks[place] = (uint8_t)(1 + standing);
+    if (place >= 1 && place >= trail->first && place < trail->n && marks[place] < 1 + standing) marks[place] = (uint8_t)(1 + standing);
 }
 
 /* The distance after one, farther by one part in `ratio`, to the nearest sample, of two the even one. In whole numbers:
@@ -47,7 +47,7 @@ static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
     const int64_t ratio = is_many ? MANY_RATIO : RATIO;
     int64_t count = 0, last = 0;
     mark(marks, trail, trail->alarm, WANTED);
-    for (int64_t back = 1; back < trail->alarm;) {
+    for (int64_t back = 1; back < trail->alarm && trail->alarm - back >= trail->first;) {
         mark(marks, trail, trail->alarm - back, ++count % COARSE == 0 ? WANTED : SPARE);
         last = back;
         back = back < dense ? back + 1 : farther(back, ratio);

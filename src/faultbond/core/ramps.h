@@ -4,11 +4,14 @@
    its drifts. Before each sample the likeliest drift hands on to it what it knows, as likely as it is to end now, less its
    rate; nothing goes back. A ramp may take seconds or hours: after n samples it ends with a probability that falls as 1 / n,
    so that all lengths of it are alike, in logarithm.
+   With the renewals the pairs of the likeliest suspects begin again: at the alarm little was seen of what moves, so the onset that
+   was best then is often wrong, and a drift from a wrong onset has another rate and hands on what does not fit.
    Source: as of slots.h, with modes that only go one way. */
 #ifndef FB_RAMPS_H
 #define FB_RAMPS_H
 
 #include "slots.h"
+#include "steps.h"
 
 #define ENDING 0.5       /* probability that a ramp ends at a sample, in one over the samples that it has taken, */
 #define ENDS_EARLY 10.0 /* and so many more */
@@ -54,16 +57,14 @@ static void end_ramps(const int64_t *age, const double *extra, double time, Slot
     for (int i = 0; i < WIDE_JOINT; i++) gone[i < rate ? WIDE_PLACE(i, rate) : WIDE_PLACE(rate, i)] = broadcast(0.0);
 }
 
-/* Begin a group of pairs at an onset: they move. */
-static void begin_ramps(int64_t first, const Trail *trail, int64_t onset, const double *peak, double (*moves)[GROUP],
+/* Begin a group of pairs at an onset: they move. drift: the first lane of each. */
+static void begin_ramps(const int64_t *drift, const Trail *trail, int64_t onset, const double *peak, double (*moves)[GROUP],
                         double (*stays)[GROUP], SlotMemory *memory)
 {
-    const int64_t n = in_group(first, N_RAMPS);
     prepare_slots(trail, before_onset(trail, onset), onset, trail->old, memory);
     for (int l = 0; l < GROUP; l++) {
-        const int64_t pair = first + (l < n ? l : 0);
-        begin_slot(drift_of(pair), trail, peak, &memory->start, moves, l);
-        begin_slot(stay_of(pair), trail, peak, &memory->start, stays, l);
+        begin_slot(drift[l], trail, peak, &memory->start, moves, l);
+        begin_slot(drift[l] + 1, trail, peak, &memory->start, stays, l);
         stays[WIDE_LIKELIHOOD][l] = LOWEST; /* none has ended yet */
     }
 }
@@ -98,6 +99,61 @@ static void join_ramps(double (*moves)[GROUP], double (*stays)[GROUP], double *b
 {
     for (int l = 0; l < GROUP; l++)
         both[l] = log_add(finite_or_lowest(moves[WIDE_LIKELIHOOD][l]), finite_or_lowest(stays[WIDE_LIKELIHOOD][l]));
+}
+
+/* Let lane l of a group of pairs take the place of one, `drift`, if it is likelier, both its lanes together. */
+static int replace_pair(Bank *bank, int64_t drift, double (*moves)[GROUP], double (*stays)[GROUP], int64_t l)
+{
+    const double moving = finite_or_lowest(likelihood_of_slot(bank, drift)), ended = finite_or_lowest(likelihood_of_slot(bank, drift + 1));
+    double again[GROUP];
+    join_ramps(moves, stays, again);
+    if (!(again[l] > log_add(moving, ended))) return 0;
+    put_slot(bank, drift, moves, l);
+    put_slot(bank, drift + 1, stays, l);
+    return 1;
+}
+
+/* The likeliest lane of a single suspect, of a parameter its steps too; steps come first. One that sticks does not count: it may
+   lead for a while, and where it begins tells nothing of what moves. */
+static int64_t likeliest_of_suspect(Bank *bank, int64_t hypothesis, double *likelihood)
+{
+    int64_t best = hypothesis < N_SETS ? likeliest_lane(bank, hypothesis) : -1;
+    *likelihood = best < 0 ? LOWEST : likelihood_of(bank, best);
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        const double own = finite_or_lowest(likelihood_of_slot(bank, lane));
+        if (SLOT_HYPOTHESIS[lane] != hypothesis || SLOT_STICKS[lane] || (best >= 0 && !(own > *likelihood))) continue;
+        *likelihood = own;
+        best = N_STEPS + lane;
+    }
+    return best;
+}
+
+/* Which pairs begin again, by their drifts: those of the likeliest suspects, as many as are in a group, each near the onset of
+   the likeliest lane of its suspect. */
+static void choose_ramps(Bank *bank, int64_t *drift, int64_t *begins)
+{
+    double said[GROUP];
+    int64_t n = 0;
+    for (int64_t pair = 0; pair < N_RAMPS; pair++) {
+        double likelihood;
+        const int64_t lane = likeliest_of_suspect(bank, SLOT_HYPOTHESIS[drift_of(pair)], &likelihood);
+        int64_t at = n;
+        while (at > 0 && likelihood > said[at - 1]) at--;
+        if (at == GROUP) continue;
+        if (n < GROUP) n++;
+        for (int64_t k = n - 1; k > at; k--) {
+            said[k] = said[k - 1];
+            drift[k] = drift[k - 1];
+            begins[k] = begins[k - 1];
+        }
+        said[at] = likelihood;
+        drift[at] = drift_of(pair);
+        begins[at] = bank->onset[lane];
+    }
+    for (; n < GROUP; n++) {
+        drift[n] = drift[0];
+        begins[n] = begins[0];
+    }
 }
 
 /* Whether a lane that begins at the onset rests. */

@@ -13,6 +13,7 @@ typedef struct {
     const Past *past;
     int64_t oldest, n;     /* number of the oldest sample, and how many there are */
     int64_t alarm;         /* place of the alarm */
+    int64_t first;         /* earliest place that may be an onset; 0: any */
     const double *old;     /* the healthy lane as it stood long ago, before a slow drift taught it wrongly; NULL: not kept */
     int n_bursts;
     int64_t bursts[MOST_BURSTS]; /* places at which innovations became wild */
@@ -62,6 +63,14 @@ static void forget_slow_errors(double *lane)
         for (int j = 0; j < PLAIN_JOINT; j++) lane[j < i ? PLAIN_PLACE(j, i) : PLAIN_PLACE(i, j)] = 0.0;
     }
     for (int k = 0; k < N_SLOW; k++) lane[PLAIN_PLACE(AT_SLOW + k, AT_SLOW + k)] = SLOW_VARIANCE[k];
+}
+
+/* Say from where on an onset is sought: after the warm-up, while a model is at its worst and a lane of any fault gains by that.
+   A fault that came earlier and showed has raised an alarm soon after, or by a walk; one that did not show begins as well later. */
+static void find_first(const Clock *clock, const Alarm *alarm, Trail *trail)
+{
+    const int64_t warm = clock->begun + WARM_UP_SAMPLES - trail->oldest;
+    trail->first = warm > 1 && alarm->walker < 0 && trail->alarm >= warm + WARM_UP_SAMPLES ? warm : 1;
 }
 
 /* Places at which innovations became wild up to the alarm, in order; the wildest if there are many. The first sample tells

@@ -175,6 +175,7 @@ static void trail_of(const State *state, Trail *trail)
     trail->n = clock->index - oldest + 1;
     trail->alarm = (clock->alarm >= 0 ? clock->alarm : clock->index) - oldest;
     trail->old = oldest_lane(state);
+    find_first(clock, &state->alarm, trail);
     find_bursts(trail);
 }
 

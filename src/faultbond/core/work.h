@@ -53,7 +53,7 @@ static int64_t lanes_of_stage(Bank *bank, const Job *job, int64_t stage, SlotMem
     if (stage == SETS) return job->n_wanted - job->n_singles;
     if (stage == RESERVES) return begins ? 0 : N_LATER;
     if (stage == SLOTS) return begins ? RAMPED : find_renewed(bank, memory->renewed);
-    if (stage == RAMPS) return begins ? N_RAMPS : 0;
+    if (stage == RAMPS) return begins || N_RAMPS < GROUP ? N_RAMPS : GROUP;
     if (stage == PAIRS) return begins ? N_PAIRS : 0;
     return begins ? 0 : N_COUPLE_LANES;
 }
@@ -155,6 +155,7 @@ static void trail_of_job(const State *state, Trail *trail)
     trail->n = job->end - job->oldest + 1;
     trail->alarm = state->clock.alarm - job->oldest;
     trail->old = job->old >= 0 ? state->healthy.snapshots[job->old] : NULL;
+    find_first(&state->clock, &state->alarm, trail);
     find_bursts(trail);
 }
 
@@ -300,7 +301,8 @@ static void open_group(State *state, const Trail *trail, BankMemory *memory)
     for (int64_t l = 0; l < GROUP; l++)
         job->lane[l] = job->stage == RAMPS ? drift_of(first + l < n ? first + l : first)
                                            : lane_of_stage(job, first + l < n ? first + l : first, renewed);
-    if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, renewed + first, n - first);
+    if (job->kind != BEGINNING && job->stage == RAMPS) choose_ramps(bank, job->lane, job->begins);
+    else if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, renewed + first, n - first);
     else if (job->kind != BEGINNING) note_steps(state, trail, &memory->steps);
     open_search(job, trail);
 }
@@ -311,7 +313,7 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     Job *job = &state->job;
     const int64_t place = job->search.place[k];
     if (job->stage == RAMPS) {
-        begin_ramps(job->group * GROUP, trail, place, job->peak, job->run, job->stays, &memory->slots);
+        begin_ramps(job->lane, trail, place, job->peak, job->run, job->stays, &memory->slots);
     } else if (job->stage == COUPLES) {
         begin_couples(&state->bank, trail, place, job, memory->steps.later, memory->steps.lane, &memory->slots);
     } else if (job->stage == SLOTS) {
@@ -462,10 +464,12 @@ static void put_again(State *state, int64_t l, const Renewed *renewed)
     int64_t changed = -1;
     if (job->stage == RESERVES) changed = replace_grown(bank, job->lane[l], job->run, l) ? job->lane[l] : -1;
     else if (job->stage == COUPLES) changed = put_couple(bank, job, l);
+    else if (job->stage == RAMPS) changed = replace_pair(bank, job->lane[l], job->run, job->stays, l) ? job->lane[l] : -1;
     else if (job->stage == SLOTS) changed = replace_worst_slot(bank, &renewed[l], job->run, l);
     else if (job->kind == RENEWING) changed = replace_worst(bank, LANE_HYPOTHESIS[job->lane[l]], job->run, l);
     else put_leading(state, l);
     if (changed >= 0) note_change(state, (is_wide(job) ? N_STEPS : 0) + changed, l);
+    if (changed >= 0 && job->stage == RAMPS) note_change(state, N_STEPS + changed + 1, l);
 }
 
 /* Put the group, which is at the sample of now, into the bank. */

@@ -33,16 +33,28 @@ static Past past;
 static Trail trail;
 static Search search;
 static PlainBlock group, best;
-int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t *places, int64_t *standing)
+int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t first, int64_t *places, int64_t *standing)
 {
     n_lanes = lanes;
     trail.n = n;
     trail.alarm = alarm;
+    trail.first = first;
     begin_search(&trail, change, &search);
     search.least = -1e9;
     memcpy(places, search.place, sizeof search.place);
     memcpy(standing, search.standing, sizeof search.standing);
     return search.n;
+}
+int64_t t_first(int64_t begun, int64_t oldest, int64_t alarm, int64_t walker)
+{
+    static Clock clock;
+    static Alarm raised;
+    clock.begun = begun;
+    raised.walker = walker;
+    trail.oldest = oldest;
+    trail.alarm = alarm - oldest;
+    find_first(&clock, &raised, &trail);
+    return trail.first;
 }
 int64_t t_near(const int64_t *places, int64_t *standing)
 {
@@ -113,12 +125,12 @@ def library() -> ctypes.CDLL:
     return compiled(text + OF_ANY_SIZE + in_c(PLACES))
 
 
-def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100) -> dict[int, int]:
-    """Onsets of a trail of 330 samples, and what is to be done with each; of a bank of so many lanes."""
+def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100, first: int = 0) -> dict[int, int]:
+    """Onsets of a trail of 330 samples from a first on, and what is to be done with each; of a bank of so many lanes."""
     places, standing, wild = np.zeros(400, dtype=np.int64), np.zeros(400, dtype=np.int64), np.zeros(330)
     wild[[*bursts]] = 9.0
     library().t_bursts(at(wild), ctypes.c_int64(330), at(places))
-    numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change))
+    numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change, first))
     n = library().t_search(*numbers, at(places), at(standing))
     return dict(zip(places[:n].tolist(), standing[:n].tolist(), strict=True))
 
@@ -135,6 +147,23 @@ def bursts(wildness: FloatArray) -> tuple[int, ...]:
     places = np.zeros(MOST_BURSTS, dtype=np.int64)
     n = library().t_bursts(at(wildness), ctypes.c_int64(len(wildness)), at(places))
     return tuple(places[:n].tolist())
+
+
+def test_no_onset_lies_in_the_warm_up() -> None:
+    """But where the alarm comes soon after it, or by a walk; the earliest that may be one is tried."""
+    warm = Thresholds().warm_up_samples
+    for begun, oldest, alarm, walker, wanted in (
+        (7, 7, 7 + 2 * warm, -1, warm),
+        (7, 7, 6 + 2 * warm, -1, 1),
+        (7, 7, 7 + 5 * warm, 0, 1),
+        (7, 12, 7 + 5 * warm, -1, warm - 5),
+        (7, 7 + warm, 7 + 5 * warm, -1, 1),
+    ):
+        assert library().t_first(*map(ctypes.c_int64, (begun, oldest, alarm, walker))) == wanted
+    whole, found = onsets(250, 240, bursts=(30,)), onsets(250, 240, bursts=(30,), first=100)
+    assert min(found) == min(place for place in whole if place >= 100)
+    assert set(found) <= set(whole)
+    assert found[min(found)] == WANTED
 
 
 def test_onsets_are_dense_before_the_alarm_and_few_are_tried_first() -> None:
