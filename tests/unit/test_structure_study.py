@@ -122,6 +122,20 @@ def test_too_many_tests(tmp_path: Path, capsys: pytest.CaptureFixture[str], monk
     assert record_of(model, tmp_path, "--budget", "5")["tests"]["mso"] == 28
 
 
+def test_few_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is no time to look at all tests, the smallest of each set of faults are looked at first."""
+    monkeypatch.setattr("faultbond.app.structure_study.MOST_WAYS", 2)
+    model = written(
+        tmp_path,
+        ["a: [x]", "b: [x]", "c: [x]", "d: [x, f]", "e: [z, dz]", "h: [z, g]", "i: [dz]"],
+        "  derivatives: {dz: z}",
+        "unknowns: [x, z, dz]",
+    )
+    sets = record_of(model, tmp_path)["sets"]
+    assert [item["faults"] for item in sets if item["ways"] is not None] == [[], ["f"]]
+    assert [item["faults"] for item in sets[:4]] == [[], [], ["f"], []]
+
+
 def test_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`check` shows what was understood, with the default that holds."""
     target = tmp_path / "record.json"

@@ -19,7 +19,7 @@ from faultbond.report import structure as report
 
 MOST_TESTS = 20_000  # minimal sets of equations that are looked for
 MOST_WAYS = 500  # of which the direction of time is looked at
-SENSOR_SECONDS = 2.0  # for each of the two searches for sensors
+SENSOR_SECONDS = 5.0  # for each of the two searches for sensors
 
 
 def structure_sections(structure: Structure, wishes: Wishes) -> Iterator[tuple[str, Work]]:
@@ -74,10 +74,14 @@ def _tests(model: StructuralModel, budget: int) -> Section:
     smallest: tuple[tuple[int, ...], ...] | None = None
     with suppress(StructureError):  # too many; those that differ in their faults are fewer
         sets = sorted(minimal_sets(model.equations, model.n_variables, limit=limit), key=lambda item: (len(item), item))
-        ways = [_ways(model, item) if k < MOST_WAYS * budget else None for k, item in enumerate(sets)]
-        minimal = tuple(map(report.MinimalTest, sets, _seen(model, sets), ways))
+        seen = _seen(model, sets)
+        first = {faults: k for k, faults in reversed([*enumerate(seen)])}  # the smallest of all that see the same
+        looked_at = sorted(range(len(sets)), key=lambda k: (first[seen[k]] != k, k))[: MOST_WAYS * budget]
+        ways = {k: _ways(model, sets[k]) for k in looked_at}
+        minimal = tuple(map(report.MinimalTest, sets, seen, map(ways.get, range(len(sets)))))
     with suppress(StructureError):
-        smallest = _seen(model, minimal_supports(model.equations, model.n_variables, model.faults, limit=limit))
+        supports = _seen(model, minimal_supports(model.equations, model.n_variables, model.faults, limit=limit))
+        smallest = tuple(sorted(supports, key=lambda faults: (len(faults), faults)))
     found = report.FoundTests(minimal=minimal, smallest=smallest, limit=limit)
     return Section(
         record=report.tests_record(model, found), show=lambda console: report.print_tests(console, model, found)

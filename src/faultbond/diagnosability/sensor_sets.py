@@ -76,8 +76,10 @@ def sensor_sets(
         found = _tried(costs, is_enough, until)
     else:
         found = _placed(model, costs, faulty if isolate else (), isolate, until)
-    if not found.sets and not (isolate and faulty):
-        found = replace(found, sets=(_thinned(costs, is_enough),))
+    if not found.sets and not (isolate and faulty):  # one set can always be told
+        thinned = _thinned(costs, is_enough)
+        least = sum(sorted(costs.values())[: found.searched + 1])  # of all that has not been looked at
+        found = SensorSets(sets=(thinned,), searched=found.searched, cheapest=cost_of(thinned, costs) <= least)
     return replace(found, sets=tuple(sorted(found.sets, key=lambda item: (cost_of(item, costs), len(item), item))))
 
 

@@ -18,6 +18,6 @@ def listed(items: Sequence[str]) -> list[str]:
     return [*items[:LISTED], *more]
 
 
-def some(named: Sequence[str]) -> str:
+def some(named: Sequence[str], most: int = LISTED) -> str:
     """Name what is listed, and count the rest."""
-    return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
+    return join([*named[:most], f"{len(named) - most} more"] if len(named) > most else named)

@@ -18,7 +18,7 @@ from faultbond.report.names import LISTED, braced, listed, some
 from faultbond.report.numbers import figure, join, with_noun
 
 LISTED_SENSORS = 4
-LISTED_EQUATIONS = 8  # of the smallest set of a row
+LISTED_NAMES = 8  # equations or unknowns in a row or a reason
 ONE_WAY = {Interpretation.INTEGRAL: "integrating", Interpretation.DERIVATIVE: "differentiating"}
 
 
@@ -247,7 +247,10 @@ def print_fault_view(console: Console, model: StructuralModel, view: FaultView) 
 
 
 def _hidden_texts(model: StructuralModel, hidden: Iterable[Hidden]) -> list[str]:
-    return [f"{model.fault_names[item.fault]}: {_why_hidden(model, item)}" for item in hidden]
+    faults: dict[str, list[str]] = {}  # by why they do not show
+    for item in hidden:
+        faults.setdefault(_why_hidden(model, item), []).append(model.fault_names[item.fault])
+    return [f"{some(names)}: {reason}" for reason, names in faults.items()]
 
 
 def _alike_texts(model: StructuralModel, alike: Iterable[Alike]) -> list[str]:
@@ -259,7 +262,8 @@ def _why_hidden(model: StructuralModel, item: Hidden) -> str:
     if item.open:
         entered = model.equation_name(model.faults[item.fault])
         return f"{entered} contains {_some_variables(model, item.open)}, which nothing fixes"
-    needed = f"{some(_equations(model, item.equations))} {'is' if len(item.equations) == 1 else 'are'} needed to find"
+    equations = _some_equations(model, item.equations)
+    needed = f"{equations} {'is' if len(item.equations) == 1 else 'are'} needed to find"
     found = _some_variables(model, item.variables)
     return f"{needed} {found}, and nothing checks {'it' if len(item.variables) == 1 else 'them'}"
 
@@ -269,7 +273,7 @@ def _why_alike(model: StructuralModel, item: Alike) -> str:
     entered = sorted({model.faults[k] for k in item.faults})
     if len(entered) == 1:
         return f"{'both' if len(item.faults) == 2 else 'all'} enter {model.equation_name(entered[0])}"
-    equations = some(_equations(model, item.equations))
+    equations = _some_equations(model, item.equations)
     found = _some_variables(model, item.variables)
     rest = "the other only finds" if len(item.equations) == 2 else "the others only find"
     return f"{equations} are checked only together; without one of them {rest} {found}"
@@ -348,10 +352,8 @@ def print_tests(console: Console, model: StructuralModel, tests: FoundTests) -> 
 def _test_row(model: StructuralModel, faults: Sequence[int], sets: Sequence[MinimalTest]) -> tuple[str, ...]:
     """Give the row of the tests that see the same faults."""
     first = min(sets, key=lambda item: (len(item.equations), item.equations))
-    names = _equations(model, first.equations)
-    more = [f"{len(names) - LISTED_EQUATIONS} more"] if len(names) > LISTED_EQUATIONS else []
-    seen = ", ".join(model.fault_names[k] for k in faults) or "none"
-    return seen, str(len(sets)), join([*names[:LISTED_EQUATIONS], *more]), _ways_text(model, first)
+    seen = some([model.fault_names[k] for k in faults]) or "none"
+    return seen, str(len(sets)), _some_equations(model, first.equations), _ways_text(model, first)
 
 
 def _ways_text(model: StructuralModel, test: MinimalTest) -> str:
@@ -417,7 +419,8 @@ def _choices(
     texts[0] += far
     if len(found.sets) > LISTED_SENSORS:
         more = with_noun(len(found.sets) - LISTED_SENSORS, "other set")
-        texts.append(f"or {more} of up to {with_noun(found.searched, 'sensor')}; --json writes all")
+        up_to = f" of up to {found.searched} sensors" if found.searched > 1 else ""
+        texts.append(f"or {more}{up_to}; --json writes all")
     if not found.cheapest:
         texts.append("there may be cheaper sets; --budget searches on")
     return under(label, texts)
@@ -428,7 +431,11 @@ def _variables(model: StructuralModel, variables: Sequence[int]) -> list[str]:
 
 
 def _some_variables(model: StructuralModel, variables: Sequence[int]) -> str:
-    return some(_variables(model, variables))
+    return some(_variables(model, variables), LISTED_NAMES)
+
+
+def _some_equations(model: StructuralModel, equations: Sequence[int]) -> str:
+    return some(_equations(model, equations), LISTED_NAMES)
 
 
 def _equations(model: StructuralModel, equations: Sequence[int]) -> list[str]:
