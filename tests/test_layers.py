@@ -28,6 +28,7 @@ LATE_IMPORTS = (
     ("app", "faultbond.app.quiet_fit"),  # loads casadi and scipy
     ("app", "faultbond.model.text"),  # loads yaml
     ("app", "faultbond.app.classic"),  # loads casadi and sympy
+    ("app", "faultbond.app.structure_study"),  # loads rich and scipy
     ("app", "faultbond.app.study"),  # loads casadi and sympy
     ("app", "faultbond.synthesis"),  # loads casadi
     ("app", "faultbond.equations"),  # loads scipy

@@ -17,7 +17,8 @@ from faultbond.cli import build_parser, main
 from faultbond.io.faults import parse_fault
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.schema import model_schema
-from faultbond.model.text import parse_model
+from faultbond.model.structure import Structure
+from faultbond.model.text import parse_any
 from faultbond.types import ElementType
 
 METHOD, ARCHITECTURE = ROOT / "docs" / "method.md", ROOT / "docs" / "architecture.md"
@@ -55,6 +56,11 @@ RECORDS = {
         "determined at_end_of_range noise sensor kind declared found whiteness white statistic lags p spread mean "
         "correlation words alike widened log_likelihood log_likelihood_before changes parameter time "
         "statistic wild starts reached settled"
+    ),
+    "structure": (
+        "model model_sha256 unknowns known faults unused equations name part open redundancy detectable isolable "
+        "by_causality not_detectable fault reason groups group_reasons tests mso mtes sets ways sensors detect isolate "
+        "choices cost searched cheapest never_detectable never_groups never_group_reasons"
     ),
     "trace": "model targets ending expanded distinct steps observations",
     "code": "model form text",
@@ -124,6 +130,7 @@ KEYS = {
     "Lags": table(table(MODEL["sensors"])["lag"]),
     "`slow_error`": table(MODEL["slow_error"]),
     "`checks`": table(MODEL["checks"]),
+    "`structure`": table(MODEL["structure"]) | table(table(MODEL["structure"])["further_sensors"]),
 }
 
 
@@ -198,13 +205,35 @@ def test_keys_of_an_analysis(extra: list[str], tmp_path: Path) -> None:
     assert {"analyse": "hypotheses", "trace": "ending"}[record["record"]] in keys(record)
 
 
+def test_keys_of_a_structure(tmp_path: Path) -> None:
+    """No key of the record of a structure is left out of the pages."""
+    target = tmp_path / "record.json"
+    assert main(["analyse", str(ROOT / "examples" / "structures" / "three_tanks.yaml"), "--json", str(target)]) == 0
+    record = json.loads(target.read_text(encoding="utf-8"))
+    assert keys(record) - {"record"} <= {*RECORDS["structure"].split(), "integral", "derivative"}
+    assert record["sets"]
+
+
+def test_a_toolbox_model_becomes_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of the page write a file that is read as the structure that it stands for."""
+    (place,) = [text for _, text in fences("python") if "model_def" in text]
+    monkeypatch.chdir(tmp_path)
+    relations = [["q", "p", "fV"], "-y + p**2", ["dp", "p", "diff"], ["dp", "q", "u"]]
+    definition = {"type": "VarStruc", "x": ["p", "q", "dp"], "f": ["fV"], "z": ["y", "u"], "rels": relations}
+    exec(place, {"model_def": definition})  # noqa: S102 - the lines of our own page
+    found = parse_any((tmp_path / "plant.yaml").read_text())
+    assert isinstance(found, Structure)
+    assert [item.unknowns for item in found.equations] == [("q", "p"), ("p",), ("dp", "q")]
+    assert [(item.rate, item.quantity, item.name) for item in found.derivatives] == [("dp", "p", "e3")]
+    assert found.unused == ()
+
+
 @pytest.mark.parametrize("place", [place for place, _ in fences("yaml")])
 def test_models_in_the_pages(place: str) -> None:
     """A model shown in a page is a whole and valid model."""
     text = dict(fences("yaml"))[place]
-    graph = parse_model(text, file=place)
-    assert graph.components
-    assert graph.sensors
+    model = parse_any(text, file=place)
+    assert model.equations if isinstance(model, Structure) else model.components and model.sensors
 
 
 @pytest.mark.parametrize(("place", "command"), commands())

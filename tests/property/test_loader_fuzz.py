@@ -22,6 +22,7 @@ TANK = (Path(__file__).parents[2] / "examples" / "tank" / "model.yaml").read_tex
 MOTOR = (Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml").read_text()
 ADDER = (Path(__file__).parents[2] / "examples" / "thesis" / "fig_3_7.yaml").read_text()
 STORE = (Path(__file__).parents[2] / "examples" / "thesis" / "fig_3_18.yaml").read_text()
+MACHINE = (Path(__file__).parents[2] / "examples" / "structures" / "electric_motor.yaml").read_text()
 fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 NAMES = st.sampled_from(["K1", "f", "pipe.e", "u_in", "x_9", "a.b"])
@@ -126,7 +127,7 @@ def test_any_text_as_a_unit_or_quantity(text: str) -> None:
 @fuzz
 def test_model_with_one_piece_replaced(data: st.DataObject) -> None:
     """A good model with a piece cut out, doubled or replaced is read or refused."""
-    text = data.draw(st.sampled_from([TANK, MOTOR, ADDER, STORE]))
+    text = data.draw(st.sampled_from([TANK, MOTOR, ADDER, STORE, MACHINE]))
     start = data.draw(st.integers(0, len(text)))
     end = min(len(text), start + data.draw(st.integers(0, 30)))
     piece = data.draw(st.sampled_from(["", text[start:end] * 2]) | LAW_LETTERS | st.sampled_from(text.split()))

@@ -1,10 +1,10 @@
 """`analyse`: what a plant's sensors can tell of its faults, before a sample is recorded, and on a recording."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from faultbond.app.parameter_names import check_names
 from faultbond.app.wishes import Wishes
@@ -14,8 +14,14 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.errors import ModelError, StructureError
 from faultbond.io.out import Out
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
+from faultbond.model.structure import Structure
+from faultbond.model.text import load_any, load_model
 from faultbond.model.validity import without_states
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from faultbond.app.section import Work
 
 _SILENT = 60.0  # s without a word, where standard error is no terminal
 _Found = TypeVar("_Found")
@@ -23,7 +29,10 @@ _Found = TypeVar("_Found")
 
 def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     """Tell what can be found and told apart, how small, by which routes, and what would help; False: nothing."""
-    graph, network = _plant(model, all_states=wishes.data is not None)
+    found = load_any(model)
+    if isinstance(found, Structure):
+        return _analyse_structure(found, wishes, out)
+    graph, network = _equations(found, all_states=wishes.data is not None)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     from faultbond.report.plant import plant_record, print_plant  # noqa: PLC0415 - loads rich
@@ -36,29 +45,50 @@ def analyse(model: Path, *, wishes: Wishes, out: Out) -> bool:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     from faultbond.app.study import sections  # noqa: PLC0415 - loads casadi and sympy
-    from faultbond.report.analysis import print_refusal  # noqa: PLC0415 - loads casadi
 
-    told = False
     with threadpool_limits(1):  # matrices are small here, and threads would only wait for each other
-        progress = _Progress()
-        parts = sections(graph, network, wishes)
-        part = progress.through("the model", lambda: next(parts, None))
-        while part is not None:
-            title, work = part
-            try:
-                section = progress.through(title, work)
-            except StructureError as error:  # what cannot be told is said, and the rest goes on
-                if console is not None:
-                    print_refusal(console, title, str(error))
-            else:
-                told = True
-                record |= section.record
-                if console is not None:
-                    section.show(console)
-                    console.file.flush()
-            part = next(parts, None)
-    out.record(record)
-    return told
+        found_parts = _work_out(sections(graph, network, wishes), console)
+    out.record(record | found_parts)
+    return bool(found_parts)
+
+
+def _analyse_structure(structure: Structure, wishes: Wishes, out: Out) -> bool:
+    """Tell what equations without laws say of faults."""
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+
+    from faultbond.app.structure_study import check_wishes, structure_sections  # noqa: PLC0415 - loads rich and scipy
+    from faultbond.report.structure import head_record, print_head  # noqa: PLC0415 - loads rich
+
+    console = None if out.text is None else Console(file=out.text)
+    check_wishes(structure, wishes)
+    if console is not None:
+        print_head(console, structure)
+    found = _work_out(structure_sections(structure, wishes), console)
+    out.record(head_record(structure) | found)
+    return bool(found)
+
+
+def _work_out(parts: "Iterator[tuple[str, Work]]", console: "Console | None") -> dict[str, object]:
+    """Work sections out one after the other and print them; give all that they record, nothing where none is told."""
+    from faultbond.report.console import print_refusal  # noqa: PLC0415 - loads rich
+
+    record: dict[str, object] = {}
+    progress = _Progress()
+    part = progress.through("the model", lambda: next(parts, None))
+    while part is not None:
+        title, work = part
+        try:
+            section = progress.through(title, work)
+        except StructureError as error:  # what cannot be told is said, and the rest goes on
+            if console is not None:
+                print_refusal(console, title, str(error))
+        else:
+            record |= section.record
+            if console is not None:
+                section.show(console)
+                console.file.flush()
+        part = next(parts, None)
+    return record
 
 
 def print_code(model: Path, form: str, *, wishes: Wishes, out: Out) -> None:
@@ -89,12 +119,16 @@ def trace(model: Path, names: tuple[str, ...], *, out: Out) -> None:
     out.record(record)
 
 
-def _plant(model: Path, *, all_states: bool = False) -> tuple[BondGraph, ComponentNetwork]:
-    """Load a model and give the equations of one of its time frames.
+def _plant(model: Path) -> tuple[BondGraph, ComponentNetwork]:
+    """Load a model and give the equations of one of its time frames."""
+    return _equations(load_model(model))
+
+
+def _equations(graph: BondGraph, *, all_states: bool = False) -> tuple[BondGraph, ComponentNetwork]:
+    """Give a model with the equations of one of its time frames.
 
     all_states: of a recording, in which it may not hold all the time; what is asked of no recording is where it does.
     """
-    graph = load_model(model)
     graph = graph if all_states else without_states(graph)
     if graph.is_logic:
         raise ModelError(f"{graph.file}: a logic network has no numbers to analyse; `run` gives all its diagnoses")

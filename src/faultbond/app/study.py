@@ -1,11 +1,10 @@
 """The sections of an analysis, each worked out when its turn comes. Loads casadi and sympy."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView, in_general, on_record
 from faultbond.analysis.equilibrium import reference_levels, stands
@@ -24,6 +23,7 @@ from faultbond.app.answers import answers
 from faultbond.app.engine import build_watcher
 from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
+from faultbond.app.section import Section, Work
 from faultbond.app.simulation import START_POINTS, solved_start, start_of
 from faultbond.app.wishes import Wishes
 from faultbond.diagnosability.isolability import Interpretation, isolability
@@ -64,17 +64,6 @@ class _Study:
     recursion: Recursion
     points: tuple[GridPoint, ...]
     start: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the result: keys of the record, and how it is printed."""
-
-    record: Mapping[str, object]
-    show: Callable[[Console], None]
-
-
-Work = Callable[[], Section]
 
 
 def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Iterator[tuple[str, Work]]:

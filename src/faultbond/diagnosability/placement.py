@@ -7,10 +7,9 @@ hitting sets of these. To tell f from g is to detect f without the equation of g
 Source: Krysander and Frisk, Sensor placement for fault diagnosis, IEEE Trans. SMC-A 38 (2008).
 """
 
-from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, groupby
 
 from faultbond.diagnosability.classes import classes
 from faultbond.diagnosability.structural import StructuralModel
@@ -143,8 +142,12 @@ def _measured(
 
 def _smallest(sets: Iterable[Sensors]) -> tuple[Sensors, ...]:
     """Give the sets that contain no other, counting sensors of one variable; smallest first."""
-    kept: list[Sensors] = []
-    for sensors in sorted(set(sets), key=lambda item: (len(item), item)):
-        if not any(Counter(other) <= Counter(sensors) for other in kept):
-            kept.append(sensors)
+    kept: dict[Sensors, frozenset[tuple[int, int]]] = {}  # with each variable numbered as often as it is measured
+    shorter: list[frozenset[tuple[int, int]]] = []
+    for _, same_size in groupby(sorted(set(sets), key=lambda item: (len(item), item)), key=len):
+        for sensors in same_size:
+            counted = frozenset((variable, sensors[:k].count(variable)) for k, variable in enumerate(sensors))
+            if not any(other <= counted for other in shorter):
+                kept[sensors] = counted
+        shorter = [*kept.values()]
     return tuple(kept)

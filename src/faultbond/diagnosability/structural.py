@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from faultbond.equations.constraint_network import ConstraintNetwork
 from faultbond.errors import StructureError
 from faultbond.model.expression import names
+from faultbond.model.structure import Structure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +46,10 @@ class StructuralModel:
     def variable_name(self, variable: int) -> str:
         """Give the name of a variable, for messages."""
         return self.variable_names[variable] if self.variable_names else f"x{variable + 1}"
+
+    def equation_name(self, equation: int) -> str:
+        """Give the name of an equation, for messages."""
+        return self.equation_names[equation] if self.equation_names else f"e{equation + 1}"
 
 
 def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> StructuralModel:
@@ -89,4 +94,39 @@ def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> S
             *shared,
         ),
         fault_names=tuple(parameters),
+    )
+
+
+def stated_structure(structure: Structure) -> StructuralModel:
+    """Give the structure that a model file states, on plain integers.
+
+    A fault of one equation is a fault of it; one of several becomes an unknown with an equation `fault = 0`. Without
+    that equation the fault is eliminated, which leaves more to check than without all equations that it enters.
+    """
+    places = Counter(fault for item in structure.equations for fault in item.faults)
+    shared = tuple(fault for fault in structure.faults if places[fault] > 1)
+    variables = (*structure.unknowns, *shared)
+    index = {name: k for k, name in enumerate(variables)}
+    contained: list[tuple[str, ...]] = [
+        (*item.unknowns, *(fault for fault in item.faults if fault in shared)) for item in structure.equations
+    ]
+    own = {fault: k for k, item in enumerate(structure.equations) for fault in item.faults}
+    first_rate = len(contained)
+    contained += [(item.rate, item.quantity) for item in structure.derivatives]
+    own |= {fault: len(contained) + k for k, fault in enumerate(shared)}
+    contained += [(fault,) for fault in shared]
+    return StructuralModel(
+        equations=tuple(tuple(sorted(index[name] for name in content)) for content in contained),
+        n_variables=len(variables),
+        faults=tuple(own[fault] for fault in structure.faults),
+        differentials=tuple(
+            (first_rate + k, index[item.rate], index[item.quantity]) for k, item in enumerate(structure.derivatives)
+        ),
+        variable_names=variables,
+        equation_names=(
+            *(item.name for item in structure.equations),
+            *(item.name for item in structure.derivatives),
+            *(f"{fault} = 0" for fault in shared),
+        ),
+        fault_names=structure.faults,
     )

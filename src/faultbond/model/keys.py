@@ -17,6 +17,7 @@ MOST_FAULTS = 10
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 CHECK_COST = 1.0
+SENSOR_COST = 1.0
 BETWEEN = ("linear", "monotone")
 BEYOND = ("constant", "linear")
 HOLDS = ("last", "linear")
@@ -249,6 +250,65 @@ TABLE_KEYS = Keys(
         ),
     }
 )
+_NAMES: Form = _one_or_more(NAME_TEXT)
+_EQUATION: Form = {
+    "description": "names of what stands in it, or its text `q = K*(p1 - p2) + f`, of which only the names are read",
+    "anyOf": [{"type": "array", "items": NAME_TEXT, "minItems": 1}, TEXT],
+}
+FURTHER_SENSOR_KEYS = Keys(
+    {
+        "cost": Key(
+            {"type": ["string", "number"], "description": f"cost in any measure; default {SENSOR_COST:g}"},
+            default=f"{SENSOR_COST:g}",
+        ),
+        "suspect": Key(YES_NO, "`yes`: the new sensor can fail, too; default `no`"),
+    },
+    short="cost",
+    may_be_empty=True,
+)
+STRUCTURE_KEYS = Keys(
+    {
+        "unknowns": Key(
+            _NAMES, "signals that nobody measures, rates among them", required=True, missing="list them: `[x1, x2]`"
+        ),
+        "known": Key(_NAMES, "signals that are measured or commanded"),
+        "faults": Key(_NAMES, "faults; each stands in the equations that it makes untrue"),
+        "parameters": Key(_NAMES, "trusted numbers in texts of equations; they count for nothing"),
+        "equations": Key(
+            {
+                "description": "",
+                "anyOf": [
+                    {"type": "array", "items": _EQUATION, "minItems": 1},
+                    {
+                        "type": "object",
+                        "propertyNames": {"pattern": _NAME},
+                        "additionalProperties": _EQUATION,
+                        "minProperties": 1,
+                    },
+                ],
+            },
+            "equations by name, or a list of them, called `e1`, `e2` and so on",
+            required=True,
+            missing="state them: `{e1: [x1, x2, y]}`",
+        ),
+        "derivatives": Key(_named(NAME_TEXT), "`dx: x`: the unknown dx is the rate of the unknown x"),
+        "further_sensors": Key(
+            {
+                "description": "",
+                "anyOf": [
+                    {"type": "array", "items": NAME_TEXT},
+                    {
+                        "type": "object",
+                        "propertyNames": {"pattern": _NAME},
+                        "additionalProperties": FURTHER_SENSOR_KEYS,
+                    },
+                ],
+            },
+            "unknowns that could be measured, with their cost; default all but rates",
+            default="of every unknown but rates",
+        ),
+    }
+)
 TIME_KEYS = Keys({"column": Key(TEXT), "unit": Key(TEXT, "a unit of time; default s")})
 MODEL_KEYS = Keys(
     {
@@ -296,6 +356,8 @@ MODEL_KEYS = Keys(
         "checks": Key(
             _named(CHECK_KEYS), "what can be checked by hand: a component, an input, or a new name with `reads`"
         ),
+        "structure": Key(STRUCTURE_KEYS, "equations without laws, for `check` and `analyse` alone"),
     }
 )
 BOND_GRAPH_KEYS = ("components", "junctions", "bonds")  # a block network has none of them
+BESIDE_STRUCTURE = ("name",)  # all that may stand beside a structure

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from faultbond.model.keys import BOND_GRAPH_KEYS, MODEL_KEYS, Form, Key, Keys
+from faultbond.model.keys import BESIDE_STRUCTURE, BOND_GRAPH_KEYS, MODEL_KEYS, Form, Key, Keys
 
 Schema = dict[str, Any]
 
@@ -11,15 +11,24 @@ def model_schema() -> Schema:
     """Give the JSON Schema (2020-12) of the model file, the content of `docs/model.schema.json`."""
     static = {"properties": {"sample_time": {"const": "none"}}}
     noisy = {"properties": {"sensors": {"additionalProperties": {"required": ["noise"]}}}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "faultbond model",
-        "description": "A plant as a bond graph (components, junctions, bonds) or as a block network (blocks).",
-        **_of(MODEL_KEYS),
+    keys = _of(MODEL_KEYS)
+    with_laws = {
+        "required": keys.pop("required"),
         "if": {"required": ["blocks"]},
         "then": {"properties": dict.fromkeys(BOND_GRAPH_KEYS, False)},
         "else": {"required": ["components", "bonds"]},
         "allOf": [{"if": static, "else": noisy}],
+    }
+    others = [key for key in MODEL_KEYS.known if key not in ("structure", *BESIDE_STRUCTURE)]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "faultbond model",
+        "description": "A plant as a bond graph (components, junctions, bonds), as a block network (blocks), or as "
+        "equations without laws (structure).",
+        **keys,
+        "if": {"required": ["structure"]},
+        "then": {"properties": dict.fromkeys(others, False)},
+        "else": with_laws,
     }
 
 

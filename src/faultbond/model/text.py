@@ -1,4 +1,4 @@
-"""The model file: text to bond graph and back."""
+"""The model file: text to bond graph and back, or to a structure without laws."""
 
 import os
 from pathlib import Path
@@ -7,10 +7,11 @@ from faultbond.model.document import read_document
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph
 from faultbond.model.resolve import resolve
-from faultbond.model.source import Source
+from faultbond.model.source import Source, Table
+from faultbond.model.structure import STRUCTURE, Structure, read_structure
 from faultbond.model.yaml_nodes import read_yaml
 
-__all__ = ["dump_model", "load_model", "parse_model"]
+__all__ = ["dump_model", "load_any", "load_model", "parse_any", "parse_model"]
 
 
 def load_model(path: str | os.PathLike[str]) -> BondGraph:
@@ -40,7 +41,32 @@ def parse_model(text: str, file: str = "model.yaml") -> BondGraph:
     Raises
     ------
     ModelError
-        at the first thing that is not a complete, consistent model.
+        at the first thing that is not a complete, consistent model, and where it is a structure without laws.
     """
-    source = Source(file)
-    return resolve(read_yaml(text, source), source, Path(file).stem[:100] or "model")
+    found = parse_any(text, file)
+    if isinstance(found, Structure):
+        problem = "it has no laws, and laws are needed here: `blocks`, or `components` and `bonds`"
+        advice = "what can be said without are `check MODEL` and `analyse MODEL`"
+        raise Source(file).error(found.line, f"{found.name} is a `{STRUCTURE}`: {problem}; {advice}")
+    return found
+
+
+def load_any(path: str | os.PathLike[str]) -> BondGraph | Structure:
+    """Give the bond graph of a model file, or its structure where it states one in place of laws.
+
+    Arguments and errors as of `load_model`.
+    """
+    document = read_document(path)
+    return parse_any(document.text, file=document.label)
+
+
+def parse_any(text: str, file: str = "model.yaml") -> BondGraph | Structure:
+    """Give the bond graph of a model text, or its structure where it states one in place of laws.
+
+    Arguments and errors as of `parse_model`.
+    """
+    source, name = Source(file), Path(file).stem[:100] or "model"
+    table: Table = read_yaml(text, source)
+    if any(entry.key == STRUCTURE for entry in table.entries):
+        return read_structure(table, source, name)
+    return resolve(table, source, name)

@@ -22,9 +22,10 @@ from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import lines, table, title, under
+from faultbond.report.names import LISTED, braced, listed, some
 from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
+from faultbond.report.structure import causality_record, inseparable
 
-LISTED = 12  # groups, near groups and the like that are listed
 LISTED_SENSORS = 4
 NO_EFFECT = 1e-3  # noise standard deviations below which an effect is none
 
@@ -72,7 +73,7 @@ def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading
     at_once = [set(group.sets) for group in view.sudden_groups]
     later = [group for group in view.groups if not any(set(group.sets) <= alike for alike in at_once)]
     found += _groups_told(view.names, "alike but for how they begin", later, view.groups)
-    found += under("hard to tell apart", _listed([_group_text(view.names, group) for group in view.near_groups]))
+    found += under("hard to tell apart", listed([_group_text(view.names, group) for group in view.near_groups]))
     alike = "all testable sets can be told apart" if testable.total() else "no set is testable"
     lines(console, [("shows", shown), *(found or [("groups", alike)])])
 
@@ -83,7 +84,7 @@ def _groups_told(
     """Name the groups, and count those that follow from smaller ones among them and others."""
     known = {frozenset(group.sets) for group in among}
     first = [group for group in groups if not _follows(group, known)]
-    found = under(label, _listed([_group_text(names, group) for group in first]))
+    found = under(label, listed([_group_text(names, group) for group in first]))
     if len(first) < len(groups):
         larger = with_noun(len(groups) - len(first), "larger group")
         found.append(("", f"{larger} of which this follows; --json writes them"))
@@ -99,22 +100,7 @@ def _follows(group: Group, known: Collection[frozenset[tuple[int, ...]]]) -> boo
 
 def _group_text(names: Sequence[str], group: Group | NearGroup) -> str:
     """Say what a group holds, and why: `{K4} and {K6}: ...`."""
-    return f"{_some([_braced(item) for item in _named(names, group)])}: {group.reason}"
-
-
-def _braced(names: Sequence[str]) -> str:
-    return "{" + ", ".join(names) + "}"
-
-
-def _listed(items: Sequence[str]) -> list[str]:
-    """Give what is listed, and a line that counts the rest."""
-    more = [f"... and {len(items) - LISTED} more; --json writes all"] if len(items) > LISTED else []
-    return [*items[:LISTED], *more]
-
-
-def _some(named: Sequence[str]) -> str:
-    """Name what is listed, and count the rest."""
-    return join([*named[:LISTED], f"{len(named) - LISTED} more"] if len(named) > LISTED else named)
+    return f"{some([braced(item) for item in _named(names, group)])}: {group.reason}"
 
 
 def structure_record(
@@ -124,19 +110,8 @@ def structure_record(
     sensors: Sequence[Sequence[str]],
 ) -> Record:
     """Give what the structure says, in mixed causality, and the same for stores that work one way only."""
-    parts: dict[str, Record] = {
-        kind: {
-            "detectable": {name: bool(item.detectable[k]) for k, name in enumerate(suspects)},
-            "isolable": {
-                name: {other: bool(item.isolable[k, n]) for n, other in enumerate(suspects) if n != k}
-                for k, name in enumerate(suspects)
-            },
-        }
-        for kind, item in found.items()
-    }
     return {
-        **parts.pop("mixed"),
-        "by_causality": parts,
+        **causality_record(suspects, found),
         "tests": None if tests is None else {"mso": tests.n_sets, "mtes": [list(names) for names in tests.faults]},
         "structural_sensors": [list(names) for names in sensors],
     }
@@ -156,7 +131,7 @@ def print_structure(
     seen = f"all but {', '.join(hidden)}" if len(hidden) < len(suspects) else "none"
     items = [("detectable", seen if hidden else "all faults")]
     if len(suspects) - len(hidden) > 1:
-        together = [_braced(names) for names in _structural_groups(suspects, mixed) if len(names) > 1]
+        together = [braced(names) for names in inseparable(suspects, mixed) if len(names) > 1]
         alone = f"none: each {'detectable fault' if hidden else 'fault'} can be told from every other"
         items.append(("not isolable", join(together) if together else alone))
     pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
@@ -165,7 +140,7 @@ def print_structure(
         kept = [f"{pairs[name]} of {pairs['mixed']} isolable pairs by {text}" for name, text in words]
         items.append(("one way", "; ".join(kept)))
     if tests is not None:
-        sets, smallest = with_noun(tests.n_sets, "minimal set"), _some([_braced(names) for names in tests.faults])
+        sets, smallest = with_noun(tests.n_sets, "minimal set"), some([braced(names) for names in tests.faults])
         text = f"{sets} of equations can be checked; the smallest sets of faults that a check sees: {smallest}"
         items.append(("tests", text))
     if sensors:
@@ -173,21 +148,6 @@ def print_structure(
         named += [with_noun(len(sensors) - LISTED_SENSORS, "other")] if len(sensors) > LISTED_SENSORS else []
         items.append(("to isolate more", f"a sensor of {', or of '.join(named)}"))
     lines(console, items)
-
-
-def _structural_groups(suspects: Sequence[str], found: Isolability) -> tuple[tuple[str, ...], ...]:
-    """Give the classes of detectable faults of which none can be told from another, by structure."""
-    groups: list[list[int]] = []
-    for k in range(len(suspects)):
-        if not found.detectable[k]:
-            continue
-        for group in groups:
-            if not found.isolable[k, group[0]] and not found.isolable[group[0], k]:
-                group.append(k)
-                break
-        else:
-            groups.append([k])
-    return tuple(tuple(suspects[k] for k in group) for group in groups)
 
 
 def hypotheses_record(
@@ -232,7 +192,7 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
     looked = [item for item in solutions if not item.skipped]
     several = [item for item in looked if not item.unique]
     rows = [
-        (_braced(item.parameters), _values(graph, item.parameters, item.true), other)
+        (braced(item.parameters), _values(graph, item.parameters, item.true), other)
         for item in several
         for other in ([_values(graph, item.parameters, values) for values in item.others] or ["infinitely many"])
     ]
@@ -249,7 +209,7 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
     skipped = Counter(item.skipped for item in solutions if item.skipped)
     items += [("not looked at", f"{with_noun(count, 'set')}: {reason}") for reason, count in skipped.items()]
     plain = [item.words for item in twins.found if item.always or item.first_powers is not None]
-    words, odd = _listed(plain), len(twins.found) - len(plain)  # of pairs that meet in odd proportions only the number
+    words, odd = listed(plain), len(twins.found) - len(plain)  # of pairs that meet in odd proportions only the number
     if odd:
         meet = f"of sets {'looks' if odd == 1 else 'look'} alike for faults in certain proportions; --json writes them"
         words.append(f"{with_noun(odd, 'other pair')} {meet}")
@@ -371,12 +331,6 @@ def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -
         lines(console, [("", "nothing looks alike")])
         return
     for item in found:
-        named = join([_braced(names) for names in item.sets])
+        named = join([braced(names) for names in item.sets])
         choices = [("", choice.words) for choice in item.choices[1:3]]
         lines(console, [(named, item.words), *choices])
-
-
-def print_refusal(console: Console, heading: str, message: str) -> None:
-    """Print that a section cannot be told."""
-    title(console, heading[0].upper() + heading[1:])
-    lines(console, [("cannot be told", message)])

@@ -64,3 +64,9 @@ def table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
     console.print(made)
+
+
+def print_refusal(console: Console, heading: str, message: str) -> None:
+    """Print that a section cannot be told."""
+    title(console, heading[0].upper() + heading[1:])
+    lines(console, [("cannot be told", message)])
