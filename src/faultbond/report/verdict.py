@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+import numpy as np
+
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import (
     Candidate,
     Decider,
@@ -19,7 +22,16 @@ from faultbond.contract.findings import (
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
-from faultbond.report.numbers import Notation, certainty_text, clock_text, duration_text, figure, join, probability_text
+from faultbond.report.numbers import (
+    Notation,
+    certainty_text,
+    clock_text,
+    duration_text,
+    figure,
+    join,
+    probability_text,
+    with_noun,
+)
 from faultbond.report.suspects import (
     OTHERWISE,
     SuspectRow,
@@ -116,7 +128,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
     return RunView(
         state="fault" if history.detections else "open" if counts.no_verdict else "healthy",
-        verdict=verdict_sentence(graph, history, counts, notation),
+        verdict=" ".join(filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(history)))),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
         period=" to ".join(clock_text(float(history.time[end])) for end in (0, -1)) if len(history.time) else "",
@@ -274,6 +286,21 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     else:
         event = f"{owners} {'is' if one else 'are'} at fault"
     return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
+
+
+def early_sentence(history: History) -> str:
+    """Say that the alarm was a short while ago, so that the verdict may change; empty where it was not.
+
+    Of an alarm in a run before this one nothing is said, nor by a method that knows no probabilities.
+    """
+    diagnosis, began = open_diagnosis(history), history.open
+    if diagnosis is None or began is None or not diagnosis.candidates[0].kinds or not len(history.time):
+        return ""
+    since = int(np.sum((history.time > began.time) & (history.time <= diagnosis.time)))
+    last = int(core_settings()["LAST_RENEWAL"])
+    if began.time < history.time[0] or since >= last:
+        return ""
+    return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
 
 
 def _certainty(diagnosis: Diagnosis) -> str:

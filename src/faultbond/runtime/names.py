@@ -6,6 +6,8 @@ from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import FaultbondError
 
+LISTED = 24  # names in a message
+
 
 def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     """Give the index of the hypothesis with these components, or parameters, or of this sensor or input.
@@ -24,11 +26,23 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     if len(found) == 1:
         return found[0]
     words = ", ".join(components)
+    known = _known_names(spec)
+    strange = [name for name in components if name not in known]
+    if strange:
+        told = f"{', '.join(known[:LISTED])}{f' and {len(known) - LISTED} more' if len(known) > LISTED else ''}"
+        raise FaultbondError(f"{', '.join(strange)}: nothing that is suspected is called so. There are {told}.")
     if found:
         raise FaultbondError(f"{words}: several hypotheses have these components. Name their parameters instead.")
     raise FaultbondError(
         f"{words}: no hypothesis has just these components. Name those of one candidate of the diagnosis."
     )
+
+
+def _known_names(spec: EngineSpec) -> tuple[str, ...]:
+    """Give the names that a hypothesis may be called by: of components, parameters, sensors and inputs."""
+    suspects = [spec.parameters[i] for i in sorted({i for k in range(spec.n_hypotheses) for i in spec.members(k)})]
+    names = [name for item in suspects for name in (item.component, item.name)]
+    return tuple(dict.fromkeys([*names, *(item.name for item in spec.instruments)]))
 
 
 def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:

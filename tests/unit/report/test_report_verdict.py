@@ -13,6 +13,7 @@ from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
     RunCounts,
     detection_sentence,
+    early_sentence,
     fault_probabilities,
     remainder_text,
     table_rows,
@@ -40,6 +41,25 @@ def test_verdict_names_component_and_values(history: History) -> None:
     told = "Most likely the pipe changed: K1 rose from 2.41e11 to 4.43e11 Pa*s^2/m^6 (+84 %)"
     assert sentence(history, best) == f"{told}, 99.3 % sure."
     assert sentence(history, replace(best, kinds=())) == f"{told}."  # a method that has no chances
+
+
+def test_an_early_verdict_says_so(history: History) -> None:
+    """A verdict within 200 samples of the alarm is called early; later, of a run before, or of `classic` it is not."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    last = with_last(history, (best,))
+    (alarm,) = last.detections
+    soon = last.diagnoses[-1]
+
+    def told(after: float, of: History = last) -> str:
+        return early_sentence(replace(of, diagnoses=(replace(soon, time=alarm.time + after),)))
+
+    assert told(1.0) == "This is early, 1 sample after the alarm: up to 200 it may still change."
+    assert told(199.0).startswith("This is early, 199 samples after the alarm")
+    assert told(200.0) == ""
+    assert told(50.0, replace(last, time=last.time + alarm.time + 1.0)) == ""
+    assert told(50.0, replace(last, open=None)) == ""
+    without = replace(soon, time=alarm.time + 50.0, candidates=(replace(best, kinds=()),))
+    assert early_sentence(replace(last, diagnoses=(without,))) == ""
 
 
 def test_verdict_of_a_pair_names_both(history: History) -> None:
