@@ -85,7 +85,11 @@ class Outcome:
 
 def build_rig(model: Path) -> Rig:
     """Build the core of a model."""
-    graph = load_model(model)
+    return rig_of(load_model(model))
+
+
+def rig_of(graph: BondGraph) -> Rig:
+    """Build the core of a model that has been read."""
     spec, core = build_engine(graph)
     return Rig(graph=graph, spec=spec, core=core)
 

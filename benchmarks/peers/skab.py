@@ -4,7 +4,8 @@
 
 FOLDER/skab/ holds the recordings and `labels.csv`; see examples/skab/README.md.
 
-Drops of known size and speed, put into the healthy minutes before, are a second table.
+Drops of known size and speed, put into the healthy minutes before, are a second table. A third one counts rows, as the
+makers of the recordings do, and has the same plant with its laws turned over: resistances in place of coefficients.
 
 The labels say when the valve was first turned. For most of a minute its turning hardly matters to the flow, so delays
 are also counted from when the flow gave way: where the straight ramp that fits its fall best begins.
@@ -18,11 +19,13 @@ from textwrap import fill
 
 import numpy as np
 
-from benchmarks.peers.recordings import Rig, build_rig, data_folder
+from benchmarks.peers.recordings import Outcome, Rig, data_folder, rig_of
 from benchmarks.shared.page import arguments, note, publish
 from benchmarks.shared.plants import EXAMPLES
 from faultbond.arrays import FloatArray
+from faultbond.contract.findings import Diagnosis
 from faultbond.io.grid import GridPoint
+from faultbond.model.text import parse_model
 
 MODEL = EXAMPLES / "skab" / "model.yaml"
 SUSPECTS = frozenset({"pump", "pipe", "valve"})  # one flow cannot tell them apart
@@ -35,6 +38,13 @@ MADE_TAKES = (1.0, 20.0, 60.0)  # s
 WIDTH = 120  # of a page
 MARGIN = 20.0  # s by which a label may be off
 HEADER = ("run", "drop", "closing begins", "flow gives way", "alarm", "delay", "from the flow", "CUSUM before", "group")
+FORMS_HEADER = (
+    "law of pipe and valve",
+    "F1 over all rows",
+    "alarms before",
+    "valve in the group while closed",
+    "at the end",
+)
 MADE_HEADER = ("drop of 5 % that takes", "detected", "alarms before", "after, median", "slowest")
 
 
@@ -44,6 +54,7 @@ class Label:
 
     name: str
     begin: float  # the valve is first turned
+    end: float  # it is open again
     dwell: tuple[float, float]  # closed as far as it goes
     drop: float
 
@@ -52,7 +63,8 @@ class Label:
 class Run:
     """What a run brought, s after its first row. `cusum`: largest one before the closing, the limit being `limit`.
 
-    group: components that cannot be told apart, when the valve was about to open again.
+    group, last: components that cannot be told apart, when the valve was about to open again, and at the end.
+    rows: those in which a fault was told and there was one; told; there was one.
     """
 
     label: Label
@@ -61,6 +73,8 @@ class Run:
     cusum: float
     limit: float
     group: tuple[str, ...]
+    last: tuple[str, ...]
+    rows: tuple[int, int, int]
     shared: float | None  # part of the diagnoses up to then in which all suspects are in the group
 
     @property
@@ -88,9 +102,9 @@ def read_labels(path: Path) -> tuple[Label, ...]:
     with path.open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
             moments: list[str] = [row["t_on_s"], *row["changepoints_s"].strip("[]").split(",")]
-            closed, opening, _ = moments[-3:]
+            closed, opening, end = map(float, moments[-3:])
             name, begin, drop = f"{row['group']}_{row['file']}", float(row["t_on_s"]), float(row["flow_drop_pct"])
-            labels.append(Label(name=name, begin=begin, dwell=(float(closed), float(opening)), drop=drop))
+            labels.append(Label(name=name, begin=begin, end=end, dwell=(closed, opening), drop=drop))
     return tuple(labels)
 
 
@@ -124,7 +138,7 @@ def measure(rig: Rig, recording: Path, label: Label) -> Run:
     start = points[0].time
     found = rig.watch(points)
     closed = [item for item in found.diagnoses if item.time < start + label.dwell[1]]
-    groups = [frozenset(c for item in told.candidates if item.group for c in item.components) for told in closed]
+    groups = [_group(told) for told in closed]
     return Run(
         label=label,
         gives_way=gives_way(np.array([point.time - start for point in points]), _flow(points), label),
@@ -132,8 +146,49 @@ def measure(rig: Rig, recording: Path, label: Label) -> Run:
         cusum=float(rig.watch([point for point in points if point.time - start < label.begin]).cusum.max()),
         limit=rig.spec.thresholds.cusum_limit,
         group=tuple(sorted(groups[-1])) if groups else (),
+        last=tuple(sorted(_group(found.diagnoses[-1]))) if found.diagnoses else (),
+        rows=_rows(points, found, label),
         shared=float(np.mean([group >= SUSPECTS for group in groups])) if groups else None,
     )
+
+
+def _group(told: Diagnosis) -> frozenset[str]:
+    return frozenset(name for item in told.candidates if item.group for name in item.components)
+
+
+def _rows(points: Sequence[GridPoint], found: Outcome, label: Label) -> tuple[int, int, int]:
+    """Count rows in which a fault is told: from the alarm on, but while the first candidate is said to be gone."""
+    times = np.array([point.time for point in points])
+    there = np.isfinite(_flow(points))
+    true = there & (times >= points[0].time + label.begin) & (times < points[0].time + label.end)
+    told = np.zeros(times.size, dtype=bool)
+    if found.alarm is not None:
+        told = there & (times >= found.alarm)
+        for diagnosis in found.diagnoses:
+            told[times >= diagnosis.time] = diagnosis.candidates[0].present
+    told &= there
+    return int((told & true).sum()), int(told.sum()), int(true.sum())
+
+
+def turned_over() -> str:
+    """Give the model with resistances in place of flow coefficients, known to the same flow."""
+    text = MODEL.read_text(encoding="utf-8")
+    for name in ("pipe", "valve"):
+        old = f"law: e = f*abs(f)/K_{name}**2, parameters: {{K_{name}: 2.39e-6 m^3/s/Pa^0.5}}"
+        new = f"law: e = R_{name}*f*abs(f), parameters: {{R_{name}: {{nominal: 1.75e11 Pa*s^2/m^6, accuracy: 4 %}}}}"
+        if old not in text:
+            raise ValueError(f"{MODEL}: the law of {name} is another one; expected {old}")
+        text = text.replace(old, new)
+    return text
+
+
+def form(law: str, runs: Sequence[Run]) -> tuple[str, ...]:
+    """Give a row of the third table."""
+    hits, told, true = np.sum([run.rows for run in runs], axis=0)
+    closed, last = sum("valve" in run.group for run in runs), sum("valve" in run.last for run in runs)
+    early, total = sum(run.early for run in runs), len(runs)
+    words = f"{2.0 * hits / (told + true):.3f}", f"{early} of {total}", f"{closed} of {total}", f"{last} of {total}"
+    return law, *words
 
 
 def _flow(points: Sequence[GridPoint]) -> FloatArray:
@@ -209,14 +264,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     chosen, data = arguments("A closing valve found in a real water loop.", argv), data_folder()
     if data is None:
         return
-    rig, folder = build_rig(MODEL), data / "skab"
+    rig, folder = rig_of(parse_model(MODEL.read_text(encoding="utf-8"))), data / "skab"
     labels = read_labels(folder / "labels.csv")
     runs = [measure(rig, folder / f"{label.name}.csv", label) for label in labels]
+    other = rig_of(parse_model(turned_over()))
+    turned = [measure(other, folder / f"{label.name}.csv", label) for label in labels]
     whole = [(label, rig.read(folder / f"{label.name}.csv")) for label in labels]
     healthy = [[row for row in rows if row.time - rows[0].time < label.begin - MARGIN] for label, rows in whole]
     made = [made_drop(rig, healthy, takes) for takes in MADE_TAKES]
     told = (HEADER, [cells(run) for run in runs])
-    publish("peers.skab", chosen, note(), told, fill(summary(runs), WIDTH), (MADE_HEADER, made))
+    forms = (FORMS_HEADER, [form("f*abs(f)/K**2", runs), form("R*f*abs(f)", turned)])
+    publish("peers.skab", chosen, note(), told, fill(summary(runs), WIDTH), (MADE_HEADER, made), forms)
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.peers.skab import LARGE, MODEL, Label, Run, gives_way, read_labels, summary
+from benchmarks.peers.skab import LARGE, MODEL, Label, Run, form, gives_way, read_labels, summary, turned_over
 
 from faultbond.cli import DONE, FAULT_DETECTED, main
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
 
 DATA = os.environ.get("FAULTBOND_DATA")
 FOLDER = Path(DATA or "") / "skab"
@@ -33,6 +33,23 @@ def group_of(diagnosis: dict[str, Any]) -> set[str]:
     return {name for item in diagnosis["candidates"] if item["group"] for name in item["components"]}
 
 
+def made_run(
+    label: Label, alarm: float | None, group: tuple[str, ...] = (), rows: tuple[int, int, int] = (0, 0, 0)
+) -> Run:
+    """Give a run of which only this is known."""
+    return Run(
+        label=label,
+        gives_way=640.0,
+        alarm=alarm,
+        cusum=9.0,
+        limit=25.0,
+        group=group,
+        last=(),
+        rows=rows,
+        shared=1.0,
+    )
+
+
 def test_the_model_names_its_suspects() -> None:
     """Names of components, parameters and columns are what users and scripts rely on."""
     graph = load_model(MODEL)
@@ -47,24 +64,40 @@ def test_the_fall_of_the_flow_is_found() -> None:
     times = np.arange(1200.0)
     flow = np.interp(times, [633.0, 655.0], [32.0, 29.0]) + np.random.default_rng(3).normal(0.0, 0.4, 1200)
     flow[::25] = np.nan
-    label = Label(name="made", begin=600.0, dwell=(660.0, 960.0), drop=9.4)
+    label = Label(name="made", begin=600.0, end=1020.0, dwell=(660.0, 960.0), drop=9.4)
     found = gives_way(times, flow, label)
     assert found is not None
     assert abs(found - 633.0) <= 3.0
-    assert gives_way(times, flow, Label(name="made", begin=600.0, dwell=(660.0, 960.0), drop=0.5)) is None
+    assert gives_way(times, flow, Label(name="made", begin=600.0, end=1020.0, dwell=(660.0, 960.0), drop=0.5)) is None
 
 
 def test_the_summary_counts_alarms_before_the_fault_as_misses() -> None:
     """An alarm before the valve is turned is too early, one after it opens again too late."""
-    label = Label(name="made", begin=600.0, dwell=(660.0, 960.0), drop=9.4)
-    runs = [
-        Run(label=label, gives_way=640.0, alarm=alarm, cusum=9.0, limit=25.0, group=(), shared=1.0)
-        for alarm in (599.0, 650.0, 656.0, 970.0, None)
-    ]
+    label = Label(name="made", begin=600.0, end=1020.0, dwell=(660.0, 960.0), drop=9.4)
+    runs = [made_run(label, alarm) for alarm in (599.0, 650.0, 656.0, 970.0, None)]
     words = summary(runs)
     assert f"Drops of {LARGE:g} % and more: 2 of 5 detected, 53 s after the valve was first turned" in words
     assert "13 s after the flow gave way" in words
     assert "Alarms before the closing: 1 of 5" in words
+
+
+def test_rows_are_counted_over_all_runs() -> None:
+    """F1 is of the rows of all runs together: 300 told rightly of 400 told and 420 true ones."""
+    label = Label(name="made", begin=600.0, end=1020.0, dwell=(660.0, 960.0), drop=9.4)
+    runs = [
+        made_run(label, 599.0, ("pump",), (100, 180, 210)),
+        made_run(label, 650.0, ("pump", "valve"), (200, 220, 210)),
+    ]
+    assert form("law", runs) == ("law", f"{600 / 820:.3f}", "1 of 2", "1 of 2", "0 of 2")
+
+
+def test_resistances_are_the_same_plant() -> None:
+    """Turned over, the laws give the same drop at the same flow, and are known to the same flow."""
+    declared, turned = load_model(MODEL), parse_model(turned_over())
+    for name in ("pipe", "valve"):
+        before, after = declared.parameter(f"K_{name}"), turned.parameter(f"R_{name}")
+        assert after.nominal == pytest.approx(before.nominal**-2, rel=0.01)
+        assert after.accuracy / after.nominal == pytest.approx(2.0 * before.accuracy / before.nominal)
 
 
 @needs_data
