@@ -67,6 +67,7 @@ def test_a_diagnosis() -> None:
         "unexplained": None,
         "advice": [],
         "untested": None,
+        "within_accuracy": 0.0,
     }
 
 

@@ -18,6 +18,7 @@ from faultbond.report.verdict import (
     remainder_text,
     table_rows,
     verdict_sentence,
+    view_of,
 )
 from faultbond.types import FaultKind
 
@@ -60,6 +61,20 @@ def test_an_early_verdict_says_so(history: History) -> None:
     assert told(50.0, replace(last, open=None)) == ""
     without = replace(soon, time=alarm.time + 50.0, candidates=(replace(best, kinds=()),))
     assert early_sentence(replace(last, diagnoses=(without,))) == ""
+
+
+def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
+    """Where that is likelier than the best candidate, this comes nearest; below, and in the table, it is told beside it."""
+    best = kind_of(suspect(GRAPH, "K1", 2.45, 0.01), (FaultKind.STEP, 1.0), probability=0.1)
+    diagnosis = replace(with_last(history, (best,)).diagnoses[-1], within_accuracy=0.9)
+    shown = replace(history, diagnoses=(*history.diagnoses, diagnosis))
+    told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    assert told.startswith("Something changed, by no more than the declared accuracy allows a healthy part, 90 % sure.")
+    assert "Nearest comes a change of the pipe: K1 " in told
+    view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    assert view.left_out.startswith("With 90.0 % no part changed by more than its declared accuracy")
+    less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
+    assert verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE).startswith("Most likely the pipe changed")
 
 
 def test_verdict_of_a_pair_names_both(history: History) -> None:
