@@ -9,7 +9,7 @@
 #include "watch.h"
 
 #define SAVED_MARK 0x657461747362666LL /* "fbstate" */
-#define SAVED_FORMAT 4
+#define SAVED_FORMAT 5
 #define MODEL_WORDS 4 /* of the hash */
 
 /* Why a call was refused. */
