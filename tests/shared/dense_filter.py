@@ -112,8 +112,9 @@ class DenseFilter:
             Q[i] = error.sd**2 * (1.0 - decay**2) + fields["kick"][k]
         if spec.slot:
             size = spec.slot_slice.start
-            z[size] += dt * z[size + 1]
-            F[size, size + 1] = dt
+            moves = lane.roles["moves"][0]
+            z[size] += dt * moves * z[size + 1]
+            F[size, size + 1] = dt * moves
         z[spec.noise_slice] = 0.0  # white: every sample has its own
         F[spec.noise_slice] = 0.0
         Q[spec.noise_slice] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
@@ -172,7 +173,8 @@ class DenseFilter:
         factor = roles["reads"] + roles["gain"] * z[size]
         H = factor[:, None] * H
         H[:, size] += roles["gain"] * plain + roles["bias"]
-        return factor * plain + roles["bias"] * z[size], H, implicit
+        H[:, size + 1] += roles["bias_beside"]
+        return factor * plain + roles["bias"] * z[size] + roles["bias_beside"] * z[size + 1], H, implicit
 
     def noise(self, roles: Fields, scale: FloatArray) -> FloatArray:
         """Give the noise variance of each sensor; what a slot has to do with noise says nothing of blanked ones."""
@@ -219,6 +221,7 @@ class DenseFilter:
         if spec.slot:
             by_z[first:last, spec.slot_slice.start] = roles["theta"]
             by_z[last:, spec.slot_slice.start] = roles["input"]
+            by_z[last:, spec.slot_slice.start + 1] = roles["input_beside"]
         v = by_z @ z
         if spec.slot:
             v[first:last] = self.in_range(v[first:last])

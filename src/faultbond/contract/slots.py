@@ -213,7 +213,8 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     first = wide.loop_slice.stop
     place = {name: where.start - first for name, where in wide.role_fields.items()}
     roles = np.zeros(wide.n_roles)
-    for name, n in (("obeys", len(spec.inputs)), ("reads", len(spec.outputs)), ("noise", len(spec.outputs))):
+    ones = (("obeys", len(spec.inputs)), ("reads", len(spec.outputs)), ("noise", len(spec.outputs)), ("moves", 1))
+    for name, n in ones:
         roles[place[name] : place[name] + n] = 1.0
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)

@@ -14,12 +14,14 @@ its rate `r`, d' = d + r dt, and, before the likelihood, roles: constants that s
     theta + theta_role * d        obeys_role * u + input_role * d
     y = h * (reads_role + gain_role * d) + bias_role * d
 
-The noise variance of each sensor is `noise_role` times that declared. So drifts, faults that come and go, and faults of
-sensors and inputs are data too.
+Where `moves_role` is 0, r is no rate but the bias of one more instrument, and acts as input_beside_role and
+bias_beside_role say. The noise variance of each sensor is `noise_role` times that declared. So drifts, faults that come
+and go, and faults of sensors and inputs, two at once, are data too.
 """
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import combinations
 from math import inf
 from typing import Protocol
 
@@ -218,8 +220,8 @@ class EngineSpec:
 
     @property
     def n_hypotheses(self) -> int:
-        """All hypotheses: those tested from the alarm on, then those in reserve, then instruments with a parameter."""
-        return self.n_begun + len(self.reserve) + len(self.mixed)
+        """All hypotheses: those tested from the alarm on, in reserve, instruments with a parameter, two instruments."""
+        return self.n_begun + len(self.reserve) + len(self.mixed) + len(self.both)
 
     @cached_property
     def mixed(self) -> tuple[tuple[int, int], ...]:
@@ -228,6 +230,11 @@ class EngineSpec:
             return ()
         suspects = sorted({index for chosen in (*self.hypotheses, *self.reserve) for index in chosen})
         return tuple((k, index) for k in range(len(self.instruments)) for index in suspects)
+
+    @cached_property
+    def both(self) -> tuple[tuple[int, int], ...]:
+        """Two instruments, among `instruments`, that may be at fault together."""
+        return tuple(combinations(range(len(self.instruments)), 2)) if self.coupled else ()
 
     @cached_property
     def reserve_costs(self) -> FloatArray:
@@ -253,14 +260,19 @@ class EngineSpec:
         if hypothesis < self.n_begun:
             return ()
         row = hypothesis - self.n_begun
-        return self.reserve[row] if row < len(self.reserve) else (self.mixed[row - len(self.reserve)][1],)
+        if row < len(self.reserve):
+            return self.reserve[row]
+        mixed = row - len(self.reserve)
+        return (self.mixed[mixed][1],) if mixed < len(self.mixed) else ()
 
-    def instrument_in(self, hypothesis: int) -> Instrument | None:
-        """Give the sensor or input of a hypothesis; None where it has parameters only."""
-        mixed = hypothesis - self.n_begun - len(self.reserve)
+    def instruments_in(self, hypothesis: int) -> tuple[Instrument, ...]:
+        """Give the sensors and inputs of a hypothesis; none where it has parameters only."""
+        row, mixed = hypothesis - len(self.hypotheses), hypothesis - self.n_begun - len(self.reserve)
+        if mixed >= len(self.mixed):
+            return tuple(self.instruments[k] for k in self.both[mixed - len(self.mixed)])
         if mixed >= 0:
-            return self.instruments[self.mixed[mixed][0]]
-        return self.instruments[hypothesis - len(self.hypotheses)] if not self.members(hypothesis) else None
+            return (self.instruments[self.mixed[mixed][0]],)
+        return (self.instruments[row],) if 0 <= row < len(self.instruments) else ()
 
     @cached_property
     def n_joint(self) -> int:
@@ -341,8 +353,9 @@ class EngineSpec:
     def role_fields(self) -> dict[str, slice]:
         """Where the roles of the slot stand in a lane, by name.
 
-        theta, input, obeys, reads, gain, bias, noise; ended, took: of a ramp that has come to its end, when it did and
-        after how long, s; returns: of a fault that comes and goes the probability that it has been there and gone.
+        theta, input, obeys, reads, gain, bias, noise, moves, input_beside, bias_beside; ended, took: of a ramp that
+        has come to its end, when it did and after how long, s; returns: of a fault that comes and goes the
+        probability that it has been there and gone.
         """
         n_y = len(self.outputs)
         sizes = {
@@ -353,6 +366,9 @@ class EngineSpec:
             "gain": n_y,
             "bias": n_y,
             "noise": n_y,
+            "moves": 1,
+            "input_beside": len(self.inputs),
+            "bias_beside": n_y,
             "ended": 1,
             "took": 1,
             "returns": 1,

@@ -1,4 +1,4 @@
-/* Couples: a fault with a slot and a parameter that changed beside it, as a sensor that is off and a valve that sticks, or a
+/* Couples: a fault with a slot, and a parameter that changed or an instrument that is off beside it, as a sensor that is off and a valve that sticks, or a
    pipe that fouls and a pump that lost head at once.
 
    A lane with a slot has all parameters too, each with its narrow prior. So the closed form of growing.h holds for it: what it
@@ -43,7 +43,26 @@ static inline int64_t plan_of(const Bank *bank, int64_t lane)
     return bank->base[lane - N_SLOT_LANES] < 0 ? 0 : bank->base[lane - N_SLOT_LANES];
 }
 
-/* The parameter beside the slot of a lane of couples. */
+/* The lane of the plan whose bias is beside a slot in a lane of couples: the narrowest of the other instrument; -1: it is a
+   parameter. */
+static int64_t beside_of(const Bank *bank, int64_t lane, int64_t slot)
+{
+    const int64_t couple = bank->coupled[row_of_lane(lane)];
+    if (couple < 0 || COUPLE_BESIDE[couple] < 0) return -1;
+    const int64_t other = SLOT_HYPOTHESIS[slot] == COUPLE_SLOT[couple] ? COUPLE_BESIDE[couple] : COUPLE_SLOT[couple];
+    for (int64_t k = 0; k < SWITCHED; k++)
+        if (SLOT_HYPOTHESIS[k] == other && SLOT_KIND[k] == KIND_BIAS) return k;
+    return -1;
+}
+
+/* The prior weight of a lane of couples with this slot. */
+static double weight_of_couple(const Bank *bank, int64_t lane, int64_t slot)
+{
+    const int64_t beside = beside_of(bank, lane, slot);
+    return SLOT_WEIGHT[slot] + (beside < 0 ? 0.0 : SLOT_WEIGHT[beside]);
+}
+
+/* The parameter beside the slot of a lane of couples; -1: it is an instrument. */
 static inline int parameter_of(const Bank *bank, int64_t lane) { return COUPLE_PARAMETER[bank->coupled[row_of_lane(lane)]]; }
 
 /* Whether a parameter is one of a store, whose content may go on where it changes. */
@@ -93,7 +112,7 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
 static double said_by_couple(Bank *bank, int64_t lane)
 {
     const double likelihood = bank->base[lane] < 0 ? -INFINITY : likelihood_of_slot(bank, N_SLOT_LANES + lane);
-    return isfinite(likelihood) ? likelihood + SLOT_WEIGHT[bank->base[lane]] : -INFINITY;
+    return isfinite(likelihood) ? likelihood + weight_of_couple(bank, lane, bank->base[lane]) : -INFINITY;
 }
 
 /* The likeliest lane of a row. */
@@ -131,14 +150,57 @@ static void match_steps(Bank *bank, Match *match)
     match->value[0] = match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
 }
 
+/* The likeliest lane of an instrument which does not move: a bias, or (`other`) another kind; -1: none. */
+static int64_t still_slot(Bank *bank, int64_t instrument, int other)
+{
+    int64_t best = -1;
+    for (int64_t k = 0; k < RAMPED; k++) {
+        const int kind = SLOT_KIND[k], fits = other ? kind == KIND_STUCK || kind == KIND_GAIN : kind == KIND_BIAS;
+        if (SLOT_HYPOTHESIS[k] != instrument || !fits) continue;
+        if (best < 0 || likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] > likelihood_of_slot(bank, best) + SLOT_WEIGHT[best]) best = k;
+    }
+    return best;
+}
+
+/* What the sums of a lane with a slot leave to explain at a sensor, nats: s over n samples is worth n (k + s / n)^2 / 2. */
+static double left_at(const Bank *bank, int64_t lane, int output, int64_t index)
+{
+    double most = 0.0;
+    for (int side = 0; side < 2 && output >= 0; side++) {
+        const double sum = bank->sums[side][output][N_STEPS + lane];
+        const double n = (double)index - bank->since[side][output][N_STEPS + lane];
+        if (sum > 0.0 && n > 0.0) most = fmax(most, 0.5 * n * (CUSUM_DRIFT + sum / n) * (CUSUM_DRIFT + sum / n));
+    }
+    return most;
+}
+
+/* What two instruments would say: the likeliest of either, and what that leaves to explain at the other. */
+static void match_instruments(Bank *bank, int64_t index, Match *match)
+{
+    const int64_t both[2] = {COUPLE_SLOT[match->couple], COUPLE_BESIDE[match->couple]};
+    match->base[0] = match->base[1] = -1;
+    match->said[0] = -INFINITY;
+    for (int one = 0; one < 2; one++) {
+        const int64_t other = still_slot(bank, both[!one], 0);
+        for (int kind = 0; kind < 2; kind++) {
+            const int64_t lane = still_slot(bank, both[one], kind);
+            if (lane < 0 || other < 0) continue;
+            const double said = likelihood_of_slot(bank, lane) + SLOT_WEIGHT[lane] + SLOT_WEIGHT[other] +
+                                left_at(bank, lane, SLOT_OUTPUT[other], index);
+            if (said > match->said[0]) match->said[0] = said;
+        }
+    }
+}
+
 /* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. */
-static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, Match *chosen)
+static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, int64_t index, Match *chosen)
 {
     int64_t n = 0;
     for (int64_t couple = first; couple < end; couple++) {
         Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
         if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
-        find_bases_of(bank, old, &match);
+        if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
+        else find_bases_of(bank, old, &match);
         match_steps(bank, &match);
         match.row = row_of_couple(bank, couple);
         const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
@@ -175,6 +237,16 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
     job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
 
+/* Say the same of two instruments: both are off; the one is stuck or has a wrong gain, and the other is off; the other way
+   round. */
+static void plan_instruments(Bank *bank, const Match *match, Job *job)
+{
+    const int64_t one = COUPLE_SLOT[match->couple], two = COUPLE_BESIDE[match->couple];
+    job->bases[lane_of_couple(match->row, 0)] = still_slot(bank, one, 0);
+    job->bases[lane_of_couple(match->row, 1)] = still_slot(bank, one, 1);
+    job->bases[lane_of_couple(match->row, 2)] = still_slot(bank, two, 1);
+}
+
 /* Let lanes of couples that have not begun, and those that fill up the last block, repeat one that has. */
 static void fill_up_couples(Bank *bank)
 {
@@ -190,11 +262,13 @@ static void fill_up_couples(Bank *bank)
 }
 
 /* Choose the couples that are tested from now on, and what begins. Those that are tested already keep their lanes. */
-static void choose_couples(Bank *bank, const double *old, Job *job)
+static void choose_couples(Bank *bank, const double *old, int64_t index, Job *job)
 {
     Match chosen[FB_ROOM(N_COUPLED)];
-    const int64_t n_mixed = match_couples(bank, 0, N_MIXED, MOST_MIXED, old, chosen);
-    const int64_t n = n_mixed + match_couples(bank, N_MIXED, N_COUPLES, N_COUPLED - MOST_MIXED, old, chosen + n_mixed);
+    const int64_t drifting = N_MIXED + N_BOTH, most = N_COUPLED - MOST_MIXED - MOST_BOTH;
+    int64_t n = match_couples(bank, 0, N_MIXED, MOST_MIXED, old, index, chosen);
+    n += match_couples(bank, N_MIXED, drifting, MOST_BOTH, old, index, chosen + n);
+    n += match_couples(bank, drifting, N_COUPLES, most, old, index, chosen + n);
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
     for (int64_t row = 0; row < N_COUPLED; row++) {
         int is_kept = 0;
@@ -207,7 +281,8 @@ static void choose_couples(Bank *bank, const double *old, Job *job)
         for (int64_t row = 0; chosen[k].row < 0 && row < N_COUPLED; row++)
             if (bank->coupled[row] < 0) chosen[k].row = row;
         bank->coupled[chosen[k].row] = chosen[k].couple;
-        plan_match(bank, &chosen[k], job);
+        if (COUPLE_BESIDE[chosen[k].couple] >= 0) plan_instruments(bank, &chosen[k], job);
+        else plan_match(bank, &chosen[k], job);
     }
     fill_up_couples(bank);
 }
@@ -243,7 +318,7 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
         const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
         job->begins[l] = bank->onset[N_STEPS + from];
         if (part_of_lane(lane) != LIKELIEST) job->begins[l] = onset_of_single(bank, parameter_of(bank, lane), job->begins[l]);
-        job->found[l][1] = of_slot(bank, from, AT_SLOT + 1);
+        job->found[l][1] = beside_of(bank, lane, base) < 0 ? of_slot(bank, from, AT_SLOT + 1) : 0.0;
         job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
     }
 }
@@ -252,6 +327,7 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
 static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 {
     const int64_t row = row_of_lane(lane);
+    if (parameter_of(bank, lane) < 0) return 0;
     return part_of_lane(lane) != JUMPING && job->bases[lane_of_couple(row, LIKELIEST)] == job->bases[lane_of_couple(row, SECOND)] &&
            job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
 }
@@ -289,13 +365,17 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
     else memcpy(lane_of_old, start->healthy, sizeof start->healthy);
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
-        suspect_too(bank, job, lane, start->healthy, SLOT_OLD[base] ? lane_of_old : start->healthy, plain);
+        const int64_t beside = beside_of(bank, lane, base);
+        double *from = SLOT_OLD[base] ? lane_of_old : start->healthy;
+        if (beside < 0) suspect_too(bank, job, lane, start->healthy, from, plain);
+        else memcpy(plain, from, sizeof start->healthy);
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
         const int from_found = is_of_found(base) && is_again(bank, job, lane);
         begin_slot(from_found && SLOT_KIND[base] == KIND_BIAS ? widest_slot(base) : base, trail, job->peak, start, job->run, l);
+        if (beside >= 0) begin_beside(beside, job->peak, job->run, l);
         if (!from_found) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
-        job->run[AT_SLOT + 1][l] = job->found[l][1];
+        if (beside < 0) job->run[AT_SLOT + 1][l] = job->found[l][1];
     }
 }
 
@@ -303,7 +383,7 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
 static int64_t put_couple(Bank *bank, Job *job, int64_t l)
 {
     const int64_t lane = job->lane[l], base = job->bases[lane];
-    const double said = job->run[WIDE_LIKELIHOOD][l] + SLOT_WEIGHT[base];
+    const double said = job->run[WIDE_LIKELIHOOD][l] + weight_of_couple(bank, lane, base);
     if (!isfinite(said) || !(said > said_by_couple(bank, lane))) return -1;
     put_slot(bank, N_SLOT_LANES + lane, job->run, l);
     bank->base[lane] = base;

@@ -89,12 +89,10 @@ static void absorb_sensor(State *state, int64_t slot, double size, double estima
     }
 }
 
-/* Make what a slot holds part of the plant or its instruments: a parameter becomes what it and the slot add up to,
-   and goes on as it drifts. */
-static void absorb(State *state, int64_t lane, double estimate)
+/* Make what a lane of the plan is about part of the plant or its instruments, of this size and rate: a parameter becomes what it
+   and the slot add up to, and goes on as it drifts. */
+static void absorb(State *state, int64_t slot, double size, double rate, double estimate)
 {
-    const double size = of_slot(&state->bank, lane, AT_SLOT), rate = of_slot(&state->bank, lane, AT_SLOT + 1);
-    const int64_t slot = plan_of(&state->bank, lane);
     const int parameter = SLOT_PARAMETER[slot], input = SLOT_INPUT[slot];
     if (parameter >= 0 && SLOT_KIND[slot] == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
@@ -110,6 +108,16 @@ static void absorb(State *state, int64_t lane, double estimate)
     }
 }
 
+/* The same of all that a lane with a slot holds. */
+static void absorb_lane(State *state, int64_t lane, const Candidate *candidate)
+{
+    const Bank *bank = &state->bank;
+    const double size = of_slot(bank, lane, AT_SLOT), rate = of_slot(bank, lane, AT_SLOT + 1);
+    const int64_t slot = plan_of(bank, lane), beside = lane < N_SLOT_LANES ? -1 : beside_of(bank, lane - N_SLOT_LANES, slot);
+    absorb(state, slot, size, rate, candidate->suspects[0].estimate);
+    if (beside >= 0) absorb(state, beside, rate, 0.0, candidate->suspects[1].estimate);
+}
+
 /* A parameter is again what the model file says, as well known as that; nothing else is known by it. */
 static void renew_parameter(State *state, int k)
 {
@@ -121,15 +129,11 @@ static void renew_parameter(State *state, int k)
     state->normal.rates[k] = state->normal.wander[k] = 0.0;
 }
 
-/* What was at fault has been repaired: parameters, or the sensor or input of a lane with a slot (-1: none), are as declared. The
-   plant was handled meanwhile, so that its states may be elsewhere. */
-static void renew(State *state, int64_t hypothesis, int64_t slot)
+/* The sensor or input of a lane of the plan (-1: none) is as declared. */
+static void renew_instrument(State *state, int64_t slot)
 {
-    const int *members;
-    const int n = members_of(hypothesis, &members), output = slot < 0 ? -1 : SLOT_OUTPUT[slot];
-    const int input = slot < 0 ? -1 : SLOT_INPUT[slot];
+    const int output = slot < 0 ? -1 : SLOT_OUTPUT[slot], input = slot < 0 ? -1 : SLOT_INPUT[slot];
     Normal *normal = &state->normal;
-    for (int i = 0; i < n; i++) renew_parameter(state, members[i]);
     if (output >= 0) {
         normal->gain[output] = normal->noise[output] = state->sensors.nis[output] = state->sensors.run[output] = 1.0;
         normal->offset[output] = 0.0;
@@ -139,6 +143,17 @@ static void renew(State *state, int64_t hypothesis, int64_t slot)
         normal->input_gain[input] = 1.0;
         normal->input_offset[input] = 0.0;
     }
+}
+
+/* What was at fault has been repaired: parameters, or the sensors or inputs of two lanes of the plan (-1: none), are as declared.
+   The plant was handled meanwhile, so that its states may be elsewhere. */
+static void renew(State *state, int64_t hypothesis, int64_t slot, int64_t beside)
+{
+    const int *members;
+    const int n = members_of(hypothesis, &members);
+    for (int i = 0; i < n; i++) renew_parameter(state, members[i]);
+    renew_instrument(state, slot);
+    renew_instrument(state, beside);
     resume(&state->clock);
 }
 
@@ -155,9 +170,10 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     for (int64_t k = 0; slot >= 0 && k < WIDE_NUMBERS; k++) memory->wide[k] = of_slot(&state->bank, slot, k);
     if (slot >= 0) narrow(memory->wide, SLOT_ACTS[of_plan], SLOT_PARAMETER[of_plan], memory->plain);
     if (!is_left(&state->bank, lane) || !is_definite(memory->plain, memory->left)) return NOT_LISTED;
-    if (slot >= 0 && !repaired) absorb(state, slot, candidate->suspects[0].estimate);
+    const int64_t beside = slot < N_SLOT_LANES ? -1 : beside_of(&state->bank, slot - N_SLOT_LANES, of_plan);
+    if (slot >= 0 && !repaired) absorb_lane(state, slot, candidate);
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
-    if (repaired) renew(state, hypothesis, of_plan);
+    if (repaired) renew(state, hypothesis, of_plan, beside);
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;
@@ -173,7 +189,9 @@ static int falls_with(int64_t hypothesis, int64_t rejected)
 {
     const int *chosen, *members;
     const int n = members_of(rejected, &chosen), n_members = members_of(hypothesis, &members);
-    if (instrument_of(rejected) >= 0 && instrument_of(hypothesis) != instrument_of(rejected)) return 0;
+    const int64_t wanted[2] = {instrument_of(rejected), second_instrument_of(rejected)};
+    for (int i = 0; i < 2; i++)
+        if (wanted[i] >= 0 && instrument_of(hypothesis) != wanted[i] && second_instrument_of(hypothesis) != wanted[i]) return 0;
     for (int i = 0; i < n; i++) {
         int is_there = 0;
         for (int k = 0; k < n_members; k++) is_there |= members[k] == chosen[i];

@@ -122,6 +122,20 @@ static void suspect_beside(const Bank *bank, int64_t lane, int parameter, Suspec
     suspect->sd = fabs(SCALE[parameter]) * root_of(of_slot(bank, lane, WIDE_PLACE(k, k)));
 }
 
+/* The bias of an instrument beside the slot of a lane, as it has it. */
+static void instrument_beside(const Bank *bank, int64_t lane, Suspect *suspect)
+{
+    const int64_t beside = beside_of(bank, lane - N_SLOT_LANES, plan_of(bank, lane));
+    const double unit = SLOT_INPUT[beside] >= 0 ? 1.0 : OUTPUT_NOISE[SLOT_OUTPUT[beside]];
+    no_suspect(suspect);
+    suspect->input = SLOT_INPUT[beside];
+    suspect->output = SLOT_OUTPUT[beside];
+    suspect->word = WORD_BIAS;
+    suspect->nominal = 0.0;
+    suspect->estimate = unit * of_slot(bank, lane, AT_SLOT + 1);
+    suspect->sd = unit * root_of(of_slot(bank, lane, WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)));
+}
+
 /* A parameter that is its healthy value and what the slot adds. */
 static void moved_suspect(const State *state, int64_t lane, Suspect *suspect)
 {

@@ -55,7 +55,8 @@ static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRI
     for (int k = 0; k < N_PARAMETERS; k++)
         v[AT_PARAMETERS + k] = clamp(z[AT_PARAMETERS + k] + lane[ROLE_THETA + k] * z[AT_SLOT], LOWER[k], UPPER[k]);
     for (int k = 0; k < N_INPUTS; k++)
-        v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT] + (lane[ROLE_OBEYS + k] - 1.0) * u[k];
+        v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT] + lane[ROLE_INPUT_BESIDE + k] * z[AT_SLOT + 1] +
+                         (lane[ROLE_OBEYS + k] - 1.0) * u[k];
 #else
     (void)lane;
     (void)u;
@@ -82,8 +83,10 @@ static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, l
 {
     if (c < AT_SLOT) row[c] = slope;
 #if N_SLOT > 0
-    if (c >= AT_SLOT) row[AT_SLOT] += slope * lane[ROLE_INPUT + c - AT_SLOT];
-    else if (c >= AT_PARAMETERS) row[AT_SLOT] += slope * lane[ROLE_THETA + c - AT_PARAMETERS];
+    if (c >= AT_SLOT) {
+        row[AT_SLOT] += slope * lane[ROLE_INPUT + c - AT_SLOT];
+        row[AT_SLOT + 1] += slope * lane[ROLE_INPUT_BESIDE + c - AT_SLOT];
+    } else if (c >= AT_PARAMETERS) row[AT_SLOT] += slope * lane[ROLE_THETA + c - AT_PARAMETERS];
 #else
     (void)lane;
 #endif
@@ -132,7 +135,7 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
     }
 #if N_SLOT > 0
     const int size = AT_SLOT, rate = AT_SLOT + 1;
-    const double dt = SHARED(sample[SAMPLE_DT]);
+    const lanes dt = SHARED(sample[SAMPLE_DT]) * lane[ROLE_MOVES];
     for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
     p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
     p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];
@@ -232,7 +235,8 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
         const lanes plain = found->y[j], factor = lane[ROLE_READS + j] + lane[ROLE_GAIN + j] * z[AT_SLOT];
         for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] *= factor;
         row[AT_SLOT] += lane[ROLE_BIAS + j] + lane[ROLE_GAIN + j] * plain;
-        found->y[j] = plain * factor + lane[ROLE_BIAS + j] * z[AT_SLOT];
+        row[AT_SLOT + 1] += lane[ROLE_BIAS_BESIDE + j];
+        found->y[j] = plain * factor + lane[ROLE_BIAS + j] * z[AT_SLOT] + lane[ROLE_BIAS_BESIDE + j] * z[AT_SLOT + 1];
 #endif
         times(j, lane + AT_COVARIANCE, row, found->cross[j]);
     }

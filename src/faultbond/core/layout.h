@@ -1,5 +1,6 @@
 /* Where the numbers of a lane stand. A plain lane is [z, triangle of its covariance, implicit signals, log-likelihood];
-   a wide one has a slot in z, the size of one more fault and its rate, and roles, on what that acts, before the last. */
+   a wide one has a slot in z, the size of one more fault and its rate, and roles, on what that acts, before the last. Where
+   it does not move, the second number is no rate but the size of the bias of one more instrument. */
 #ifndef FB_LAYOUT_H
 #define FB_LAYOUT_H
 
@@ -35,7 +36,10 @@
 #define ROLE_GAIN (ROLE_READS + N_OUTPUTS)
 #define ROLE_BIAS (ROLE_GAIN + N_OUTPUTS)
 #define ROLE_NOISE (ROLE_BIAS + N_OUTPUTS)
-#define ROLE_ENDED (ROLE_NOISE + N_OUTPUTS)
+#define ROLE_MOVES (ROLE_NOISE + N_OUTPUTS)
+#define ROLE_INPUT_BESIDE (ROLE_MOVES + 1)
+#define ROLE_BIAS_BESIDE (ROLE_INPUT_BESIDE + N_INPUTS)
+#define ROLE_ENDED (ROLE_BIAS_BESIDE + N_OUTPUTS)
 #define ROLE_TOOK (ROLE_ENDED + 1)
 #define ROLE_RETURNS (ROLE_TOOK + 1)
 #define WIDE_LIKELIHOOD (ROLE_RETURNS + 1)

@@ -23,17 +23,22 @@ static int members_of(int64_t hypothesis, const int **members)
     const int64_t row = hypothesis - N_BEGUN;
     if (row >= N_RESERVE) { /* couples with an instrument are the first */
         *members = &COUPLE_PARAMETER[row - N_RESERVE];
-        return 1;
+        return COUPLE_BESIDE[row - N_RESERVE] < 0;
     }
     *members = &RESERVE_MEMBER[RESERVE_ROW[row]];
     return RESERVE_ROW[row + 1] - RESERVE_ROW[row];
 }
 
-/* The instrument of a hypothesis; -1: it has parameters only. */
+/* The first instrument of a hypothesis, as a hypothesis, and the second; -1: none. */
 static int64_t instrument_of(int64_t hypothesis)
 {
-    if (hypothesis >= N_BEGUN + N_RESERVE) return COUPLE_SLOT[hypothesis - N_BEGUN - N_RESERVE] - N_SETS;
-    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis - N_SETS : -1;
+    if (hypothesis >= FIRST_MIXED) return COUPLE_SLOT[hypothesis - FIRST_MIXED];
+    return hypothesis >= N_SETS && hypothesis < N_BEGUN ? hypothesis : -1;
+}
+
+static int64_t second_instrument_of(int64_t hypothesis)
+{
+    return hypothesis >= FIRST_MIXED ? COUPLE_BESIDE[hypothesis - FIRST_MIXED] : -1;
 }
 
 /* The hypothesis of a lane, steps first. */
@@ -69,7 +74,8 @@ static int64_t suspects_of(const State *state, int64_t lane, Suspect *suspects)
         slot_suspect(state, lane - N_STEPS, &suspects[0]);
         if (kind_of(bank, lane) != KIND_RAMP) suspects[0].began = suspects[0].ended = NAN;
         if (couple < 0) return 1;
-        suspect_beside(bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &suspects[1]);
+        if (COUPLE_BESIDE[couple] >= 0) instrument_beside(bank, lane - N_STEPS, &suspects[1]);
+        else suspect_beside(bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &suspects[1]);
         return 2;
     }
     const int64_t n = members_of(hypothesis_of(bank, lane), &members);

@@ -86,7 +86,7 @@ static double most_likely(const Bank *bank)
     return most;
 }
 
-/* The likelihood of each lane of couples with its prior weight: the slot has its own, and lanes of a couple weigh the same. */
+/* The likelihood of each lane of couples with its prior weight: slots have their own, and lanes of a couple weigh the same. */
 static void weigh_couples(const Bank *bank, int out, const Ranking *ranking, double *weighted)
 {
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) {
@@ -95,7 +95,7 @@ static void weigh_couples(const Bank *bank, int out, const Ranking *ranking, dou
         if (slot < 0) continue;
         const double likelihood = coarse(ranking, of_slot(bank, N_SLOT_LANES + lane, WIDE_LIKELIHOOD), rests);
         const int left_out = is_out(bank, out, hypothesis_of(bank, N_STEPS + N_SLOT_LANES + lane));
-        weighted[lane] = (left_out ? LOWEST : likelihood) + SLOT_WEIGHT[slot] - log((double)PER_COUPLE);
+        weighted[lane] = (left_out ? LOWEST : likelihood) + weight_of_couple(bank, lane, slot) - log((double)PER_COUPLE);
     }
 }
 

@@ -100,6 +100,7 @@ static inline int adds_to_reading(int64_t k)
 static void set_roles(int64_t k, double (*block)[GROUP], int l)
 {
     for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
+    block[ROLE_MOVES][l] = 1.0;
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
     for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
@@ -169,6 +170,17 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
     block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / start->step;
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
+}
+
+/* Let lane k of the plan, a bias, be that of one more instrument in a lane whose own slot does not move. */
+static void begin_beside(int64_t k, const double *peak, double (*block)[GROUP], int l)
+{
+    const int input = SLOT_INPUT[k], rate = AT_SLOT + 1;
+    const double unit = input >= 0 && peak[input] != 0.0 ? peak[input] : 1.0, sd = SLOT_SIZE_SD[k] * unit;
+    if (input >= 0) block[ROLE_INPUT_BESIDE + input][l] = 1.0;
+    else block[ROLE_BIAS_BESIDE + SLOT_OUTPUT[k]][l] = OUTPUT_NOISE[SLOT_OUTPUT[k]];
+    block[ROLE_MOVES][l] = block[rate][l] = 0.0;
+    block[WIDE_PLACE(rate, rate)][l] = sd * sd;
 }
 
 /* Whether the input of lane k takes a while to settle, and a sensor sees it at once. */

@@ -24,7 +24,8 @@
 #define N_WIDE (N_SLOT_LANES + N_COUPLE_LANES)  /* then wide ones: all other kinds of fault, alone and in couples */
 #define N_LANES (N_STEPS + N_WIDE)
 #define N_BEGUN (N_SETS + N_INSTRUMENTS)      /* hypotheses that are tested from the alarm on, */
-#define N_HYPOTHESES (N_BEGUN + N_RESERVE + N_MIXED) /* then those in reserve, then instruments with a parameter */
+#define FIRST_MIXED (N_BEGUN + N_RESERVE)     /* then those in reserve, then instruments with a parameter, */
+#define N_HYPOTHESES (FIRST_MIXED + N_MIXED + N_BOTH) /* and two instruments */
 #define BLOCKS(n) (((n) + GROUP - 1) / GROUP)
 #define FIRST_COUPLES (BLOCKS(N_STEPS) + BLOCKS(SWITCHED))     /* of the groups that may rest, that of the first couples, */
 #define N_RESTING (FIRST_COUPLES + BLOCKS(N_COUPLE_LANES))      /* and how many there are */

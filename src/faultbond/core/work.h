@@ -269,7 +269,7 @@ static void note_slots(State *state, const Renewed *renewed, int64_t n)
 static void open_couples(State *state, const Trail *trail, int64_t first)
 {
     Job *job = &state->job;
-    if (first == 0) choose_couples(&state->bank, trail->old, job);
+    if (first == 0) choose_couples(&state->bank, trail->old, state->clock.index, job);
     if (list_couples(first, job) == 0) {
         job->pass = OPENING;
         job->group++;

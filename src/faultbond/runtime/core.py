@@ -210,7 +210,7 @@ class Core:
 
 def _largest(spec: EngineSpec) -> int:
     """Give the size of the largest set of suspects."""
-    return max(map(len, (*spec.hypotheses, *spec.reserve, *spec.mixed)), default=1)
+    return max(map(len, (*spec.hypotheses, *spec.reserve, *spec.mixed, *spec.both)), default=1)
 
 
 def at(array: NDArray[Any]) -> int:

@@ -20,7 +20,7 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     wanted = frozenset(components)
     found = []
     for k in range(spec.n_hypotheses):
-        owners = frozenset(spec.parameters[i].component for i in spec.members(k)) | _instrument(spec, k)
+        owners = frozenset(spec.parameters[i].component for i in spec.members(k)) | _instruments(spec, k)
         if wanted in (owners, hypothesis_names(spec, k)):
             found.append(k)
     if len(found) == 1:
@@ -46,13 +46,12 @@ def _known_names(spec: EngineSpec) -> tuple[str, ...]:
 
 
 def hypothesis_names(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
-    """Give the parameters of a hypothesis, and its sensor or input."""
-    return frozenset(spec.parameters[i].name for i in spec.members(hypothesis)) | _instrument(spec, hypothesis)
+    """Give the parameters of a hypothesis, and its sensors or inputs."""
+    return frozenset(spec.parameters[i].name for i in spec.members(hypothesis)) | _instruments(spec, hypothesis)
 
 
-def _instrument(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
-    instrument = spec.instrument_in(hypothesis)
-    return frozenset() if instrument is None else frozenset({instrument.name})
+def _instruments(spec: EngineSpec, hypothesis: int) -> frozenset[str]:
+    return frozenset(item.name for item in spec.instruments_in(hypothesis))
 
 
 def candidate_names(candidate: Candidate) -> frozenset[str]:

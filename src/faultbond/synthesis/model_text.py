@@ -159,11 +159,13 @@ def _reading_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]]) -> Ite
 
 
 def _joint_places(spec: EngineSpec, pattern: BoolArray, *, slot: bool = False) -> list[int]:
-    """Give the places in z that slopes by the marked columns of v go to; `slot`: that of the size in any case."""
+    """Give the places in z that slopes by the marked columns of v go to; `slot`: those of the slot in any case."""
     first, last = spec.parameter_slice.start, spec.parameter_slice.stop
     places = [int(c) for c in np.flatnonzero(pattern[:last])]
     if spec.slot and (slot or pattern[first:].any()):
         places.append(spec.slot_slice.start)
+    if spec.slot and (slot or pattern[last:].any()):
+        places.append(spec.slot_slice.start + 1)
     return places + [spec.noise_slice.start + k for k, index in enumerate(spec.noisy_inputs) if pattern[last + index]]
 
 

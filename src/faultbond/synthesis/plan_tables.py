@@ -35,11 +35,13 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "N_GROWN": n_grown(spec),
         "PER_SET": PER_SET,
         "N_MIXED": len(spec.mixed),
+        "N_BOTH": len(spec.both),
         "N_COUPLES": len(plan_couples(spec)),
         "MOST_MIXED": n_coupled(spec)[0],
+        "MOST_BOTH": n_coupled(spec)[1],
         "N_COUPLED": sum(n_coupled(spec)),
         "PER_COUPLE": PER_COUPLE,
-        "LARGEST_SET": max(map(len, (*spec.hypotheses, *spec.reserve, *spec.mixed)), default=1),
+        "LARGEST_SET": max(map(len, (*spec.hypotheses, *spec.reserve, *spec.mixed, *spec.both)), default=1),
         "MOST_LIMITS": max((len(item.limits) for item in spec.parameters), default=0),
         "N_PLANNED": plan_lanes(spec).n_lanes,
         "N_SINGLE_LANES": int(np.sum(plan_lanes(spec).sizes[plan_lanes(spec).hypothesis] == 1)),
@@ -116,7 +118,8 @@ def _hypothesis_tables(spec: EngineSpec) -> Iterable[str]:
     own = [settings.cost_per_sensor if item.is_output else settings.cost_per_suspect for item in spec.instruments]
     sizes = [settings.cost_per_suspect * len(chosen) for chosen in spec.hypotheses]
     mixed = [settings.cost_per_suspect + own[instrument] for instrument, _ in spec.mixed]
-    yield numbers("COST", [*sizes, *own, *spec.reserve_costs, *mixed])
+    both = [own[one] + own[two] for one, two in spec.both]
+    yield numbers("COST", [*sizes, *own, *spec.reserve_costs, *mixed, *both])
     found = [entry for parts in extensions(spec) for entry in zip(*parts, strict=True)]
     yield f"#define N_EXTENSIONS {len(found)}"
     yield integers("EXTENSION_RESERVE", (row for row, _, _ in found))
@@ -147,7 +150,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
 
 def _couple_tables(spec: EngineSpec) -> Iterable[str]:
     couples = plan_couples(spec)
-    for name in ("slot", "parameter", "hypothesis"):
+    for name in ("slot", "parameter", "beside", "hypothesis"):
         yield integers(f"COUPLE_{name.upper()}", (getattr(item, name) for item in couples))
 
 

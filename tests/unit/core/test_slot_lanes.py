@@ -211,7 +211,7 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
     lane[SIZE], lane[RATE] = item.size * unit, item.rate * unit / 0.5
     wide[SIZE, SIZE], wide[RATE, RATE] = (item.size_sd * unit) ** 2, (item.rate_sd * unit / 0.5) ** 2
     role = {name: lane[where] for name, where in WIDE.role_fields.items()}
-    role["reads"][:] = role["noise"][:] = role["obeys"][:] = 1.0
+    role["reads"][:] = role["noise"][:] = role["obeys"][:] = role["moves"][:] = 1.0
     if item.parameter >= 0:
         role["theta"][item.parameter] = item.acts
     if item.input >= 0:

@@ -21,6 +21,8 @@ SENSOR = Fault(parameter="omega.bias", value=0.6, start=BEGINS)
 COMPONENT = Fault(parameter="R", factor=1.5, start=BEGINS)
 STORE = Fault(parameter="J", factor=1.5, start=BEGINS)
 INPUT = Fault(parameter="V.bias", value=-1.5, start=BEGINS)
+OTHER = Fault(parameter="i.bias", value=0.3, start=BEGINS)
+STUCK = Fault(parameter="omega.stuck", value=3.0, start=BEGINS)
 DRIFT = Fault(parameter="R", factor=1.6, start=BEGINS, end=ROWS * 0.02)
 
 
@@ -58,12 +60,15 @@ def near(candidate: Candidate, values: Sequence[float]) -> bool:
         ((SENSOR, COMPONENT), FaultKind.BIAS, {"omega.bias": 0.6, "R": 4.5}),
         ((INPUT, STORE), FaultKind.BIAS, {"V.bias": -1.5, "J": 2.25}),
         ((DRIFT, STORE), FaultKind.DRIFT, {"R": 4.8, "J": 2.25}),
+        ((SENSOR, OTHER), FaultKind.BIAS, {"omega.bias": 0.6, "i.bias": 0.3}),
+        ((SENSOR, INPUT), FaultKind.BIAS, {"omega.bias": 0.6, "V.bias": -1.5}),
+        ((STUCK, OTHER), FaultKind.STUCK, {"omega.stuck": 3.0, "i.bias": 0.3}),
     ],
 )
 def test_two_faults_of_different_kinds(faults: tuple[Fault, ...], kind: FaultKind, values: dict[str, float]) -> None:
-    """A sensor and a component, an input and a store that keeps its content, a drift and a step: first, and as large.
+    """A sensor and a component, an input and a store that keeps its content, a drift and a step, two instruments.
 
-    What is said of the slot comes first, and only a drift has a rate.
+    Both come first, and are as large. What is said of the slot comes first, and only a drift has a rate.
     """
     best = first_of(faults)
     assert (best.parameters, best.kind) == (tuple(values), kind)
@@ -93,8 +98,9 @@ def test_none_is_tested_before_the_bank_is_renewed() -> None:
     couples = plan_couples(SPEC)
     assert len(coupled) == sum(n_coupled(SPEC))
     chosen = [couples[int(k)] for k in coupled if k >= 0]
-    assert len({(item.slot, item.parameter) for item in chosen}) == len(chosen)
-    assert sum(item.slot >= len(SPEC.hypotheses) for item in chosen) == n_coupled(SPEC)[0]
+    assert len({(item.slot, item.parameter, item.beside) for item in chosen}) == len(chosen)
+    assert sum(item.parameter >= 0 and item.slot >= len(SPEC.hypotheses) for item in chosen) == n_coupled(SPEC)[0]
+    assert sum(item.beside >= 0 for item in chosen) == n_coupled(SPEC)[1]
 
 
 def test_an_accepted_couple_becomes_the_healthy_model() -> None:
@@ -112,6 +118,30 @@ def test_an_accepted_couple_becomes_the_healthy_model() -> None:
     assert all(report.detection is None for report in reports)
 
 
+@pytest.mark.parametrize("repaired", [False, True])
+def test_two_instruments_are_accepted_and_repaired(repaired: bool) -> None:
+    """Accepted, both are corrected by their biases and no parameter has moved; repaired, both are as declared."""
+    samples, late = recording((SENSOR, INPUT)), ROWS - 150
+    monitor, _ = run(CORE, samples[:late])
+    best = monitor.conclude().candidates[0]
+    assert best.parameters == ("omega.bias", "V.bias")
+    monitor.accept(best.hypothesis, repaired=repaired)
+    wanted = [0.0, 0.0] if repaired else [item.estimate for item in best.suspects]
+    assert monitor.numbers("normal.offset") == pytest.approx([wanted[0], 0.0])
+    assert monitor.numbers("normal.input_offset") == pytest.approx([wanted[1]])
+    assert monitor.numbers("healthy.lane")[SPEC.parameter_slice] == pytest.approx(1.0, abs=0.05)
+    _, reports = run(CORE, samples[late:], monitor)
+    assert any(report.detection is not None for report in reports) is repaired
+
+
+def test_of_two_instruments_that_are_rejected_each_stays() -> None:
+    """Who has ruled out that both are off has said nothing of either."""
+    monitor = ended((SENSOR, OTHER)).copy()
+    both = find_hypothesis(SPEC, ["omega", "i"])
+    monitor.reject(both)
+    assert np.flatnonzero(monitor.numbers("bank.rejected")).tolist() == [both]
+
+
 def test_with_an_instrument_all_couples_with_it_are_rejected() -> None:
     """Who has found the sensor healthy has said so of all sets with it; of a rejected couple each part stays."""
     monitor = ended((SENSOR, COMPONENT)).copy()
@@ -121,9 +151,9 @@ def test_with_an_instrument_all_couples_with_it_are_rejected() -> None:
     assert couple not in left
     assert np.flatnonzero(monitor.numbers("bank.rejected")).tolist() == [couple]
     monitor.reject(sensor)
-    out = {k for k in range(SPEC.n_hypotheses) if (thing := SPEC.instrument_in(k)) and thing.name == "omega"}
+    out = {k for k in range(SPEC.n_hypotheses) if "omega" in {item.name for item in SPEC.instruments_in(k)}}
     assert set(np.flatnonzero(monitor.numbers("bank.rejected"))) == out
-    assert len(out) == 6
+    assert len(out) == 8
 
 
 def test_couples_are_saved_too() -> None:

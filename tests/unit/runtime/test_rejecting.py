@@ -74,9 +74,9 @@ def test_parts_of_a_rejected_set_stay() -> None:
 
 
 def test_a_healthy_instrument_rules_out_what_contains_it() -> None:
-    """With a sensor its sets with a parameter fall, and no others; a parameter rules no sensor out by itself."""
+    """With a sensor its sets with one more suspect fall, no others; a parameter rules no sensor out by itself."""
     sensor = find_hypothesis(WHOLE, ["omega"])
-    with_it = [find_hypothesis(WHOLE, ["omega", name]) for name in ("R", "L", "K", "J", "C")]
+    with_it = [find_hypothesis(WHOLE, ["omega", name]) for name in ("R", "L", "K", "J", "C", "i", "V")]
     assert out(rejected(alarmed(WHOLE), sensor)) == sorted([sensor, *with_it])
     instruments = range(len(WHOLE.hypotheses), WHOLE.n_begun)
     assert not set(instruments) & set(out(rejected(alarmed(WHOLE), 0)))

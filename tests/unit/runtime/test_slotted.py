@@ -47,7 +47,8 @@ def test_without_lanes_nothing_is_done() -> None:
 def test_only_instruments_have_a_slot(sets: tuple[tuple[int, ...], ...]) -> None:
     """Without single sets, or without any set, the instruments are told apart all the same."""
     diagnosis = ended(with_sets(*sets)).conclude()
-    assert len(diagnosis.candidates) == len(sets) + 3 + 3 * len({index for chosen in sets for index in chosen})
+    parameters = {index for chosen in sets for index in chosen}
+    assert len(diagnosis.candidates) == len(sets) + 3 + 3 * len(parameters) + 3  # and each two instruments
     assert sum(item.probability for item in diagnosis.candidates) == pytest.approx(1.0)
     named = {item.components for item in diagnosis.candidates}
     assert {("omega",), ("i",), ("V",)} <= named

@@ -77,7 +77,9 @@ def with_roles(spec: EngineSpec, lane: FloatArray, **roles: FloatArray) -> Float
     """The lane with a slot; roles that are not given are neutral."""
     wide = widened(spec, lane)
     for name, place in spec.slotted.role_fields.items():
-        wide[place] = roles.get(name, np.full(place.stop - place.start, float(name in ("reads", "noise", "obeys"))))
+        wide[place] = roles.get(
+            name, np.full(place.stop - place.start, float(name in ("reads", "noise", "obeys", "moves")))
+        )
     return wide
 
 
@@ -93,6 +95,9 @@ def acting(built: Built) -> FloatArray:
         "gain": generator.uniform(0.5, 1.5, n_y),
         "bias": generator.uniform(0.5, 1.5, n_y),
         "noise": generator.uniform(2.0, 5.0, n_y),
+        "moves": generator.uniform(0.3, 0.8, 1),
+        "input_beside": generator.uniform(0.2, 0.6, n_u),
+        "bias_beside": generator.uniform(0.5, 1.5, n_y),
     }
     lane = with_roles(spec, correlated(built.plain), **roles)
     lane[spec.slotted.slot_slice] = [0.2, 0.4]
