@@ -62,13 +62,12 @@ static int is_definite(const double *lane, double *left)
     return 1;
 }
 
-/* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
+/* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. kind, estimate: what the
    diagnosis tells of it, SI. */
-static void absorb_sensor(State *state, int64_t slot, double size, double estimate)
+static void absorb_sensor(State *state, int j, int64_t kind, double size, double estimate)
 {
-    const int j = SLOT_OUTPUT[slot];
     Normal *normal = &state->normal;
-    switch (SLOT_KIND[slot]) {
+    switch (kind) {
     case KIND_BIAS:
     case KIND_RAMP:
         normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
@@ -92,9 +91,9 @@ static void absorb_sensor(State *state, int64_t slot, double size, double estima
 static void absorb(State *state, int64_t lane, double estimate)
 {
     const double size = of_slot(&state->bank, lane, AT_SLOT), rate = of_slot(&state->bank, lane, AT_SLOT + 1);
-    const int64_t slot = plan_of(&state->bank, lane);
+    const int64_t slot = plan_of(&state->bank, lane), kind = kind_of(&state->bank, N_STEPS + lane);
     const int parameter = SLOT_PARAMETER[slot], input = SLOT_INPUT[slot];
-    if (parameter >= 0 && SLOT_KIND[slot] == KIND_DRIFT) {
+    if (parameter >= 0 && kind == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
         state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
     } else if (input >= 0 && SLOT_STICKS[slot]) {
@@ -104,7 +103,7 @@ static void absorb(State *state, int64_t lane, double estimate)
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
     } else if (parameter < 0 && SLOT_ACTS[slot]) {
-        absorb_sensor(state, slot, size, estimate);
+        absorb_sensor(state, SLOT_OUTPUT[slot], kind, size, estimate);
     }
 }
 
