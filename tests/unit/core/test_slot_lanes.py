@@ -405,10 +405,10 @@ def test_drifts_and_biases_of_inputs_begin_again_from_what_was_found(core: Core,
     assert anew == (list(range(RAMPED, SWITCHED, 2)) if likelier else [])
     for k in anew:
         pair, onsets = slice(k, k + 2), core.onsets[k : k + 2] - (len(core.rows) - 3)
-        best = every[onsets[0] - 1, :, k - RAMPED : k - RAMPED + 2]
+        at_onset = every[onsets[0] - 1, :, k - RAMPED : k - RAMPED + 2]
         assert onsets[0] == onsets[1]
-        assert close(found[:-1, pair], best[:-1])
-        assert found[-1, k] - found[-1, k + 1] == pytest.approx(best[-1, 0] - best[-1, 1], abs=1e-6)
+        assert close(found[:-1, pair], at_onset[:-1])
+        assert found[-1, k] - found[-1, k + 1] == pytest.approx(at_onset[-1, 0] - at_onset[-1, 1], abs=1e-6)
         both = np.logaddexp(*every[:, -1, k - RAMPED : k - RAMPED + 2].T)
         assert np.logaddexp(*found[-1, pair]) <= mixture(both) + 1.0
         wanted[:, pair] = found[:, pair]
