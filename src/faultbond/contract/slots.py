@@ -19,12 +19,9 @@ from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
 FRESH, OLD = (
-    100.0,
+    20.0,
     2000.0,
-)  # samples in which a drift covers `change`, or what it has: one that begins now, one under way
-SETTLES = (
-    20.0  # samples in which an input drifts by its larger bias: an actuator that comes to rest where it should not
-)
+)  # samples in which a drift covers a usual fault, or what it has: one that begins now, one under way
 UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
 GAIN = 0.3  # sd of the relative error of a sensor's gain
@@ -144,7 +141,7 @@ def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLa
     """Give a drift that begins at the onset, and drifts that have already gone some way."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
     starts = starts_of(item, 1)
-    yield replace(lane, size_sd=item.accuracy, rate_sd=2.0 * item.change / FRESH, weight=DRIFTING - log(2.0))
+    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=DRIFTING - log(2.0))
     for start in starts:
         yield replace(
             lane,
@@ -197,7 +194,7 @@ def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     drift, stuck = replace(lane, kind=FaultKind.DRIFT), replace(lane, kind=FaultKind.STUCK, sticks=True)
     found = [
         *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
-        replace(drift, rate_sd=INPUT_BIASES[1] / SETTLES),
+        replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
         replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
         *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
         *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),

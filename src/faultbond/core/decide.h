@@ -64,13 +64,12 @@ static int is_definite(const double *lane, double *left)
     return 1;
 }
 
-/* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. estimate: what the
+/* Correct a sensor, or do without it where it no longer follows the plant, drifts, or errs at times. kind, estimate: what the
    diagnosis tells of it, SI. */
-static void absorb_sensor(State *state, int64_t slot, double size, double estimate)
+static void absorb_sensor(State *state, int j, int64_t kind, double size, double estimate)
 {
-    const int j = SLOT_OUTPUT[slot];
     Normal *normal = &state->normal;
-    switch (SLOT_KIND[slot]) {
+    switch (kind) {
     case KIND_BIAS:
     case KIND_RAMP:
         normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
@@ -89,12 +88,12 @@ static void absorb_sensor(State *state, int64_t slot, double size, double estima
     }
 }
 
-/* Make what a lane of the plan is about part of the plant or its instruments, of this size and rate: a parameter becomes what it
-   and the slot add up to, and goes on as it drifts. */
-static void absorb(State *state, int64_t slot, double size, double rate, double estimate)
+/* Make what a lane of the plan is about part of the plant or its instruments, of this kind, size and rate: a parameter becomes
+   what it and the slot add up to, and goes on as it drifts. */
+static void absorb(State *state, int64_t slot, int64_t kind, double size, double rate, double estimate)
 {
     const int parameter = SLOT_PARAMETER[slot], input = SLOT_INPUT[slot];
-    if (parameter >= 0 && SLOT_KIND[slot] == KIND_DRIFT) {
+    if (parameter >= 0 && kind == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
         state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
     } else if (input >= 0 && SLOT_STICKS[slot]) {
@@ -104,7 +103,7 @@ static void absorb(State *state, int64_t slot, double size, double rate, double 
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
     } else if (parameter < 0 && SLOT_ACTS[slot]) {
-        absorb_sensor(state, slot, size, estimate);
+        absorb_sensor(state, SLOT_OUTPUT[slot], kind, size, estimate);
     }
 }
 
@@ -114,8 +113,8 @@ static void absorb_lane(State *state, int64_t lane, const Candidate *candidate)
     const Bank *bank = &state->bank;
     const double size = of_slot(bank, lane, AT_SLOT), rate = of_slot(bank, lane, AT_SLOT + 1);
     const int64_t slot = plan_of(bank, lane), beside = lane < N_SLOT_LANES ? -1 : beside_of(bank, lane - N_SLOT_LANES, slot);
-    absorb(state, slot, size, rate, candidate->suspects[0].estimate);
-    if (beside >= 0) absorb(state, beside, rate, 0.0, candidate->suspects[1].estimate);
+    absorb(state, slot, kind_of(bank, N_STEPS + lane), size, rate, candidate->suspects[0].estimate);
+    if (beside >= 0) absorb(state, beside, SLOT_KIND[beside], rate, 0.0, candidate->suspects[1].estimate);
 }
 
 /* A parameter is again what the model file says, as well known as that; nothing else is known by it. */

@@ -9,6 +9,7 @@
 
 #define NOTED_FROM 100   /* samples after the last work on the bank at which values are noted first */
 #define AT_ONCE 3.0      /* samples in which what moves is a step */
+#define MOVES_SDS 2.0    /* of its sd a rate has to be for what has it to move, or what moved as much likelier than a step */
 #define STILL 4.0        /* sd of what is usual by which a value may move and count as settled */
 
 /* Parameters of a hypothesis, and how many; none of an instrument. */
@@ -54,13 +55,40 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
-/* The kind of fault of a lane. What came to stay within a few samples is a step, of an instrument a bias. */
+/* Log-likelihood of the likeliest lane of a single suspect that changed at once and stays. */
+static double most_of_changes(const Bank *bank, int64_t hypothesis)
+{
+    double most = LOWEST;
+    for (int64_t lane = 0; lane < RAMPED; lane++)
+        if (SLOT_HYPOTHESIS[lane] == hypothesis && SLOT_KIND[lane] == KIND_BIAS)
+            most = fmax(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
+    if (hypothesis >= N_SETS) return most;
+    for (int64_t lane = FIRST_LANE[hypothesis]; lane < FIRST_LANE[hypothesis + 1]; lane++)
+        most = fmax(most, finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD)));
+    return most;
+}
+
+/* Whether what a lane with a slot has found does not move, as far as data tell: a rate that may as well be 0, or what came to
+   stay within a few samples, or after a while but no likelier than at once. */
+static int is_at_rest(const Bank *bank, int64_t lane)
+{
+    const int64_t slot = plan_of(bank, lane);
+    const int rate = AT_SLOT + 1;
+    const double speed = of_slot(bank, lane, rate), variance = of_slot(bank, lane, WIDE_PLACE(rate, rate));
+    if (SLOT_KIND[slot] == KIND_DRIFT) return speed * speed < MOVES_SDS * MOVES_SDS * variance;
+    if (SLOT_KIND[slot] != KIND_RAMP) return 0;
+    if (of_slot(bank, lane, ROLE_TOOK) <= AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0)) return 1;
+    const double likelihood = finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
+    return likelihood < most_of_changes(bank, SLOT_HYPOTHESIS[slot]) + 0.5 * MOVES_SDS * MOVES_SDS;
+}
+
+/* The kind of fault of a lane. What moves is a step, of an instrument a bias, as long as no more is known of it: drifts and ramps
+   have these among them, and must not take from what is simpler. */
 static int64_t kind_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_STEPS) return KIND_STEP;
     const int64_t slot = plan_of(bank, lane - N_STEPS);
-    if (SLOT_KIND[slot] != KIND_RAMP || of_slot(bank, slot, ROLE_TOOK) > AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0))
-        return SLOT_KIND[slot];
+    if (!is_at_rest(bank, lane - N_STEPS)) return SLOT_KIND[slot];
     return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
 }
 
@@ -72,7 +100,10 @@ static int64_t suspects_of(const State *state, int64_t lane, Suspect *suspects)
     if (lane >= N_STEPS) {
         const int64_t couple = couple_of(bank, lane - N_STEPS);
         slot_suspect(state, lane - N_STEPS, &suspects[0]);
-        if (kind_of(bank, lane) != KIND_RAMP) suspects[0].began = suspects[0].ended = NAN;
+        if (is_at_rest(bank, lane - N_STEPS)) { /* what it is told as has neither times nor a rate */
+            suspects[0].began = suspects[0].ended = suspects[0].rate = suspects[0].rate_sd = NAN;
+            suspects[0].n_forecasts = 0;
+        }
         if (couple < 0) return 1;
         if (COUPLE_BESIDE[couple] >= 0) instrument_beside(bank, lane - N_STEPS, &suspects[1]);
         else suspect_beside(bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &suspects[1]);
@@ -83,10 +114,11 @@ static int64_t suspects_of(const State *state, int64_t lane, Suspect *suspects)
     return n;
 }
 
-/* Whether what a lane looks for stays the same. */
+/* Whether what a lane looks for stays the same; not of one that has a rate, whatever that is. */
 static int is_constant(const Bank *bank, int64_t lane)
 {
     const int64_t kind = kind_of(bank, lane);
+    if (lane >= N_STEPS && SLOT_KIND[plan_of(bank, lane - N_STEPS)] == KIND_DRIFT) return 0;
     return kind == KIND_STEP || kind == KIND_BIAS || kind == KIND_GAIN;
 }
 

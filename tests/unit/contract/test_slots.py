@@ -136,7 +136,7 @@ def test_starts_of_parameters_are_those_of_steps() -> None:
         assert pairs == wanted
         assert [(lane.size, lane.size_sd) for lane in old] == wanted
         assert (fresh.size, fresh.size_sd) == (0.0, item.accuracy)
-        assert (fresh.rate, fresh.rate_sd) == (0.0, 2.0 * item.change / FRESH)
+        assert (fresh.rate, fresh.rate_sd) == (0.0, item.change / FRESH)
         assert [lane.rate for lane in old] == [size / OLD for size, _ in wanted]
         assert [lane.rate_sd for lane in old] == pytest.approx([UNSTEADY * np.hypot(*start) / OLD for start in wanted])
         assert all(lane.rate_sd == 0.0 for lane in own if lane.kind is FaultKind.INTERMITTENT)

@@ -24,7 +24,7 @@ WIDE, SLOTS, STEPS = SPEC.slotted, plan_slots(SPEC), plan_lanes(SPEC)
 FIRST = SPEC.parameter_slice.start
 SIZE = WIDE.slot_slice.start
 SETTINGS = SPEC.thresholds
-STEP = KINDS.index(FaultKind.STEP)
+STEP, RAMP = KINDS.index(FaultKind.STEP), KINDS.index(FaultKind.RAMP)
 WIDER = sqrt(1.0 / share_of(400))  # standard deviations, in those of the filter: 400 samples after the alarm
 
 
@@ -55,10 +55,16 @@ def mixed(seed: int, state: Diagnosed, level: float = 0.0, spread: float = 8.0) 
     values[generator.random(len(values)) < 0.05] = inf
     state["bank.grown"] = np.where(np.arange(len(RESERVE)) < 5, (3 * np.arange(len(RESERVE))) % len(RESERVE), -1)
     state.likelihoods(values)
-    total = np.zeros((SPEC.n_hypotheses, len(KINDS)))
+    total, changes = np.zeros((SPEC.n_hypotheses, len(KINDS))), np.full(SPEC.n_hypotheses, -inf)
+    finite = np.where(np.isfinite(values), values, -inf)
+    for value, (hypothesis, kind, weight) in zip(finite, lanes_of(state["bank.grown"]), strict=True):
+        if kind in (STEP, KINDS.index(FaultKind.BIAS)) and weight > -inf:
+            changes[hypothesis] = max(changes[hypothesis], value)
     share = share_of(int(state["clock.index"][0] - state["clock.alarm"][0]))
     for value, (hypothesis, kind, weight) in zip(values, lanes_of(state["bank.grown"]), strict=True):
-        total[hypothesis, kind] += np.exp((value - level) * share + weight) if np.isfinite(value) else 0.0
+        simpler = STEP if hypothesis < len(SPEC.hypotheses) else KINDS.index(FaultKind.BIAS)
+        told = simpler if kind == RAMP and not value >= changes[hypothesis] + 2.0 else kind
+        total[hypothesis, told] += np.exp((value - level) * share + weight) if np.isfinite(value) else 0.0
     return total
 
 
@@ -83,6 +89,7 @@ def test_the_posterior_is_the_weighted_mean_likelihood_by_its_cost(
     for row in rows:
         own = total[row["hypothesis"]]
         order = [int(k) for k in np.argsort(-own, kind="stable") if (row["hypothesis"], k) in tried]
+        order = [k for k in order if k != RAMP or own[RAMP] > 0.0]  # it may be told as what is simpler
         assert list(row["kinds"][: row["n_kinds"]]) == order
         assert row["shares"][: row["n_kinds"]] == pytest.approx(own[order] / own.sum(), rel=1e-9)
 
@@ -244,31 +251,57 @@ def test_a_drift_is_that_of_the_parameter_and_the_slot(state: Diagnosed) -> None
             lane[covariance_place(WIDE, row, column)] = full[i, j]
     one, both = np.array([1.0, 1.0, 0.0]), SPEC.parameters[0].scale
     for value in (0.9, 1.1 * SPEC.parameters[0].upper):
-        suspect = drifting(state, value, 0.001, (full[1, 1], full[2, 2]))
+        suspect = drifting(state, value, 0.1, (full[1, 1], full[2, 2]))
         assert suspect["estimate"] == pytest.approx(both * min(value, SPEC.parameters[0].upper))
-        assert suspect["rate"] == pytest.approx(both * (0.001 + 3e-4))
+        assert suspect["rate"] == pytest.approx(both * (0.1 + 3e-4))
         assert suspect["sd"] == pytest.approx(WIDER * both * sqrt(one @ full @ one))
         assert suspect["rate_sd"] == pytest.approx(WIDER * both * sqrt(full[2, 2]))
-    suspect = drifting(state, 0.9, 0.001, (full[1, 1], full[2, 2]))
-    for item in suspect["forecasts"]:
-        t = item["earliest"] - state["clock.time"][0]
-        sign = 1.0 if item["limit"] > suspect["nominal"] else -1.0
-        at = np.array([1.0, 1.0, t])
-        score = (
-            sign * (suspect["estimate"] + suspect["rate"] * t - item["limit"]) / (WIDER * both * sqrt(at @ full @ at))
-        )
-        assert NormalDist().cdf(score) == pytest.approx(0.05, rel=1e-6)
+    suspect = drifting(state, 0.9, 0.1, (full[1, 1], full[2, 2]))
+    low, high = suspect["forecasts"]
+    t = high["earliest"] - state["clock.time"][0]
+    at = np.array([1.0, 1.0, t])
+    score = (suspect["estimate"] + suspect["rate"] * t - high["limit"]) / (WIDER * both * sqrt(at @ full @ at))
+    assert NormalDist().cdf(score) == pytest.approx(0.05, rel=1e-6)
+    assert np.isnan(low["earliest"])
 
 
-def test_a_rate_that_is_not_known_may_never_reach_the_limit(state: Diagnosed) -> None:
-    """Where the sign of the rate is open, the limit is reached soon, late, or never; where it lies behind, now."""
-    sd = 0.001
-    suspect = drifting(state, 1.2, 0.0005, (0.0, sd**2))
-    high = suspect["forecasts"][1]
-    early = 0.8 / (0.0005 + NormalDist().inv_cdf(0.95) * WIDER * sd)
-    assert tuple(high)[1:3] == pytest.approx((0.8 / 0.0005, early), rel=1e-12)
-    assert np.isnan(high["latest"])
-    assert drifting(state, 2.5, 0.0005, (1e-8, 1e-8))["forecasts"][1]["latest"] == pytest.approx(0.0, abs=1e-12)
+def test_a_rate_that_is_hardly_known_reaches_the_limit_early_or_late(state: Diagnosed) -> None:
+    """From two sd on a rate is one; where the limit lies behind, it is reached now."""
+    sd, off = 0.001, NormalDist().inv_cdf(0.95) * WIDER * 0.001
+    high = drifting(state, 1.2, 0.0025, (0.0, sd**2))["forecasts"][1]
+    assert tuple(high)[1:] == pytest.approx((0.8 / 0.0025, 0.8 / (0.0025 + off), 0.8 / (0.0025 - off)), rel=1e-12)
+    assert drifting(state, 2.5, 0.0025, (1e-8, 1e-8))["forecasts"][1]["latest"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("off", [1.99, 2.01])
+def test_a_drift_whose_rate_may_be_nought_is_a_step(state: Diagnosed, off: float) -> None:
+    """Below two sd of it, and it is told without rate and forecast then; of an instrument it is a bias."""
+    suspect = drifting(state, 1.2, 0.001 * off, (0.01**2, 0.001**2))
+    best = state.diagnose()["candidates"][0]
+    assert KINDS[best["kinds"][0]] is (FaultKind.DRIFT if off > 2.0 else FaultKind.STEP)
+    assert (suspect["n_forecasts"], np.isnan(suspect["rate"])) == ((2, False) if off > 2.0 else (0, True))
+    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((12.0, 0.1 * WIDER))
+    lane = slot_of(output=0, kind=FaultKind.DRIFT)
+    state.only(state.n_steps + lane)
+    numbers = state.lane("slot", lane)
+    numbers[SIZE + 1], numbers[covariance_place(WIDE, SIZE + 1, SIZE + 1)] = off, 1.0
+    best = state.diagnose()["candidates"][0]
+    assert KINDS[best["kinds"][0]] is (FaultKind.DRIFT if off > 2.0 else FaultKind.BIAS)
+
+
+@pytest.mark.parametrize("more", [1.9, 2.1])
+def test_a_ramp_that_is_hardly_likelier_than_a_step_is_one(state: Diagnosed, more: float) -> None:
+    """It has no times then; its lane may still tell the value."""
+    ramp, values = slot_of(hypothesis=1, kind=FaultKind.RAMP), np.full(state.n_steps + state.n_slots, -1000.0)
+    values[np.flatnonzero(STEPS.hypothesis == 1)], values[state.n_steps + ramp] = 40.0, 40.0 + more
+    state.likelihoods(values)
+    best = state.diagnose()["candidates"][0]
+    kinds = dict(zip([KINDS[k] for k in best["kinds"][: best["n_kinds"]]], best["shares"], strict=False))
+    assert best["hypothesis"] == 1
+    assert (kinds.get(FaultKind.RAMP, 0.0) > 0.1) == (more > 2.0)
+    assert (kinds[FaultKind.STEP] > 0.99) == (more < 2.0)
+    leads = KINDS[best["kinds"][0]] is FaultKind.RAMP
+    assert np.isnan(best["suspects"][0]["began"]) == (not leads)
 
 
 def test_the_noise_of_a_sensor_is_where_its_likelihood_is_largest(state: Diagnosed) -> None:

@@ -94,9 +94,10 @@ def test_the_lane_of_a_step_becomes_the_healthy_one(state: Diagnosed) -> None:
 
 
 @pytest.mark.parametrize("item", [lane for lane in SLOTS if lane.parameter in {0, N_P - 1}])
-def test_a_parameter_becomes_what_it_and_the_slot_add_up_to(state: Diagnosed, item: SlotLane) -> None:
-    """Mean and covariance are those of the sum, none of it while the fault is gone; a drift goes on as it was."""
-    numbers = slot_lane(state, SLOTS.index(item), 0.3, 2e-4)
+@pytest.mark.parametrize("rate", [90.0, 2e-4])
+def test_a_parameter_becomes_what_it_and_the_slot_add_up_to(state: Diagnosed, item: SlotLane, rate: float) -> None:
+    """Mean and covariance are those of the sum, none of it while the fault is gone; a drift that is one goes on."""
+    numbers = slot_lane(state, SLOTS.index(item), 0.3, rate)
     kept = [k for k in range(WIDE.n_joint) if k not in range(WIDE.slot_slice.start, WIDE.slot_slice.stop)]
     take = np.eye(WIDE.n_joint)[kept]
     take[SPEC.parameter_slice.start + item.parameter, WIDE.slot_slice.start] = item.acts
@@ -108,16 +109,17 @@ def test_a_parameter_becomes_what_it_and_the_slot_add_up_to(state: Diagnosed, it
     assert len(SPEC.loops) == 1
     assert np.array_equal(lane[SPEC.loop_slice], numbers[WIDE.loop_slice])
     assert lane[-1] == 50.0
-    if item.kind is FaultKind.DRIFT:
-        before["rates"][item.parameter] += 2e-4
-        before["wander"][item.parameter] = 1e-4
+    if item.kind is FaultKind.DRIFT and rate > 1.0:
+        before["rates"][item.parameter] += rate
+        before["wander"][item.parameter] = 0.5 * rate
     assert normal(state) == before
 
 
 @pytest.mark.parametrize("item", [lane for lane in SLOTS if lane.parameter < 0])
-def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane) -> None:
+@pytest.mark.parametrize("rate", [90.0, 0.1])
+def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane, rate: float) -> None:
     """A bias, a gain and a noise are known from then on; what cannot be corrected is done without; the plant stays."""
-    numbers = slot_lane(state, SLOTS.index(item), 0.3, 0.1)
+    numbers = slot_lane(state, SLOTS.index(item), 0.3, rate)
     after, j = normal(state), item.output
     lane = accepted(state, item.hypothesis)
     if item.input >= 0 and item.sticks:
@@ -126,7 +128,7 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane) -> None:
     elif item.input >= 0 and item.acts:
         after["input_offset"][item.input] += 0.3
         after["inputs.held"][item.input] += 0.3
-    elif item.acts and item.kind in (FaultKind.BIAS, FaultKind.RAMP):
+    elif item.acts and (item.kind in (FaultKind.BIAS, FaultKind.RAMP) or (item.kind is FaultKind.DRIFT and rate < 1.0)):
         after["offset"][j] += after["gain"][j] * 0.3 * SPEC.outputs[j].noise
     elif item.acts and item.kind is FaultKind.GAIN:
         after["gain"][j] *= 1.3

@@ -33,7 +33,8 @@ static Past past;
 static Trail trail;
 static Search search;
 static PlainBlock group, best;
-int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t first, int64_t *places, int64_t *standing)
+int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t first, int64_t *places,
+                 int64_t *standing)
 {
     n_lanes = lanes;
     trail.n = n;
@@ -126,7 +127,7 @@ def library() -> ctypes.CDLL:
 
 
 def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100, first: int = 0) -> dict[int, int]:
-    """Onsets of a trail of 330 samples from a first on, and what is to be done with each; of a bank of so many lanes."""
+    """Onsets of a trail of 330 samples, from a first on, and what is to be done with each; lanes: of the bank."""
     places, standing, wild = np.zeros(400, dtype=np.int64), np.zeros(400, dtype=np.int64), np.zeros(330)
     wild[[*bursts]] = 9.0
     library().t_bursts(at(wild), ctypes.c_int64(330), at(places))

@@ -406,10 +406,10 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     assert anew == (list(range(RAMPED, SWITCHED, 2)) if likelier else [])
     for k in anew:
         pair, onsets = slice(k, k + 2), core.onsets[k : k + 2] - (len(core.rows) - 3)
-        pairs = every[onsets[0] - 1, :, k - RAMPED : k - RAMPED + 2]
+        at_onset = every[onsets[0] - 1, :, k - RAMPED : k - RAMPED + 2]
         assert onsets[0] == onsets[1]
-        assert close(found[:-1, pair], pairs[:-1])
-        assert found[-1, k] - found[-1, k + 1] == pytest.approx(pairs[-1, 0] - pairs[-1, 1], abs=1e-6)
+        assert close(found[:-1, pair], at_onset[:-1])
+        assert found[-1, k] - found[-1, k + 1] == pytest.approx(at_onset[-1, 0] - at_onset[-1, 1], abs=1e-6)
         both = np.logaddexp(*every[:, -1, k - RAMPED : k - RAMPED + 2].T)
         assert np.logaddexp(*found[-1, pair]) <= mixture(both) + 1.0
         wanted[:, pair] = found[:, pair]
