@@ -72,7 +72,7 @@ def course(
     decay, path = np.exp(-STEP / memory), size * random.standard_normal(rows)
     for k in range(1, rows):
         path[k] = decay * path[k - 1] + np.sqrt(1.0 - decay**2) * path[k]
-    resistance = usual * (1.0 + path) * np.where(np.arange(rows) < (at if factor != 1.0 else rows), 1.0, factor)
+    resistance = usual * (path + np.where(np.arange(rows) < (at if factor != 1.0 else rows), 1.0, factor))
     inflow = np.repeat(random.uniform(4e-3, 12e-3, rows // HELD + 1), HELD)[:rows]
     time, pressure = np.asarray(STEP * np.arange(rows), dtype=np.float64), np.zeros(rows)
     pressure[0] = inflow[0] * resistance[0]

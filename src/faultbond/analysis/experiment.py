@@ -41,8 +41,9 @@ def random_experiments(
     graph, begin = model.plant.graph, reference(model).contents
     rng = np.random.default_rng(seed)
     n_unknown = len(graph.parameters) + len(model.states)
-    n = int(np.clip(ceil((_SPARE * n_unknown + 10) / max(1, len(graph.sensors))), _LEAST_SAMPLES, _MOST_SAMPLES))
-    onset = int(np.clip(ceil((_SPARE * len(begin) + 10) / max(1, len(graph.sensors))), 0, _MOST_SAMPLES)) * sudden
+    told = max(1, len(graph.sensors) - len(graph.unknown_inputs))  # values of a sample that tell of what is constant
+    n = int(np.clip(ceil((_SPARE * n_unknown + 10) / told), _LEAST_SAMPLES, _MOST_SAMPLES))
+    onset = int(np.clip(ceil((_SPARE * len(begin) + 10) / told), 0, _MOST_SAMPLES)) * sudden
     n += onset
     shortest, longest = _step_range(model, recursion, begin)
     kinds = [(begin, *kind, PERCENT_RANGE) for kind in INPUT_KINDS]

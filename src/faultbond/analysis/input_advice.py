@@ -180,9 +180,9 @@ def _separation(
     weight = np.sqrt(samples) / noise[:, None]
     faults = np.array([FAULT * abs(item.change / item.scale) for item in graph.parameters])
     by_theta = (run.by_theta[:rows] * weight).reshape(-1, len(faults)) * faults
-    by_start = (run.by_start[:rows] * weight).reshape(len(by_theta), -1)
+    by_free = (run.by_free[:rows] * weight).reshape(len(by_theta), -1)
     return min(
-        _apart(by_theta[:, list(one)], np.hstack([by_theta[:, list(other)], by_start]))
+        _apart(by_theta[:, list(one)], np.hstack([by_theta[:, list(other)], by_free]))
         for pair in combinations(places, 2)
         for one, other in (pair, pair[::-1])
     )

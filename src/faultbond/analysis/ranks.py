@@ -63,7 +63,7 @@ class ReducedSensitivities:
 
 
 def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> ReducedSensitivities:
-    """Take away what the start explains, and compress.
+    """Take away what the start, and unknown inputs, explain, and compress.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def reduce(runs: Sequence[Sensitivity], units: FloatArray | None = None) -> Redu
     full = [_rows(run.by_theta, units) for run in runs]
     lengths = np.linalg.norm(np.vstack(full), axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
-    parts = [_without(part / lengths, _rows(run.by_start, units)) for part, run in zip(full, runs, strict=True)]
+    parts = [_without(part / lengths, _rows(run.by_free, units)) for part, run in zip(full, runs, strict=True)]
     columns = np.vstack(parts)
     outputs = np.concatenate([np.tile(np.arange(len(units)), len(run.times)) for run in runs])
     values, right = np.zeros(0), np.zeros((0, columns.shape[1]))

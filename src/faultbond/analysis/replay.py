@@ -24,7 +24,7 @@ from faultbond.analysis.sensitivity import (
     sensitivity,
     still,
 )
-from faultbond.arrays import FloatArray, IntArray
+from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
 
@@ -94,7 +94,7 @@ def sudden_runs(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivi
         if again is None:
             raise no_solution(recursion)
         here = (run.by_theta != 0.0).any(axis=2, keepdims=True) | (run.by_start != 0.0).any(axis=2, keepdims=True)
-        found.append(replace(again, by_theta=still(again.by_theta * here), by_start=still(again.by_start * here)))
+        found.append(_shown(again, here))
     return tuple(found)
 
 
@@ -123,7 +123,17 @@ def _run(recursion: Recursion, experiment: Experiment, readings: FloatArray | No
             break
         misfit = left
     here = np.isfinite(readings)[:, :, None]
-    return replace(run, by_theta=still(run.by_theta * here), by_start=still(run.by_start * here))
+    return _shown(run, here)
+
+
+def _shown(run: Sensitivity, here: BoolArray) -> Sensitivity:
+    """Give a run with nothing where no reading is, (n_samples, n_outputs, 1)."""
+    return replace(
+        run,
+        by_theta=still(run.by_theta * here),
+        by_start=still(run.by_start * here),
+        by_unknown=still(run.by_unknown * here),
+    )
 
 
 def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[FloatArray, float]:

@@ -59,7 +59,8 @@ class Sensitivity:
     theta: (n_parameters,), SI. x: (n_samples, n_states), stored quantities. y: (n_samples, n_outputs), SI.
     by_theta: (n_samples, n_outputs, n_parameters), change of y for a change of a parameter by its step, dy/dtheta
     times `steps` (n_parameters,): its value, so that by_theta is dy/dlog(theta), or its `scale` where the nominal is 0.
-    by_start: (n_samples, n_outputs, n_states), dy/dx0.
+    by_start: (n_samples, n_outputs, n_states), dy/dx0. by_unknown: (n_samples, n_outputs, n_samples * n_unknown), what
+    unknown inputs do, that move at each sample by themselves.
     """
 
     outputs: tuple[str, ...]
@@ -73,6 +74,12 @@ class Sensitivity:
     steps: FloatArray
     by_theta: FloatArray
     by_start: FloatArray
+    by_unknown: FloatArray
+
+    @property
+    def by_free(self) -> FloatArray:
+        """What the start and unknown inputs do, none of which is known, (n_samples, n_outputs, n)."""
+        return np.concatenate([self.by_start, self.by_unknown], axis=2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,24 +87,31 @@ class Recursion:
     """The equations of one step, as functions of (x, z, x before, u, theta, dt).
 
     misfit -> (residuals, slope by [x, z]); slopes -> (slope by [x, z], by theta, y, y by [x, z], y by theta); by_inputs
-    -> (slope of the residuals by u, of y by u).
+    -> (slope of the residuals by u, of y by u); by_unknown -> the same by unknown inputs, n_unknown of them.
     """
 
     plant: Plant
     misfit: Batch
     slopes: Batch
     by_inputs: Batch
+    by_unknown: Batch
+    n_unknown: int
 
 
 def build_recursion(plant: Plant) -> Recursion:
     """Give the backward-Euler step of a plant."""
     before, dt = ca.SX.sym("before", plant.x.numel()), ca.SX.sym("dt")
-    rates, readings, gap = ca.substitute(
-        [plant.rates, plant.readings, plant.gap], [plant.b], [ca.SX.zeros(plant.b.shape)]
-    )
+    names = {item.name for item in plant.graph.unknown_inputs}
+    places = [k for k, item in enumerate(plant.graph.slow_errors) if item.wanders and item.target in names]
+    free = ca.SX.sym("free", len(places))
+    none = ca.SX.zeros(plant.b.shape)
+    for j, k in enumerate(places):
+        none[k] = free[j]
+    rates, readings, gap = ca.substitute([plant.rates, plant.readings, plant.gap], [plant.b], [none])
     unknown = ca.vertcat(plant.x, plant.z)
     residual = ca.vertcat(plant.x - before - dt * rates, gap)
     arguments = [plant.x, plant.z, before, plant.u, plant.theta, dt]
+    by_unknown, residual, readings = _at_rest([residual, readings], free)
     slope = ca.jacobian(residual, unknown)
     parts = [slope, ca.jacobian(residual, plant.theta), readings]
     parts += [ca.jacobian(readings, unknown), ca.jacobian(readings, plant.theta)]
@@ -110,7 +124,16 @@ def build_recursion(plant: Plant) -> Recursion:
                 "by_inputs", arguments, [ca.densify(ca.jacobian(item, plant.u)) for item in (residual, readings)]
             )
         ),
+        by_unknown=Batch(ca.Function("by_unknown", arguments, by_unknown)),
+        n_unknown=len(places),
     )
+
+
+def _at_rest(values: list[ca.SX], free: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+    """Give the slopes of two values by unknown inputs, and the values, all where these are at their usual values."""
+    slopes = [ca.densify(ca.jacobian(item, free)) for item in values]
+    residual, readings, *by = ca.substitute([*values, *slopes], [free], [ca.SX.zeros(free.shape)])
+    return [ca.densify(item) for item in by], residual, readings
 
 
 def sensitivity(recursion: Recursion, experiment: Experiment) -> Sensitivity:
@@ -158,8 +181,9 @@ def sensitivities(
     n_f = n_p + len(biases.names)
     march = March(recursion, inputs, dt, theta, np.hstack([start, implicit]), _SETTLED)
     x, y = np.empty((n, m, n_x)), np.empty((n, m, plant.readings.numel()))
-    by = np.empty((*y.shape, n_f + n_x))
-    moved = np.tile(np.eye(n_x, n_f + n_x, n_f), (n, 1, 1))  # of the contents, by what may fail and the start
+    n_v, n_s = recursion.n_unknown, n_f + n_x
+    by = np.empty((*y.shape, n_s + m * n_v))
+    moved = np.tile(np.eye(n_x, n_s + m * n_v, n_f), (n, 1, 1))  # of the contents, by what may fail and what is free
     with np.errstate(all="ignore"):  # a run that blows up is found and dropped
         for k in range(m):
             before = march.step(k)
@@ -167,7 +191,8 @@ def sensitivities(
             arguments = (x[:, k], march.w[:, n_x:], before, inputs[:, k], theta, dt[:, k, None])
             slope, by_theta, readings, by_w, y_by_theta = recursion.slopes(*arguments)
             there = (k >= begun)[:, None, None]
-            right = np.concatenate([-by_theta * steps[:, None, :], np.zeros((*march.w.shape, n_f - n_p + n_x))], axis=2)
+            still_there = np.zeros((*march.w.shape, n_s - n_p + m * n_v))
+            right = np.concatenate([-by_theta * steps[:, None, :], still_there], axis=2)
             shown = np.concatenate([y_by_theta * steps[:, None, :], biases.by_sensor], axis=2)
             if biases.inputs:
                 by_u, y_by_u = (item[:, :, biases.inputs] * biases.of_input for item in recursion.by_inputs(*arguments))
@@ -175,10 +200,15 @@ def sensitivities(
                 shown = np.concatenate([shown, y_by_u], axis=2)
             right *= there
             right[:, :n_x] += moved
+            if n_v:
+                by_v, y_by_v = recursion.by_unknown(*arguments)
+                right[:, :, n_s + k * n_v : n_s + (k + 1) * n_v] -= by_v
             found, regular = solve_scaled(slope, right, march.size)
             moved = found[:, :n_x]
             y[:, k], by[:, k] = readings[:, :, 0], by_w @ found
             by[:, k, :, :n_f] += shown * there
+            if n_v:
+                by[:, k, :, n_s + k * n_v : n_s + (k + 1) * n_v] += y_by_v
             march.good &= regular & sane(found, readings, by[:, k])
     return tuple(
         Sensitivity(
@@ -192,7 +222,8 @@ def sensitivities(
             theta=still(np.append(theta[lane], np.zeros(n_f - n_p))),
             steps=still(np.append(steps[lane], biases.steps[lane])),
             by_theta=still(by[lane, :, :, :n_f].copy()),
-            by_start=still(by[lane, :, :, n_f:].copy()),
+            by_start=still(by[lane, :, :, n_f:n_s].copy()),
+            by_unknown=still(by[lane, :, :, n_s:].copy()),
         )
         if march.good[lane]
         else None

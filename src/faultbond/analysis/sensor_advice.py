@@ -179,6 +179,7 @@ def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
         y=run.y[:, chosen],
         by_theta=run.by_theta[:, chosen],
         by_start=run.by_start[:, chosen],
+        by_unknown=run.by_unknown[:, chosen],
     )
 
 

@@ -78,7 +78,7 @@ def _fitted(
     """Fit a model as it stands."""
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
-    from faultbond.fit.wandering import wandering  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.wander import wanders_of  # noqa: PLC0415 - loads casadi
     from faultbond.report.fit_result import fitted_model  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
@@ -89,7 +89,7 @@ def _fitted(
     plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
     prior = Prior(wishes.prior)
     found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
-    return fitted_model(graph, found, core.spec.version, wandering(graph, found, likelihood_engine, tell))
+    return fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
 
 
 def _quieted(

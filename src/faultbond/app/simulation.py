@@ -39,6 +39,11 @@ def simulate(
     """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state.
 
     noise: whether sensors and inputs scatter as the model declares
+
+    Raises
+    ------
+    ModelError
+        Where something is to wander, and nothing does.
     """
     graph = load_model(model)
     if imperfections.wander and not graph.wanders:

@@ -55,10 +55,11 @@ class StructuralModel:
 def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> StructuralModel:
     """Give the structure of a constraint network, with a fault for each suspect parameter.
 
-    Unknowns are the signals and the stored quantities. Equations are the constraints, a differential equation for each
-    store, and one for each sensor. A parameter of one constraint is a fault of it; a parameter of several (of a GY or a
-    TF, say) becomes an unknown with an equation of its own. That could be done for all alike, with the same result (an
-    unknown that two equations share is over-determined where both are); this way the structure is smaller.
+    Unknowns are the signals, unknown inputs and the stored quantities. Equations are the constraints, a differential
+    equation for each store, and one for each sensor. A parameter of one constraint is a fault of it; a parameter of
+    several (of a GY or a TF, say) becomes an unknown with an equation of its own. That could be done for all alike,
+    with the same result (an unknown that two equations share is over-determined where both are); this way the structure
+    is smaller.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def structural_model(network: ConstraintNetwork, parameters: Sequence[str]) -> S
     places = Counter(name for content in used for name in content)
     shared = tuple(name for name in parameters if places[name] > 1)
     stores = (*network.states, *network.dependent)
-    variables = tuple(dict.fromkeys([*network.signals, *(store.name for store in stores), *shared]))
+    variables = tuple(dict.fromkeys([*network.signals, *(store.name for store in stores), *network.free, *shared]))
     index = {name: k for k, name in enumerate(variables)}
     first_store = len(used)
     own = {name: first_store + len(stores) + k for k, name in enumerate(shared)}

@@ -157,7 +157,7 @@ def _is_linear(store: Store, network: ConstraintNetwork, graph: BondGraph) -> bo
     read = any(store.name in names(reading) for reading in network.readings)
     if store.partner is None or len(users) != 1 or read or users[0].owner != store.component:
         return False
-    still = {item.name for item in graph.parameters} | {item.name for item in graph.constants}
+    still = {item.name for item in graph.parameters} | {item.name for item in graph.fixed}
     if not set(names(users[0].residual)) <= {store.name, store.partner, *still}:
         return False
     content = linear_solution(users[0].residual, store.name)
@@ -248,7 +248,7 @@ def _is_alias(draft: _Draft, aliases: Mapping[str, str]) -> bool:
 
 def _equation(draft: _Draft, aliases: Mapping[str, str], graph: BondGraph) -> Equation:
     parameters = {item.name for item in graph.parameters}
-    still = parameters | {item.name for item in graph.constants} | {SAMPLE_TIME}
+    still = parameters | {item.name for item in graph.fixed} | {SAMPLE_TIME}
 
     def renamed(name: str) -> str:
         plain = name.removesuffix(PREVIOUS)

@@ -57,6 +57,7 @@ class ConstraintNetwork:
     dependent: tuple[Store, ...]
     readings: tuple[Expression, ...]
     slow_errors: tuple[SlowError, ...]
+    free: tuple[str, ...] = ()  # unknown inputs
     by_hand: tuple[Expression, ...] = ()
 
 
@@ -190,6 +191,7 @@ def _bonded_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork
         states=tuple(stores),
         dependent=tuple(dependent),
         readings=tuple(rename(sensor.reads, canonical) for sensor in graph.sensors),
+        free=tuple(item.name for item in graph.unknown_inputs),
         slow_errors=tuple(replace(error, target=canonical(error.target)) for error in graph.slow_errors),
         by_hand=tuple(
             _by_hand(graph, item, item.reads, canonical, {*known, *table.parent})
@@ -230,6 +232,7 @@ def _block_network(graph: BondGraph) -> ConstraintNetwork:
         states=tuple(stores),
         dependent=(),
         readings=tuple(sensor.reads for sensor in graph.sensors),
+        free=tuple(item.name for item in graph.unknown_inputs),
         slow_errors=graph.slow_errors,
         by_hand=tuple(item.reads for item in graph.checks if item.reads is not None),
     )

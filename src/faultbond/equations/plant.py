@@ -79,7 +79,7 @@ def build_plant(graph: BondGraph) -> Plant:
     values |= {item.name: u[k] for k, item in enumerate(graph.inputs)}
     values |= {item.name: theta[k] for k, item in enumerate(graph.parameters)}
     usual = values.copy()
-    values |= {item.target: _off(item, values[item.target], b[k]) for k, item in _wanders(graph)}
+    values |= {item.target: values[item.target] + scale * b[k] for k, item, scale in _wanders(graph)}
     states = {state.name: x[k] for k, state in enumerate(network.states)}
     values |= states
     usual |= states
@@ -118,7 +118,7 @@ def _co_energy(
     if any(store.name in names(reading) for reading in network.readings):
         return None
     places = {item.name for item in network.states if item.partner is None}  # integrals, such as a position
-    own = {store.name, *places, *(item.name for item in graph.parameters), *(item.name for item in graph.constants)}
+    own = {store.name, *places, *(item.name for item in graph.parameters), *(item.name for item in graph.fixed)}
     step = next((s for s in steps if isinstance(s, Assignment) and s.signal == store.partner), None)
     if step is None or step.owner != store.component or not set(names(step.expression)) <= own:
         return None
@@ -143,17 +143,16 @@ def _in_error(network: ConstraintNetwork, name: str, value: ca.SX, b: ca.SX) -> 
     """Give the value of a signal or sensor with its own slow errors."""
     for k, error in enumerate(network.slow_errors):
         if error.target == name and not error.wanders:
-            value = _off(error, value, b[k])
+            value = value * (1 + b[k]) if error.relative else value + b[k]
     return value
 
 
-def _off(error: SlowError, value: ca.SX, by: ca.SX) -> ca.SX:
-    return value * (1 + by) if error.relative else value + by
-
-
-def _wanders(graph: BondGraph) -> Iterator[tuple[int, SlowError]]:
-    """Give what wanders, with its place in b."""
-    return ((k, item) for k, item in enumerate(graph.slow_errors) if item.wanders)
+def _wanders(graph: BondGraph) -> Iterator[tuple[int, SlowError, float]]:
+    """Give what wanders, with its place in b, and what 1 of that is, SI: see docs/decisions/022-wandering.md."""
+    nominals = {item.name: item.nominal for item in graph.parameters}
+    for k, item in enumerate(graph.slow_errors):
+        if item.wanders:
+            yield k, item, nominals[item.target] if item.relative else 1.0
 
 
 class _Solver:

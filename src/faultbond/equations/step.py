@@ -112,8 +112,9 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     )
     arguments = [v, plant.u, plant.z]
     places = (n_x, n_x + n_b, n_x + n_b + n_p)
-    rates = _with_slope("rates", rates_, gap, arguments, places)
-    readings_ = _with_slope("readings", readings, gap, arguments, places)
+    bounds = [k for k, item in enumerate(graph.slow_errors) if not item.wanders]
+    rates = _with_slope("rates", rates_, gap, arguments, places, bounds)
+    readings_ = _with_slope("readings", readings, gap, arguments, places, bounds)
     linear = np.array([float(item.linear) for item in graph.inputs])
     climbing = (linear, _by_inputs(rates_, gap, arguments)) if linear.any() else None
     newton = _newton(gap, arguments)
@@ -184,7 +185,7 @@ def _nominal_start(plant: Plant, coordinates: ca.Function, n_v: int, scales: Flo
 
 
 def _with_slope(
-    name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX], places: tuple[int, int, int]
+    name: str, value: ca.SX, gap: ca.SX, arguments: list[ca.SX], places: tuple[int, int, int], bounds: list[int]
 ) -> ca.Function:
     """Give value and its total derivative by v; z follows v through gap = 0.
 
@@ -193,13 +194,14 @@ def _with_slope(
     Parameters
     ----------
     places : where in v the slow errors and the parameters begin, and the parameters end
+    bounds : which slow errors are declared as bounds: all but what wanders, see docs/decisions/022-wandering.md
     """
     v, _, z = arguments
     slope = ca.jacobian(value, v)
     if z.numel():
         slope = slope - ca.jacobian(value, z) @ eliminate(ca.jacobian(gap, z), ca.jacobian(gap, v))
     by_states, by_parameters, by_inputs = ca.horzsplit(slope, [0, places[1], places[2], v.numel()])
-    errors = v[places[0] : places[1]]
+    errors = v[places[0] : places[1]][bounds]
     by_parameters = ca.substitute(by_parameters, errors, ca.SX.zeros(errors.shape))
     slope = ca.horzcat(by_states, by_parameters, by_inputs)
     return ca.Function(name, arguments, [ca.densify(value), ca.densify(slope)], {"cse": True})

@@ -90,11 +90,14 @@ class ModelBuilder:
         hold: str | None = None,
         lag: Scalar | Fields | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
+        unknown: str | None = None,
+        usual: Scalar | None = None,
         suspect: bool | None = None,
     ) -> Self:
-        """Add a measured or commanded input."""
+        """Add a measured or commanded input, or one that nobody measures: `unknown`."""
         fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
-        return self._add("inputs", name, {**fields, "lag": lag, "range": range, "suspect": suspect})
+        fields = {**fields, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
+        return self._add("inputs", name, {**fields, "suspect": suspect})
 
     def component(
         self,

@@ -16,6 +16,7 @@ from faultbond.model.graph import (
     BondGraph,
     Check,
     Component,
+    Constant,
     Curve,
     Input,
     Parameter,
@@ -80,9 +81,10 @@ class _Writer:
     def lines(self) -> Iterator[str]:
         graph = self.graph
         yield from (f"{key}: {text}" for key, text in self.head().items() if text)
-        yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.constants))
+        yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.fixed))
         yield from _section("tables", ((item.name, self.table(item)) for item in graph.tables))
-        yield from _section("inputs", ((item.name, self.input(item)) for item in graph.inputs))
+        unknown = ((item.name, self.unknown(item)) for item in graph.unknown_inputs)
+        yield from _section("inputs", (*((item.name, self.input(item)) for item in graph.inputs), *unknown))
         parts = ((item.name, self.component(item)) for item in graph.components)
         slow = (item for item in graph.slow_errors if not item.wanders)
         yield from _section("blocks" if graph.is_block_network else "components", parts)
@@ -137,6 +139,11 @@ class _Writer:
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
         texts["hold"] = "linear" if item.linear else ""
         return _flow(texts, keys.INPUT_KEYS)
+
+    def unknown(self, item: Constant) -> str:
+        """Give an input that nobody measures."""
+        usual = _value(item.value, item.unit) if item.value else ""
+        return _flow({"unit": item.unit.text, "unknown": self.wanders[item.name], "usual": usual}, keys.INPUT_KEYS)
 
     def sensor(self, item: Sensor) -> str:
         texts = {"reads": _scalar(to_text(item.reads)), "valid_when": _validity(item.valid_when)}

@@ -231,7 +231,7 @@ class SlowError:
 
     `sd` is relative (0.02) when `relative`, else SI; `unit` is the one that the model file states. After a change of an
     input in `after` by D (SI) the sd is larger by `each` * D for a while. `memory` in seconds. With `wanders` it is no
-    error, but how far a parameter (its name) goes from its usual value and back.
+    error, but how far a parameter, or an unknown input (its name), goes from its usual value and back.
     """
 
     target: str
@@ -302,7 +302,7 @@ class BondGraph:
     warm_up: float  # seconds without alarms after the start
     time: TimeColumn
     parameters: tuple[Parameter, ...]
-    constants: tuple[Constant, ...]
+    constants: tuple[Constant, ...]  # unknown inputs behind the others
     inputs: tuple[Input, ...]
     components: tuple[Component, ...]
     junctions: tuple[Junction, ...]
@@ -321,6 +321,18 @@ class BondGraph:
     def wanders(self) -> tuple[SlowError, ...]:
         """What wanders, parameters first."""
         return tuple(item for item in self.slow_errors if item.wanders)
+
+    @property
+    def unknown_inputs(self) -> tuple[Constant, ...]:
+        """Inputs that nobody measures: numbers that wander, and no parameters."""
+        moving = {item.target for item in self.wanders}
+        return tuple(item for item in self.constants if item.name in moving)
+
+    @property
+    def fixed(self) -> tuple[Constant, ...]:
+        """The constants that stay what they are."""
+        moving = {item.target for item in self.wanders}
+        return tuple(item for item in self.constants if item.name not in moving)
 
     @property
     def is_block_network(self) -> bool:

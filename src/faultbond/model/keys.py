@@ -141,6 +141,10 @@ INPUT_KEYS = Keys(
         ),
         "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
+        "unknown": Key(
+            _SLOW, "nobody measures it: how far it goes from its usual value, and its memory, `5 W over 1 h`"
+        ),
+        "usual": Key(VALUE, "of an unknown input: the value about which it moves; default 0"),
         "suspect": Key(YES_NO, "`no` trusts the input"),
     },
     may_be_empty=True,

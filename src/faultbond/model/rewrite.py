@@ -77,6 +77,8 @@ def rewrite(
 
 def _size_path(graph: BondGraph, size: NewSize) -> tuple[str, ...]:
     """Give where a size stands."""
+    if size.kind == "wander" and size.name in {item.name for item in graph.unknown_inputs}:
+        return "inputs", size.name, "unknown"
     if size.kind == "wander":
         return (*parameter_path(graph, size.name), "wander")
     return ("slow_error", size.name) if size.kind == "slow_error" else ("sensors", size.name, "noise")

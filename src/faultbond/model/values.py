@@ -74,9 +74,11 @@ class ValueReader:
             if "parameters" in part.fields
             for place in part.fields["parameters"].things("parameter", checked=False)
         )
+        fixed = tuple(map(self._constant, constants))
+        driven = [self._unknown(place) if self._is_unknown(place) else self._input(place) for place in inputs]
         return Values(
-            tuple(map(self._constant, constants)),
-            tuple(map(self._input, inputs)),
+            (*fixed, *(item for item in driven if isinstance(item, Constant))),
+            tuple(item for item in driven if isinstance(item, Input)),
             tuple(self._parameter(place, part) for place, part in parameters),
             self.measures,
             self.places,
@@ -105,6 +107,33 @@ class ValueReader:
         found = place.quantity(mark=": ")
         name = self._claim(place, "constant", found.measure)
         return Constant(name=name, value=found.value, unit=found.unit, line=place.line)
+
+    def _is_unknown(self, place: Spot) -> bool:
+        """Whether nobody measures an input."""
+        fields = place.fields(INPUT_KEYS)
+        if "usual" in fields and "unknown" not in fields:
+            raise fields["usual"].error(
+                ": it goes with `unknown`, how far an input goes that nobody measures; state that, or remove it"
+            )
+        return "unknown" in fields
+
+    def _unknown(self, place: Spot) -> Constant:
+        """Give an input that nobody measures: a number that wanders, and is no suspect."""
+        fields = place.fields(INPUT_KEYS)
+        for key, field in fields.items():
+            if key == "suspect" and field.is_yes():
+                problem = "what nobody measures has no record that may be wrong; make it a parameter with a `wander`"
+                raise field.error(f": {problem}, of a source, if a fault may change it")
+            if key not in ("unit", "unknown", "usual", "suspect"):
+                raise field.error(": nobody measures it, as `unknown` says; remove one of the two")
+        found = read_unit(self.head, place, fields)
+        name = self._claim(place, "input", found)
+        usual = Quantity(0.0, found)
+        if "usual" in fields:
+            usual = fields["usual"].quantity(found)
+            fields["usual"].check_unit(usual, found)
+        self.wanders.append(self._wander(fields["unknown"], name, usual))
+        return Constant(name=name, value=usual.value, unit=found.unit if found else NO_UNIT, line=place.line)
 
     def _input(self, place: Spot) -> Input:
         fields = place.fields(INPUT_KEYS)

@@ -21,7 +21,7 @@ from faultbond.fit.outcome import (
     residual_sizes,
     silences_of,
 )
-from faultbond.fit.wandering import Wandering
+from faultbond.fit.wander import Wander
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
@@ -45,7 +45,7 @@ class Fitted:
     estimates: tuple[Estimate, ...]
     noises: tuple[NoiseFound, ...]
     silences: tuple[Silence, ...]
-    wanders: tuple[Wandering, ...] = ()
+    wanders: tuple[Wander, ...] = ()
 
     def model_text(self, text: str) -> str:
         """Give the text of the model file with what was found.
@@ -81,7 +81,7 @@ class Fitted:
             raise ModelError(f"{refusal} without changing the rest")
 
 
-def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wandering, ...] = ()) -> Fitted:
+def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wander, ...] = ()) -> Fitted:
     """Give what a fit means for its model."""
     return Fitted(
         graph=graph,
@@ -272,7 +272,7 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     return told
 
 
-def _wander_text(item: Wandering) -> str:
+def _wander_text(item: Wander) -> str:
     """Say what a parameter that seems to wander is to declare."""
     length, unit = next((pair for pair in ((3600.0, "h"), (60.0, "min")) if item.memory >= 2.0 * pair[0]), (1.0, "s"))
     declared = f"{100 * item.size:.2g} % over {figure(item.memory / length, digits=2).number()} {unit}"

@@ -210,7 +210,7 @@ def _structure_record(seen: Inventory) -> Record:
             | {"limits": list(item.limits), "suspect": item.suspect}
             for item in graph.parameters
         ],
-        "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.constants],
+        "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.fixed],
         "tables": [
             {"name": item.name, "x": list(item.x), "y": list(item.y), "file": item.file}
             | {"between": BETWEEN[item.monotone], "beyond": BEYOND[item.continues]}
@@ -280,8 +280,8 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
         title(console, "Parameters")
         header = ("name", "component", "nominal", "± when healthy", "± when faulty", "range", "unit")
         table(console, header, [_parameter_row(item, graph) for item in graph.parameters])
-    if graph.constants:
-        constants = [f"{item.name} = {_value(item.unit, item.value)}" for item in graph.constants]
+    if graph.fixed:
+        constants = [f"{item.name} = {_value(item.unit, item.value)}" for item in graph.fixed]
         lines(console, [("constants", ", ".join(constants))])
     if graph.tables:
         lines(console, [(("tables" if k == 0 else ""), _table_text(item)) for k, item in enumerate(graph.tables)])

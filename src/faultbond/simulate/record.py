@@ -15,6 +15,7 @@ from faultbond.simulate.truth import (
     Effects,
     Fault,
     check_faults,
+    driven_by_parameters,
     healthy_parameters,
     name_hint,
     true_parameters,
@@ -142,9 +143,11 @@ def simulate(
     scatter = next((fault.parameter for fault in faults if fault.kind == FaultKind.NOISE.value), "")
     if scatter and not noise:
         raise ModelError(f"{graph.file}: {scatter} without noise shows nothing; leave out one of the two")
+    n_parameters, graph = len(graph.parameters), driven_by_parameters(graph)
     plant = build_plant(graph)
     generator = None if seed is None else np.random.default_rng(seed)
     healthy = healthy_parameters(graph, effects.spread, generator)
+    healthy[n_parameters:] = [item.nominal for item in graph.parameters[n_parameters:]]
     sensors, actuators = (instruments(items, faults, time) for items in (graph.sensors, graph.inputs))
     shapes = (time.size, len(graph.sensors)), (time.size, len(graph.inputs))
     scattering = generator if noise else None
@@ -175,7 +178,7 @@ def simulate(
         outputs=_frozen(sensors.show(readings, draws_y)),
         true_inputs=_frozen(acting),
         states=_frozen(states[list(course.rows), : plant.x.numel()]),
-        parameters=_frozen(course.at_rows),
+        parameters=_frozen(course.at_rows[:, :n_parameters]),
         state_names=tuple(state.name for state in plant.network.states),
         seed=seed,
         error=error,

@@ -1,7 +1,7 @@
 """What is true of a simulated plant and not known to the engine: parameters, faults, imperfections."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from math import inf, isfinite, nan
 
@@ -228,6 +228,25 @@ def true_parameters(
     return values
 
 
+def driven_by_parameters(graph: BondGraph) -> BondGraph:
+    """Give a plant whose unknown inputs are parameters, behind the others, so that they may move in time."""
+    driven = tuple(
+        Parameter(
+            name=item.name,
+            owner=item.name,
+            nominal=item.value,
+            unit=item.unit,
+            accuracy=0.0,
+            change=1.0,
+            lower=-inf,
+            upper=inf,
+            suspect=False,
+        )
+        for item in graph.unknown_inputs
+    )
+    return replace(graph, parameters=(*graph.parameters, *driven), constants=graph.fixed)
+
+
 def wandering_parameters(
     graph: BondGraph, rows: FloatArray, values: FloatArray, times: FloatArray, paths: FloatArray
 ) -> FloatArray:
@@ -248,7 +267,8 @@ def wandering_parameters(
     found, places = values.copy(), {item.name: k for k, item in enumerate(graph.parameters)}
     for item, path in zip(graph.wanders, paths.T, strict=True):
         by, column = np.interp(times, rows, path), found[:, places[item.target]]
-        found[:, places[item.target]] = column * (1.0 + by) if item.relative else column + by
+        nominal = graph.parameters[places[item.target]].nominal
+        found[:, places[item.target]] = column + (nominal * by if item.relative else by)
     return found
 
 

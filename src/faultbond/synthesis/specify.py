@@ -41,13 +41,14 @@ def build_spec(model: StepModel) -> EngineSpec:
     drifts = _drifts(model)
     states = tuple(_state(model, k, float(drifts[k])) for k in range(len(model.states)))
     begun, reserve = _in_turn(choice.sets)
+    parameters = {item.name for item in graph.parameters}
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
     slow = tuple(
         SlowErrorSpec(
             name=error.target,
             sd=error.sd,
             memory=error.memory,
-            alarms=error.wanders or (error.relative and not error.is_sensor),
+            alarms=error.target in parameters if error.wanders else error.relative and not error.is_sensor,
             wanders=error.wanders,
             after=tuple((positions[name], error.each) for name in error.after),
         )

@@ -46,6 +46,9 @@ def build_classic(graph: BondGraph, settings: Settings | None = None) -> tuple[E
     settings = settings or Settings()
     if graph.grid is TimeGrid.NONE:
         raise StructureError(f"{graph.file}: method `classic` follows a plant in time, and {graph.name} has none")
+    if graph.unknown_inputs:
+        name = graph.unknown_inputs[0].name
+        raise StructureError(f"{graph.file}: method `classic` knows no unknown input, and {name} is one; use `bank`")
     plant = build_plant(graph)
     spec = build_spec(build_step_model(plant))
     largest = len(spec.parameters) if settings.largest is None else settings.largest

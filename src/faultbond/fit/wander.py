@@ -40,11 +40,9 @@ INFLATED = 3.0  # times the sd of a right model: the data ask for other values a
 MOST_TRIED = 6  # parameters
 TURNS = 12  # steps of a climb
 
-Build = Callable[[StepModel], Engine]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wandering:
+class Wander:
     """A parameter that seems to wander: by which part, over which time (s), and how many nats that explains."""
 
     parameter: str
@@ -53,7 +51,9 @@ class Wandering:
     gain: float
 
 
-def wandering(graph: BondGraph, found: Fit, build: Build, tell: Callable[[str], None]) -> tuple[Wandering, ...]:
+def wanders_of(
+    graph: BondGraph, found: Fit, build: Callable[[StepModel], Engine], tell: Callable[[str], None]
+) -> tuple[Wander, ...]:
     """Give the parameters that seem to wander, those first that explain most.
 
     Parameters
@@ -80,7 +80,7 @@ def wandering(graph: BondGraph, found: Fit, build: Build, tell: Callable[[str], 
         left = [item for item in left if item.place != likeliest.place]
     settled = map(ground.smallest, ground.chosen)
     return tuple(
-        Wandering(parameter=item.place, size=item.size, memory=item.memory, gain=gain)
+        Wander(parameter=item.place, size=item.size, memory=item.memory, gain=gain)
         for item, gain in zip(settled, gains, strict=True)
     )
 
@@ -117,7 +117,7 @@ class _Ground:
     chosen: those that do, as found; q: (n_q,), see `Layout`; value: logarithm of the likelihood there.
     """
 
-    def __init__(self, graph: BondGraph, found: Fit, build: Build) -> None:
+    def __init__(self, graph: BondGraph, found: Fit, build: Callable[[StepModel], Engine]) -> None:
         model, old = build_step_model(build_plant(graph)), found.plant
         self.graph, self.layout, self.found = graph, layout_of(model), found
         times = [item.time for item in found.records]
