@@ -13,7 +13,7 @@ from faultbond.app.identification import read_points
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
-from faultbond.fit.footing import Added
+from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.samples import healthy_recording

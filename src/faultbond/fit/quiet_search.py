@@ -25,7 +25,7 @@ from faultbond.errors import NoVerdictError, StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
-from faultbond.fit.footing import Added, Footing, in_time, keys_of, with_noise
+from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise
 from faultbond.fit.hints import explained, last_changes
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
 from faultbond.fit.imperfections import (

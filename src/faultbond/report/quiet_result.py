@@ -9,7 +9,7 @@ from rich.text import Text
 
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
-from faultbond.fit.footing import Added
+from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Imperfection, Kind
 from faultbond.fit.innovations import Variant
 from faultbond.fit.trial import Health
