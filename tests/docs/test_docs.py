@@ -48,7 +48,7 @@ RECORDS = {
     "trial": (
         "model model_sha256 version recordings recording samples first last promise kept between_alarms peak "
         "statistics name kind mean spread memory regions sensor of low high after_step moments begin end height side "
-        "trials factor needed"
+        "trials factor needed walk late part mirrored"
     ),
     "fit": (
         "model model_sha256 version output recordings recording samples readings first last prediction_error "

@@ -13,9 +13,9 @@ from faultbond.app.identification import read_points
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
+from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
-from faultbond.fit.quiet_search import Added
 from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import enough, on_trial
 from faultbond.io.recording import write_recording

@@ -7,8 +7,9 @@ from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.wishes import FitWishes
 from faultbond.errors import FaultbondError
+from faultbond.fit.foothold import Footing, as_found
 from faultbond.fit.identification import Prior, fit_plant
-from faultbond.fit.quiet_search import ROUNDS, Footing, Recordings, Search, Tell, as_found, parted, values_of
+from faultbond.fit.quiet_search import ROUNDS, Recordings, Search, Tell, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below

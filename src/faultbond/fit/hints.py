@@ -60,7 +60,7 @@ def _regressed(off: FloatArray, changes: FloatArray) -> tuple[FloatArray, float,
     if here.sum() <= 2 * BEHIND or not np.all(scale > 0.0):
         return None
     columns, values = changes[here] / scale, off[here]
-    slopes = np.linalg.lstsq(columns, values, rcond=None)[0]
+    slopes: FloatArray = np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
     left = values - columns @ slopes
     gain = float(0.5 * here.sum() * np.log(max(np.sum(values**2), 1e-300) / max(np.sum(left**2), 1e-300)))
     return slopes, gain, int(here.sum())

@@ -9,9 +9,9 @@ Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); 
 Statistical Society B 36 (1974) 111.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -25,13 +25,13 @@ from faultbond.errors import NoVerdictError, StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise
 from faultbond.fit.hints import explained, last_changes
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
 from faultbond.fit.imperfections import (
     UNTRIED,
     Imperfection,
     Kind,
-    kind_of,
     lag_name,
     law_signals,
     memory_place,
@@ -41,7 +41,6 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
-from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.expression import Name
@@ -84,52 +83,6 @@ class Build(Protocol):
 
     def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Engine:
         """Give it; without its slopes a lane has no direction."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Added:
-    """An imperfection that was added, and how many nats the recordings gain, those fitted and those held back.
-
-    alike : others that explain about as much
-    """
-
-    what: Imperfection
-    trained: float
-    held: float
-    alike: tuple[Imperfection, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Footing:
-    """Where the search stands.
-
-    graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
-    starts : of the recordings that are fitted, by the name of the state or of a recording's own parameter
-    innovations, expected : of the recordings that are fitted, (N, n_outputs) each; in standard deviations, and SI
-    trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
-    unknown : mean logarithm of the standard errors of the parameters
-    """
-
-    graph: BondGraph
-    values: Mapping[str, float]
-    starts: Mapping[str, FloatArray]
-    trained: float = 0.0
-    few: float = 0.0
-    held: float = 0.0
-    unknown: float = 0.0
-    innovations: tuple[FloatArray, ...] = ()
-    expected: tuple[FloatArray, ...] = ()
-    added: tuple[Added, ...] = ()
-
-
-def as_found(stand: Footing) -> BondGraph:
-    """Give the plant with parameters and imperfections as they stand, about as sure as a fit to all would be."""
-    parameters = []
-    for item in stand.graph.parameters:
-        value = stand.values[item.name]
-        sure = replace(item, nominal=value, accuracy=min(LEAST_ACCURACY * abs(value), item.accuracy))
-        parameters.append(item if item.nominal == 0.0 or value == 0.0 else sure)
-    return replace(stand.graph, parameters=tuple(parameters))
 
 
 def parted(read: Recordings, least: int) -> tuple[Recordings, Recordings]:
@@ -207,7 +160,7 @@ class Search:
         n_p, n_y = plant.layout.n_p, plant.layout.n_y
         columns = zip(ground.columns, found.summit.point.starts.T, strict=True)
         stand = Footing(
-            graph=_with_noise(self.graph, np.exp(q[n_p : n_p + n_y])),
+            graph=with_noise(self.graph, np.exp(q[n_p : n_p + n_y])),
             values={item.name: x * item.scale for item, x in zip(self.graph.parameters, q[:n_p].tolist(), strict=True)},
             starts=dict(columns),
         )
@@ -258,7 +211,7 @@ class Search:
         lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
         if not slow and not lags and not self.holds(stand):
             return []
-        shared = self._ground_with(stand, [item for item, _ in slow if item.key not in _keys(stand.graph)])
+        shared = self._ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
         found: list[tuple[_Ground, Imperfection, float]] = []
         for item in (*lags, *self.holds(stand)[:1]):
             with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
@@ -341,7 +294,7 @@ class Search:
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
-        if _in_time(stand.graph) != _in_time(self.all.graph):  # what lags by now is to be no error any more
+        if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
             self.all = self._with_all(stand.graph)
         record = _shortened(self.trained[0])
         q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
@@ -557,7 +510,7 @@ class _Ground:
         for item, factor in zip(self.graph.parameters, q[: layout.n_p].tolist(), strict=True):
             values[item.name] = factor * item.scale
         return Footing(
-            graph=with_imperfections(_with_noise(stand.graph, noise), sizes),
+            graph=with_imperfections(with_noise(stand.graph, noise), sizes),
             values=values,
             starts=dict(zip(self.columns, summit.point.starts.T, strict=True)),
             trained=summit.evaluation.value,
@@ -636,21 +589,6 @@ def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tu
         memory = float(np.exp(q[memory_place(ground.graph, ground.layout, item)])) if item.is_slow else item.memory
         found.append(replace(item, size=size, memory=memory))
     return tuple(found)
-
-
-def _in_time(graph: BondGraph) -> tuple[tuple[str, bool], ...]:
-    """Give what of a plant lags, and which inputs go on between rows."""
-    return (*((item.lag, item.linear) for item in graph.inputs), *((item.lag, False) for item in graph.sensors))
-
-
-def _with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
-    sensors = zip(graph.sensors, noise.tolist(), strict=True)
-    return replace(graph, sensors=tuple(replace(item, noise=sd) for item, sd in sensors))
-
-
-def _keys(graph: BondGraph) -> set[tuple[Kind, str]]:
-    noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
-    return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:

@@ -9,9 +9,9 @@ from rich.text import Text
 
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
+from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Imperfection, Kind
 from faultbond.fit.innovations import Variant
-from faultbond.fit.quiet_search import Added
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.graph import BondGraph, Unit

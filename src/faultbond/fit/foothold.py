@@ -1,0 +1,72 @@
+"""Where a search for imperfections stands: the plant as it is by now, and what was added to it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from faultbond.arrays import FloatArray
+from faultbond.fit.imperfections import Imperfection, Kind, kind_of
+from faultbond.fit.outcome import LEAST_ACCURACY
+from faultbond.model.graph import BondGraph
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Added:
+    """An imperfection that was added, and how many nats the recordings gain, those fitted and those held back.
+
+    alike : others that explain about as much
+    """
+
+    what: Imperfection
+    trained: float
+    held: float
+    alike: tuple[Imperfection, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Footing:
+    """Where the search stands.
+
+    graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
+    starts : of the recordings that are fitted, by the name of the state or of a recording's own parameter
+    innovations, expected : of the recordings that are fitted, (N, n_outputs) each; in standard deviations, and SI
+    trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
+    unknown : mean logarithm of the standard errors of the parameters
+    """
+
+    graph: BondGraph
+    values: Mapping[str, float]
+    starts: Mapping[str, FloatArray]
+    trained: float = 0.0
+    few: float = 0.0
+    held: float = 0.0
+    unknown: float = 0.0
+    innovations: tuple[FloatArray, ...] = ()
+    expected: tuple[FloatArray, ...] = ()
+    added: tuple[Added, ...] = ()
+
+
+def as_found(stand: Footing) -> BondGraph:
+    """Give the plant with parameters and imperfections as they stand, about as sure as a fit to all would be."""
+    parameters = []
+    for item in stand.graph.parameters:
+        value = stand.values[item.name]
+        sure = replace(item, nominal=value, accuracy=min(LEAST_ACCURACY * abs(value), item.accuracy))
+        parameters.append(item if item.nominal == 0.0 or value == 0.0 else sure)
+    return replace(stand.graph, parameters=tuple(parameters))
+
+
+def in_time(graph: BondGraph) -> tuple[tuple[str, bool], ...]:
+    """Give what of a plant lags, and which inputs go on between rows."""
+    return (*((item.lag, item.linear) for item in graph.inputs), *((item.lag, False) for item in graph.sensors))
+
+
+def with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
+    """Give a plant whose sensors have a noise (n_sensors,), SI."""
+    sensors = zip(graph.sensors, noise.tolist(), strict=True)
+    return replace(graph, sensors=tuple(replace(item, noise=sd) for item, sd in sensors))
+
+
+def keys_of(graph: BondGraph) -> set[tuple[Kind, str]]:
+    """Give what a plant declares as slow errors and as noise of inputs."""
+    noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
+    return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
