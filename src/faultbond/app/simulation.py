@@ -18,6 +18,7 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
+from faultbond.model.row_means import of_rows
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import Monitor
 
@@ -40,9 +41,10 @@ def simulate(
 
     noise: whether sensors and inputs scatter as the model declares
     """
-    graph = load_model(model)
+    means = load_model(model)
+    graph = of_rows(means)
     points, held = _inputs(graph, inputs)
-    begin = {**solved_start(graph, inputs), **start}
+    begin = {**solved_start(means, inputs), **start}
     from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
 
     seed = secrets.randbelow(2**31) if seed is None else seed
@@ -91,7 +93,9 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
-        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), START_POINTS))
+        points = list(
+            islice(on_grid(rows, Grid(graph.sample_time, steady=True, row_time=graph.row_time)), START_POINTS)
+        )
     except RecordingError:  # no sensors in it
         return {}
     return start_of(graph, points)
