@@ -136,13 +136,13 @@ def test_long_recordings_pass_in_blocks(live: bool, held: int, monkeypatch: pyte
     """Rows that are in order are not taken one by one, but for the first few; those of a live stream are not held."""
     rows = [Row(time=float(k), u=np.zeros(1), y=np.array([k, -k])) for k in range(5000)]
     taken: list[Row] = []
-    push = Grid.push
+    push = Grid._push
 
     def noted(self: Grid, row: Row) -> Iterable[GridPoint]:
         taken.append(row)
         return push(self, row)
 
-    monkeypatch.setattr(Grid, "push", noted)
+    monkeypatch.setattr(Grid, "_push", noted)
     grid = Grid(1.0, noise=NOISE, live=live)
     assert sum(map(len, grid.push_block(block_of_rows(rows)))) == 5000 - held
     assert 0 < len(taken) <= 2 * LOOK_BACK

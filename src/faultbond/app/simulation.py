@@ -18,6 +18,7 @@ from faultbond.io.grid import Grid, GridPoint, on_grid
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows, write_recording
 from faultbond.model.graph import BondGraph
+from faultbond.model.row_means import of_rows
 from faultbond.model.text import load_model
 from faultbond.runtime.monitor import Monitor
 
@@ -45,12 +46,13 @@ def simulate(
     ModelError
         Where something is to wander, and nothing does.
     """
-    graph = load_model(model)
-    if imperfections.wander and not graph.wanders:
+    means = load_model(model)
+    if imperfections.wander and not means.wanders:
         problem = "nothing wanders in it; state how far and how long, such as `wander: 3 % over 6 h` of a parameter"
-        raise ModelError(f"{graph.file}: {problem}, or leave out --wander")
+        raise ModelError(f"{means.file}: {problem}, or leave out --wander")
+    graph = of_rows(means)
     points, held = _inputs(graph, inputs)
-    begin = {**solved_start(graph, inputs), **start}
+    begin = {**solved_start(means, inputs), **start}
     from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
 
     seed = secrets.randbelow(2**31) if seed is None else seed
@@ -104,7 +106,9 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
-        points = list(islice(on_grid(rows, Grid(graph.sample_time, steady=True)), START_POINTS))
+        points = list(
+            islice(on_grid(rows, Grid(graph.sample_time, steady=True, row_time=graph.row_time)), START_POINTS)
+        )
     except RecordingError:  # no sensors in it
         return {}
     return start_of(graph, points)

@@ -192,6 +192,7 @@ class EngineSpec:
     coupled: bool = False  # whether faults of instruments, and drifts, are tested beside a parameter that changed
     settlings: tuple[float, ...] = ()  # of each condition of `valid_when`, seconds
     condition: int = -1  # of these, under which the model holds; -1: always
+    row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
 
     def __hash__(self) -> int:
         return self._hash

@@ -19,6 +19,7 @@ from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.errors import RecordingError
 from faultbond.io.frozen import Frozen
 from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined
+from faultbond.io.row_means import RowMeans
 
 __all__ = ["Counts", "Grid", "GridClock", "GridPoint", "PointBlock", "Row", "RowBlock", "blocks_of_points", "on_grid"]
 
@@ -168,6 +169,7 @@ class Grid:
     steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
     noise : standard deviations of the sensors in SI, to count those that are frozen
     clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
+    row_time : seconds between rows, of which those about a grid point are averaged; None: none is
     """
 
     def __init__(
@@ -178,6 +180,7 @@ class Grid:
         steady: bool = False,
         noise: Sequence[float] = (),
         clock: GridClock | None = None,
+        row_time: float | None = None,
     ) -> None:
         if sample_time is not None and not 0.0 < sample_time < math.inf:
             raise RecordingError(f"sample_time is {sample_time:g} s: a grid needs a positive number of seconds.")
@@ -200,6 +203,9 @@ class Grid:
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
         self._began = False  # whether a row with a time has come
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
+        self._means: RowMeans | None = None
+        if row_time is not None and sample_time is not None:
+            self._means = RowMeans(sample_time, row_time, clock.origin[1] if clock else None)
         if clock is None:
             return
         self._tally.update(asdict(clock.counts))
@@ -235,7 +241,7 @@ class Grid:
     def copy(self) -> "Grid":
         """Give another grid that stands where this one does."""
         other = copy(self)
-        for name in ("_frozen", "_tally", "_waiting", "_behind", "_placed", "_times"):
+        for name in ("_frozen", "_tally", "_waiting", "_behind", "_placed", "_times", "_means"):
             setattr(other, name, copy(getattr(self, name)))
         return other
 
@@ -245,6 +251,12 @@ class Grid:
 
     def push(self, row: Row) -> Iterable[GridPoint]:
         """Take one row and give the points that are complete with it, often none."""
+        if self._means is None:
+            return self._push(row)
+        return chain.from_iterable([self._push(mean) for mean in self._means.push(row)])
+
+    def _push(self, row: Row) -> Iterable[GridPoint]:
+        """Take one row, or the mean of some."""
         if not abs(row.time) <= LATEST:
             self._tally["untimed"] += 1
             return ()
@@ -280,6 +292,11 @@ class Grid:
         Rows that go on from each other in time are placed together; around all others, and where there is no step, rows
         are taken one by one.
         """
+        if self._means is not None:
+            means = [mean for k in range(len(rows)) for mean in self._means.push(rows.row(k))]
+            if not means:
+                return
+            rows = block_of_rows(means)
         shortest, others = (SHORTEST_LIVE, PATIENCE + 1) if self._live else (SHORTEST, LOOK_BACK)
         first = 0
         while first < len(rows):
@@ -291,7 +308,7 @@ class Grid:
                     yield points
             else:
                 last = min(first + n_regular + others, len(rows))
-                one_by_one = (self.push(rows.row(k)) for k in range(first, last))
+                one_by_one = (self._push(rows.row(k)) for k in range(first, last))
                 yield from blocks_of_points(chain.from_iterable(one_by_one))
             first = last
 
@@ -387,8 +404,9 @@ class Grid:
 
     def finish(self) -> Iterable[GridPoint]:
         """Give the points that were held back; to be called once, after the last row."""
+        rest = [self._push(mean) for mean in self._means.finish()] if self._means is not None else []
         self._give_up_behind()
-        return chain(self._release(0, final=True), self._serve_best())
+        return chain(chain.from_iterable(rest), self._release(0, final=True), self._serve_best())
 
     def _take(self, row: Row) -> Iterable[GridPoint]:
         """Let a row wait for those that may precede it."""

@@ -22,8 +22,8 @@ class ModelBuilder:
     ----------
     name : the model's name, which starts every error message
     sample_time : `1 s`, or `variable`, or `none` for a static block network
-    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when : as in the model
-        file; None leaves the default in force
+    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when, row_time : as
+        in the model file; None leaves the default in force
 
     Example
     -------
@@ -52,11 +52,18 @@ class ModelBuilder:
         time_between_false_alarms: Scalar | None = None,
         instrument_faults: bool | None = None,
         valid_when: Scalar | Fields | None = None,
+        row_time: Scalar | None = None,
     ) -> None:
         self._source = Source(f"model {shown(str(name))}", has_lines=False)
         settings = {"sample_time": sample_time, "max_faults": max_faults, "accuracy": accuracy, "warm_up": warm_up}
         settings |= {"time_between_false_alarms": time_between_false_alarms, "instrument_faults": instrument_faults}
-        self._settings: Fields = {"name": name, **settings, "time": time, "valid_when": valid_when}
+        self._settings: Fields = {
+            "name": name,
+            **settings,
+            "time": time,
+            "valid_when": valid_when,
+            "row_time": row_time,
+        }
         self._sections: dict[str, dict[str, Node]] = {}
         self._bonds: list[Text] = []
 

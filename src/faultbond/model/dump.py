@@ -107,6 +107,7 @@ class _Writer:
         return {
             "name": _scalar(graph.name) if self.stated("name") else "",
             "sample_time": graph.grid.value if graph.sample_time is None else _seconds(graph.sample_time),
+            "row_time": _seconds(graph.row_time) if graph.row_time is not None else "",
             "max_faults": str(graph.max_faults) if has_faults else "",
             "accuracy": self.accuracy,
             "warm_up": _seconds(graph.warm_up) if not self.static and self.stated("warm_up") else "",
@@ -137,7 +138,8 @@ class _Writer:
     def input(self, item: Input) -> str:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
-        texts["hold"] = "linear" if item.linear else ""
+        usual = self.graph.row_time is not None  # a mean stands in the middle of what it is of
+        texts["hold"] = "" if item.linear == usual else keys.HOLDS[item.linear]
         return _flow(texts, keys.INPUT_KEYS)
 
     def unknown(self, item: Constant) -> str:
@@ -169,7 +171,8 @@ class _Writer:
 
     def noise(self, item: Input | Sensor | Check) -> str:
         has_noise = item.unit != LOGIC_UNIT and self.stated("noise", item.name, is_default=item.noise == 0)
-        return _difference(item.noise, item.unit) if has_noise else ""
+        rows = 1 if isinstance(item, Check) else self.graph.rows_per_sample
+        return _difference(item.noise * math.sqrt(rows), item.unit) if has_noise else ""
 
     def component(self, item: Component) -> str:
         own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS.get(item.type, ())}

@@ -312,6 +312,7 @@ class BondGraph:
     tables: tuple[Curve, ...] = ()
     time_between_false_alarms: float | None = None
     valid_when: Validity | None = None  # when all of it holds; None: always
+    row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
     checks: tuple[Check, ...] = ()
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
@@ -369,6 +370,11 @@ class BondGraph:
     def sha256(self) -> str:
         """Hash that names the model: that of its canonical text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def rows_per_sample(self) -> int:
+        """How many rows are averaged for a sample, where all are there; noise is that of their mean."""
+        return 1 if self.row_time is None or self.sample_time is None else round(self.sample_time / self.row_time)
 
     @property
     def conditions(self) -> tuple[Validity, ...]:

@@ -14,6 +14,7 @@ from faultbond.types import TimeGrid
 
 _OF_TIME = {
     "warm_up": "no alarms to wait for",
+    "row_time": "no samples that rows are averaged for",
     "valid_when": "no states of operation; leave out the rows that are not to be judged",
     "time_between_false_alarms": "no alarms to wait for",
     "slow_error": "no slow errors",
@@ -39,6 +40,7 @@ class Head:
     logic_by: str
     grid: TimeGrid
     sample_time: float | None
+    row_time: float | None
     max_faults: int
     time: TimeColumn
     accuracy: Spread | None
@@ -102,6 +104,7 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         logic_by=logic_by,
         grid=grid,
         sample_time=sample_time,
+        row_time=_row_time(fields["row_time"], sample_time) if "row_time" in fields else None,
         max_faults=max_faults,
         time=time,
         accuracy=accuracy,
@@ -117,6 +120,16 @@ def _grid(place: Spot) -> tuple[TimeGrid, float | None]:
     if value <= 0:
         raise place.error(" must be above 0, such as `1 s`")
     return TimeGrid.FIXED, value
+
+
+def _row_time(place: Spot, sample_time: float | None) -> float:
+    """Give the time between the rows that are averaged for a sample."""
+    if sample_time is None:
+        raise place.error(": rows are averaged for samples of a fixed sample_time; state one, or remove it")
+    value = place.seconds()
+    if not 0.0 < value <= sample_time / 2:
+        raise place.error(f" must be above 0, and half of sample_time or less: {sample_time / 2:g} s; else remove it")
+    return value
 
 
 def _check_kind(fields: Mapping[str, Spot], static: bool) -> str:

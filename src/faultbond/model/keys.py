@@ -137,7 +137,7 @@ INPUT_KEYS = Keys(
         "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
         "hold": Key(
             {"description": "", "enum": list(HOLDS)},
-            "`linear`: between rows it goes linearly; default it stays: `last`",
+            "`linear`: between rows it goes linearly; default it stays: `last`, and with `row_time` `linear`",
         ),
         "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
@@ -322,6 +322,11 @@ MODEL_KEYS = Keys(
             "the engine's grid, `1 s`; `variable` for rows as they come, `none` for a static block network",
             required=True,
             missing="state it, such as `sample_time: 1 s`, or `variable`",
+        ),
+        "row_time": Key(
+            TEXT,
+            "rows come so often, `0.1 s`; those about each sample are averaged, and noise is that of a row; default: "
+            "the nearest row is taken",
         ),
         "max_faults": Key(
             {

@@ -14,6 +14,7 @@ from faultbond.model.head import Head, read_head
 from faultbond.model.keys import MODEL_KEYS
 from faultbond.model.laws import LawReader, check_used
 from faultbond.model.measured import Measured, MeasuredReader
+from faultbond.model.row_means import averaged
 from faultbond.model.source import Entry, Source, Table, Text
 from faultbond.model.spot import Spot
 from faultbond.model.tables import check_tables, read_tables
@@ -86,11 +87,12 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         tables=tables,
         time_between_false_alarms=patience,
         valid_when=valid_when,
+        row_time=head.row_time,
         checks=measured.checks,
         defaults=defaults.pairs(),
         file=source.label,
     )
-    graph = trust_states(graph)
+    graph = averaged(trust_states(graph))
     return replace(graph, text=dump_model(graph))
 
 

@@ -158,7 +158,7 @@ class ValueReader:
             unit=found.unit if found else NO_UNIT,
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
-            linear=self._is_linear(fields["hold"]) if "hold" in fields else False,
+            linear=self._is_linear(fields["hold"]) if "hold" in fields else self.head.row_time is not None,
             lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,

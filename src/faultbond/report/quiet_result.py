@@ -76,8 +76,9 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
         return (section, item.place, "hold"), "linear"
     size, unit = _sized(graph, item)
     words = f"{_up(size)} {unit}".rstrip()
-    if item.kind is Kind.INPUT_NOISE:
-        return (section, item.place, "noise"), words
+    if item.kind is Kind.INPUT_NOISE:  # of a row, where it was found of a mean of some
+        of_row = f"{_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
+        return (section, item.place, "noise"), of_row
     path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
     return path, f"{words} over {item.memory:.2g} s"
 

@@ -11,7 +11,7 @@ _FUNCTIONS = {"abs": "fabs", "min": "fmin", "max": "fmax"}
 _OPERATORS = {"and": "&&", "or": "||"}
 
 
-def conditions_text(spec: EngineSpec, graph: BondGraph) -> str:
+def states_text(spec: EngineSpec, graph: BondGraph) -> str:
     """Give the function of a core that tells whether a condition is true."""
     constants = {item.name: literal(item.value) for item in graph.constants}
     names = constants | {item.name: f"u[{k}]" for k, item in enumerate(spec.inputs)}

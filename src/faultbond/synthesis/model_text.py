@@ -14,7 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
-from faultbond.synthesis.conditions import conditions_text
+from faultbond.synthesis.conditions import states_text
 from faultbond.synthesis.emit import statements
 from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
 from faultbond.types import CheckKind
@@ -51,7 +51,7 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
         *_state_tables(spec, rate_entries, model.v.numel()),
         *_reading_tables(spec, reading_entries),
         *plan_tables(spec),
-        conditions_text(spec, model.plant.graph),
+        states_text(spec, model.plant.graph),
         "#ifdef FB_HOLDS_FILTERS",
         *(_function(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
         "#endif",

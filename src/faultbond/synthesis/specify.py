@@ -72,6 +72,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         coupled=graph.max_faults > 1,
         settlings=tuple(item.settling for item in conditions),
         condition=_place(graph.valid_when, conditions),
+        row_time=graph.row_time,
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)

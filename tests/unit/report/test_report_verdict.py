@@ -74,7 +74,8 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
     assert view.left_out.startswith("With 90.0 % no part changed by more than its declared accuracy")
     less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
-    assert verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE).startswith("Most likely the pipe changed")
+    told = verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE)
+    assert told.startswith("Most likely the pipe changed")
 
 
 def test_verdict_of_a_pair_names_both(history: History) -> None:
