@@ -4,6 +4,8 @@
 
 #include "untested.h"
 
+FB_SELDOM
+
 /* Memory of `conclude`. */
 typedef struct {
     Ranking ranking;
@@ -58,5 +60,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }
+
+FB_OFTEN
 
 #endif
