@@ -56,7 +56,7 @@ def near(candidate: Candidate, values: Sequence[float]) -> bool:
     ("faults", "kind", "values"),
     [
         ((SENSOR, COMPONENT), FaultKind.BIAS, {"omega.bias": 0.6, "R": 4.5}),
-        ((INPUT, STORE), FaultKind.DRIFT, {"V.bias": -1.5, "J": 2.25}),  # at next to no rate: see docs/limits.md
+        ((INPUT, STORE), FaultKind.BIAS, {"V.bias": -1.5, "J": 2.25}),
         ((DRIFT, STORE), FaultKind.DRIFT, {"R": 4.8, "J": 2.25}),
     ],
 )
