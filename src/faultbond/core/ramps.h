@@ -104,7 +104,8 @@ static void join_ramps(double (*moves)[GROUP], double (*stays)[GROUP], double *b
 /* Let lane l of a group of pairs take the place of one, `drift`, if it is likelier, both its lanes together. */
 static int replace_pair(Bank *bank, int64_t drift, double (*moves)[GROUP], double (*stays)[GROUP], int64_t l)
 {
-    const double moving = finite_or_lowest(likelihood_of_slot(bank, drift)), ended = finite_or_lowest(likelihood_of_slot(bank, drift + 1));
+    const double moving = finite_or_lowest(likelihood_of_slot(bank, drift));
+    const double ended = finite_or_lowest(likelihood_of_slot(bank, drift + 1));
     double again[GROUP];
     join_ramps(moves, stays, again);
     if (!(again[l] > log_add(moving, ended))) return 0;

@@ -29,6 +29,7 @@ def lanes_of(spec: EngineSpec, n_lanes: int) -> FloatArray:
 
 
 SLOTS = lanes_of(WIDE, PLAN.n_lanes)
+SLOTS[RATE] = 3.0 * np.sqrt(SLOTS[covariance_place(WIDE, RATE, RATE)])  # of what is less sure no rate is told
 
 
 @cache
