@@ -14,6 +14,8 @@
 
 #include "diagnosis.h"
 
+FB_SELDOM
+
 #define AHEAD 300         /* samples for which candidates are predicted under a move */
 #define LEAST_LIKELY 0.01 /* probability below which a candidate is left out */
 #define APART 1.5         /* standard deviations by which what is expected has to differ */
@@ -376,5 +378,7 @@ static void advise(const State *state, const Diagnosis *found, Rivals *rivals, F
         advice->checks[at] = check;
     }
 }
+
+FB_OFTEN
 
 #endif

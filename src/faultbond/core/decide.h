@@ -10,6 +10,8 @@
 #include "rest.h"
 #include "rule.h"
 
+FB_SELDOM
+
 #define ACCEPTED_WANDER 0.5 /* of what an accepted drift moves in a sample, the parameter may move otherwise */
 #define MOST_NOISE 0.25     /* of the variance of a blanked sensor: one accepted with more would count as such */
 #define INDEFINITE 1e-6     /* part of a variance that rounding may take off it, and it is still one */
@@ -198,5 +200,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     forget_sure(&state->sure);
     return 0;
 }
+
+FB_OFTEN
 
 #endif

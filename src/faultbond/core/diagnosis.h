@@ -5,6 +5,8 @@
 #include "untested.h"
 #include "within.h"
 
+FB_SELDOM
+
 /* Memory of `conclude`. */
 typedef struct {
     Ranking ranking;
@@ -60,5 +62,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }
+
+FB_OFTEN
 
 #endif

@@ -5,6 +5,8 @@
 
 #include "bank.h"
 
+FB_SELDOM
+
 #define LONGEST 1e12 /* s: a limit that is not reached by then is not reached */
 #define HALVINGS 200
 #define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
@@ -235,5 +237,7 @@ static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
     suspect->ended = of_slot(&state->bank, lane, ROLE_ENDED);
     suspect->began = suspect->ended - of_slot(&state->bank, lane, ROLE_TOOK);
 }
+
+FB_OFTEN
 
 #endif

@@ -10,6 +10,8 @@
 
 #include "trail.h"
 
+FB_SELDOM
+
 #define DENSE 40         /* samples before the alarm of which each may be tried as onset; */
 #define RATIO 20         /* further back each is by one part in so many farther away */
 #define MANY 200000      /* numbers in the covariances of all lanes from which on fewer are: */
@@ -219,5 +221,7 @@ static void mean_over_onsets(const Search *search, double *mean)
         mean[l] = total - log((double)HISTORY_SAMPLES);
     }
 }
+
+FB_OFTEN
 
 #endif

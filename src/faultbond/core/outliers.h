@@ -10,6 +10,8 @@
 #include "start.h"
 #include "wild.h"
 
+FB_SELDOM
+
 #define FIT_FAR 10.0    /* sd of its noise, or usual misfits, that a reading may lie from the start of the others */
 #define INPUT_APART 3.0 /* usual distances from the middle that an input may lie from it */
 #define MOST_WILD 0.45  /* part of the values of a column that may be wild; where more are, the model is off */
@@ -384,5 +386,7 @@ static int64_t begin(State *state, int64_t count, const double *known, int again
     memcpy(covariance, fit->covariance, AT_SLOT * AT_SLOT * sizeof *covariance);
     return n_wild;
 }
+
+FB_OFTEN
 
 #endif

@@ -35,6 +35,16 @@
 #define FB_RESTRICT restrict
 #endif
 
+/* What runs seldom, between FB_SELDOM and FB_OFTEN, is not optimised far where the text can ask for that: it is half of what
+   there is to compile, and a first run waits for it. */
+#if defined(__OPTIMIZE__) && defined(__GNUC__) && !defined(__clang__)
+#define FB_SELDOM _Pragma("GCC push_options") _Pragma("GCC optimize(\"Og\")")
+#define FB_OFTEN _Pragma("GCC pop_options")
+#else
+#define FB_SELDOM
+#define FB_OFTEN
+#endif
+
 /* An array needs an entry, also where a model has none of its kind. */
 #define FB_ROOM(n) ((n) > 0 ? (n) : 1)
 

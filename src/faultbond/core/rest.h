@@ -8,6 +8,8 @@
 
 #include "work.h"
 
+FB_SELDOM
+
 #define TO_REST 100.0 /* nats by which all lanes of a group are less likely than the leading one */
 
 /* Log-likelihood of the likeliest of some lanes with a slot; `leading`: without those whose sensor sticks. */
@@ -67,5 +69,7 @@ static void keep_distance(Bank *bank, double moved)
 
 /* Let all lanes go on. */
 static void wake(Bank *bank) { memset(bank->rests, 0, sizeof bank->rests); }
+
+FB_OFTEN
 
 #endif

@@ -8,6 +8,8 @@
 #include "fields.h"
 #include "watch.h"
 
+FB_SELDOM
+
 #define SAVED_MARK 0x657461747362666LL /* "fbstate" */
 #define SAVED_FORMAT 4
 #define MODEL_WORDS 4 /* of the hash */
@@ -222,5 +224,7 @@ static int restore_state(State *state, const uint8_t *bytes, int64_t n)
     fill_up_couples(&state->bank);
     return FB_GOOD;
 }
+
+FB_OFTEN
 
 #endif

@@ -9,6 +9,8 @@
 
 #include "advance.h"
 
+FB_SELDOM
+
 #define START_PATIENCE 300 /* samples for which a sensor without any value holds up the start */
 #define MOST_FIRST (START_PATIENCE + 2 < DEPTH ? START_PATIENCE + 2 : DEPTH) /* samples that a start is solved from */
 #define FIRST_READINGS (MOST_FIRST * N_OUTPUTS)
@@ -531,5 +533,7 @@ static void find_misfits(double (*samples)[N_SAMPLE], int64_t count, const doubl
     ask(state, 0, 0.0, misfit, memory);
     answer(memory);
 }
+
+FB_OFTEN
 
 #endif

@@ -22,6 +22,8 @@
 
 #include "ranking.h"
 
+FB_SELDOM
+
 #define OPEN 0.5               /* a bound from which on there is none */
 #define LEAST_INFORMATION 1e-9 /* in that of the narrow prior */
 #define LEAST_SPREAD 1e-12     /* variance that is left, in that of the narrow prior */
@@ -220,5 +222,7 @@ static void find_untested(const Bank *bank, const Ranking *ranking, int64_t inde
     const double part = bounded ? untested_part(bank, ranking, index, hidden) : 1.0;
     found->untested_probability = part < OPEN ? part : 1.0;
 }
+
+FB_OFTEN
 
 #endif

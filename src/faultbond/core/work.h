@@ -12,6 +12,8 @@
 #include "couples.h"
 #include "ramps.h"
 
+FB_SELDOM
+
 /* Samples after the alarm at which the bank begins again from what it has found, at the earliest. */
 #define FIRST_RENEWAL 30
 #define SECOND_RENEWAL 100
@@ -617,5 +619,7 @@ static void work_for(State *state, int64_t portion, BankMemory *memory, Filters 
         portion -= n;
     }
 }
+
+FB_OFTEN
 
 #endif
