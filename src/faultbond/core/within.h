@@ -11,6 +11,7 @@
 #include "ranking.h"
 
 #define MOVES_BY 0.5 /* sd by which a healthy parameter may move, in its accuracy */
+#define FAINT 1e-15  /* part of what a hypothesis is worth that stays with it */
 
 /* Logarithm of the normal density, but for a constant. */
 static double log_density(double off, double variance) { return -0.5 * (off * off / variance + log(variance)); }
@@ -72,7 +73,7 @@ static void share_out(const State *state, int64_t hypothesis, double share, Rank
         for (int64_t i = 0; i < n; i++) part /= 1.0 + exp(kept >> i & 1u ? within[i] : -within[i]);
         if (kept == 0) ranking->within += part;
         else if (kept == (1u << n) - 1u) ranking->shared[hypothesis] += part;
-        else if (part > SELDOM) ranking->shared[rest_of(ranking, hypothesis, suspects, n, kept)] += part;
+        else if (part > FAINT * share) ranking->shared[rest_of(ranking, hypothesis, suspects, n, kept)] += part;
         else ranking->shared[hypothesis] += part;
     }
 }
@@ -86,7 +87,7 @@ static void leave_out_small(const State *state, Ranking *ranking)
     if (!(top > -INFINITY)) return;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         const double share = exp(ranking->score[k] - top);
-        if (share > SELDOM && ranking->best[k] >= 0) share_out(state, k, share, ranking);
+        if (share > 0.0 && ranking->best[k] >= 0) share_out(state, k, share, ranking);
         else ranking->shared[k] += share;
     }
     for (int64_t k = 0; k < N_HYPOTHESES; k++)

@@ -64,7 +64,7 @@ def test_an_early_verdict_says_so(history: History) -> None:
 
 
 def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
-    """Where that is likelier than the best candidate, this comes nearest; below, it is told beside it."""
+    """Where that is likelier than the best candidate, the best only comes nearest; else it is told beside."""
     best = kind_of(suspect(GRAPH, "K1", 2.45, 0.01), (FaultKind.STEP, 1.0), probability=0.1)
     diagnosis = replace(with_last(history, (best,)).diagnoses[-1], within_accuracy=0.9)
     shown = replace(history, diagnoses=(*history.diagnoses, diagnosis))
