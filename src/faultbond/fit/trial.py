@@ -183,7 +183,8 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
         found = rates(now)
         if keeps(found):
             return now
-        worst = min(range(len(found)), key=lambda k: (found[k].between, -found[k].peak))
+        # First what comes too near to its limit, then what alarms most often.
+        worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
         if found[worst].is_sensor:
             noise[worst] *= RISE
         else:
