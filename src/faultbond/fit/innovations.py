@@ -46,14 +46,15 @@ class Watch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Taken:
-    """What the monitor's filter took of n samples, those from its start on.
+class Taken:
+    """What the monitor's filter took of a recording of `count` samples: of the n from its start on.
 
     rows: (n, n_sample), packed; started: how many of them it gathered for its start. use, settling: (n, n_outputs),
     whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. walk, walker: see
     `Watch`.
     """
 
+    count: int
     rows: FloatArray
     started: int
     use: BoolArray
@@ -74,7 +75,12 @@ def watch_recording(
     record : the recording
     variants : what is declared otherwise
     """
-    spec, taken, count = core.spec, _taken(core, record), len(record.time)
+    return watch_taken(core, take_recording(core, record), variants)
+
+
+def watch_taken(core: Core, taken: Taken, variants: Sequence[Variant] = (Variant(),)) -> tuple[Watch, ...]:
+    """Give what the detector sees of a recording that the monitor has taken; see `watch_recording`."""
+    spec, count = core.spec, taken.count
     shape, first = (len(variants), count, len(spec.outputs)), count - len(taken.rows)
     scores, slow = np.full(shape, np.nan), np.full((*shape[:2], len(spec.slow_errors)), np.nan)
     for k, variant in enumerate(variants):
@@ -107,7 +113,7 @@ def watch_recording(
     )
 
 
-def _taken(core: Core, record: HealthyRecording) -> _Taken:
+def take_recording(core: Core, record: HealthyRecording) -> Taken:
     """Run the monitor with its alarms off."""
     spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
     running, rows, known, astray = False, list[FloatArray](), list[bool](), list[bool]()
@@ -128,7 +134,8 @@ def _taken(core: Core, record: HealthyRecording) -> _Taken:
             walk, walker = walked, int(monitor.number("healthy.walker")) % max(len(spec.parameters), 1)
     packed = np.array(rows).reshape(-1, spec.n_sample)
     use = trusted(spec, packed)
-    return _Taken(
+    return Taken(
+        count=len(record.time),
         rows=packed,
         started=started,
         use=use & np.array(known, dtype=bool)[:, None],
@@ -139,7 +146,7 @@ def _taken(core: Core, record: HealthyRecording) -> _Taken:
     )
 
 
-def _filtered(core: Core, taken: _Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:
+def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:
     """Give innovations in their sd (n, n_outputs), and slow errors in their declared sizes (n, n_slow)."""
     spec, rows = core.spec, taken.rows.copy()
     place, n_y = spec.sample_fields, len(spec.outputs)
@@ -165,7 +172,7 @@ def _filtered(core: Core, taken: _Taken, variant: Variant) -> tuple[FloatArray, 
     return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
 
 
-def _alone(core: Core, taken: _Taken) -> FloatArray:
+def _alone(core: Core, taken: Taken) -> FloatArray:
     """Give what the plant shows if no reading is taken, (n, n_outputs), SI; nan where there is none to compare with."""
     place, n_y = core.spec.sample_fields, len(core.spec.outputs)
     rows = taken.rows.copy()

@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Late, late_sensors, mirrored_sensors
-from faultbond.fit.innovations import Variant, Watch, watch_recording
+from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
@@ -165,10 +165,10 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
     step the noise of the sensor that alarms most often, or the slow errors where one of them does.
     """
-    step = _step(records)
+    step, taken = _step(records), [take_recording(core, item) for item in records]
 
     def rates(variant: Variant) -> tuple[Rate, ...]:
-        seen = [watch_recording(core, item, (variant,))[0] for item in records]
+        seen = [watch_taken(core, item, (variant,))[0] for item in taken]
         return alarm_rates(core.spec, seen, step)
 
     def keeps(found: tuple[Rate, ...]) -> bool:
@@ -183,7 +183,8 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
         found = rates(now)
         if keeps(found):
             return now
-        worst = min(range(len(found)), key=lambda k: (found[k].between, -found[k].peak))
+        # First what comes too near to its limit, then what alarms most often.
+        worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
         if found[worst].kind == SENSOR:
             noise[worst] *= RISE
         else:
