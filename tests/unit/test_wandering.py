@@ -17,10 +17,13 @@ from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.cli import DONE, main
 from faultbond.contract.samples import Sample, Samples
 from faultbond.errors import ModelError
+from faultbond.fit.imperfections import Kind, possible, with_imperfections
+from faultbond.fit.quiet_search import Added
 from faultbond.io.recording import write_recording
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import SlowError
 from faultbond.model.text import parse_model
+from faultbond.report.quiet_result import amended_text
 from faultbond.runtime.core import Core
 from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
@@ -263,6 +266,20 @@ def test_fit_proposes_none_where_none_is(tmp_path: Path) -> None:
     days = {f"day{k}.csv": course(90 + k, 300, size=0.0, plant=7).samples for k in range(3)}
     assert fitted(tmp_path, days, MODEL)["fit"]["wanders"] == []
     assert fitted(tmp_path, {"a.csv": course(71, 1500).samples}, WANDERING)["fit"]["wanders"] == []
+
+
+def test_until_quiet_has_it_among_what_may_be_missing() -> None:
+    """Stores may wander; of the pipe the error of its signal says the same. What was added is written and read back."""
+    graph = parse_model(MODEL)
+    wanders = [item for item in possible(graph, ("pipe.f",)) if item.kind is Kind.WANDER]
+    assert [item.place for item in wanders] == ["C"]
+    found = replace(wanders[0], size=0.042, memory=1800.0)
+    added = with_imperfections(graph, (found,))
+    written = parse_model(amended_text(MODEL, graph, [Added(what=found, trained=9.0, held=9.0)]))
+    assert [(item.target, item.sd, item.memory) for item in written.wanders] == [("C", 0.042, 1800.0)]
+    assert replace(added.wanders[0], line=0) == replace(written.wanders[0], line=0)
+    again = with_imperfections(written, (replace(found, size=0.1),))
+    assert [item.sd for item in again.slow_errors] == [0.1]
 
 
 def test_trials_of_the_analysis_let_it_wander() -> None:
