@@ -8,6 +8,8 @@
 #define N_OUTPUTS 1
 #define N_IMPLICIT 0
 #define N_NOISY 1
+#define N_CONDITIONS 0
+#define MODEL_CONDITION (-1)
 #define N_LINEAR 0
 #define N_V 4
 #define N_RATE_SLOPES 4
@@ -35,8 +37,10 @@
 #define N_GROWN 0
 #define PER_SET 3
 #define N_MIXED 0
+#define N_BOTH 0
 #define N_COUPLES 0
 #define MOST_MIXED 0
+#define MOST_BOTH 0
 #define N_COUPLED 0
 #define PER_COUPLE 3
 #define LARGEST_SET 1
@@ -57,7 +61,6 @@
 #define LEARNING_BOUND 6.0
 #define BANK_BOUND 20.0
 #define WILDEST 400.0
-#define SLOW_ERROR_LIMIT 1.6
 #define GROUP_NATS 3.0
 #define BLANK_FACTOR 10000.0
 #define WARM_UP_SAMPLES 20
@@ -67,7 +70,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x2335cd2281c04297ULL, 0x452e23937d5028ecULL, 0x44cd0fc3f3ba6118ULL, 0x072a1a7b5bafc9e0ULL};
+static const uint64_t MODEL_HASH[] = {0xc4e7042c43368883ULL, 0x0445fff0b62b8ee8ULL, 0x570f6f0506acf3adULL, 0x1a7db27e565ea128ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -77,6 +80,8 @@ static const double OUTPUT_VARIANCE[] = {0.010000000000000002};
 static const double INPUT_VARIANCE[] = {0.010000000000000002};
 static const int NOISY[] = {0};
 static const int NOISE_OF_INPUT[] = {0};
+static const double CONDITION_SETTLING[] = {0.0};
+static const int OUTPUT_CONDITION[] = {-1};
 static const int INPUT_LINEAR[] = {0};
 static const int SYMMETRIC_plain[6][6] = {
     {0, 1, 2, 3, 4, 5},
@@ -99,16 +104,16 @@ static const int LOWER_ROW[] = {0, 0};
 static const int LOWER_PLACE[] = {0};
 static const int UPPER_ROW[] = {0, 0};
 static const int UPPER_PLACE[] = {0};
-static const int STATE_ROW_plain[] = {0, 5};
-static const int STATE_PLACE_plain[] = {0, 1, 2, 3, 5};
-static const int STATE_ROW_wide[] = {0, 5};
-static const int STATE_PLACE_wide[] = {0, 1, 2, 3, 5};
+static const int STATE_ROW_plain[] = {0, 6};
+static const int STATE_PLACE_plain[] = {0, 1, 2, 3, 4, 5};
+static const int STATE_ROW_wide[] = {0, 6};
+static const int STATE_PLACE_wide[] = {0, 1, 2, 3, 4, 5};
 static const int READING_ROW[] = {0, 2};
 static const int READING_COLUMN[] = {0, 2};
-static const int OUT_ROW_plain[] = {0, 3};
-static const int OUT_PLACE_plain[] = {0, 2, 3};
-static const int OUT_ROW_wide[] = {0, 3};
-static const int OUT_PLACE_wide[] = {0, 2, 3};
+static const int OUT_ROW_plain[] = {0, 4};
+static const int OUT_PLACE_plain[] = {0, 2, 3, 4};
+static const int OUT_ROW_wide[] = {0, 4};
+static const int OUT_PLACE_wide[] = {0, 2, 3, 4};
 static const double START_MEAN[] = {0.0};
 static const double START_SD[] = {NAN};
 static const int START_INPUT[] = {-1};
@@ -119,6 +124,8 @@ static const int JUMP_PARAMETER[] = {1};
 static const double JUMP_EXPONENT[] = {(-1.0)};
 static const double SLOW_SD[] = {0.0};
 static const int SLOW_ALARMS[] = {0};
+static const double SLOW_LIMIT[] = {0.0};
+static const double SLOW_WATCHED[] = {0.0};
 static const int AFTER_ROW[] = {0};
 static const int AFTER_INPUT[] = {0};
 static const double AFTER_EACH[] = {0.0};
@@ -128,6 +135,8 @@ static const double SCALE[] = {10000.0, 9.999999999999999e-05};
 static const double HEALTHY[] = {1.0, 1.0};
 static const double ACCURACY[] = {0.03, 0.03};
 static const double CHANGE[] = {2.0, 2.0};
+static const double RANGE_LEAST[] = {0.0, 0.0};
+static const double RANGE_MOST[] = {INFINITY, INFINITY};
 static const int LIMIT_ROW[] = {0, 0, 0};
 static const double LIMIT[] = {0.0};
 static const double INPUT_NOISE[] = {0.1};
@@ -191,9 +200,9 @@ static const double SLOT_RATE[] = {(-0.000275), (-4.999999999999999e-05), 0.0004
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 static const double SLOT_RATE_SD[] = {0.00020023739816777485, 0.00011567222008762518, 0.0003563990039267787,
     0.0010112274719369526, 0.00020023739816777485, 0.00011567222008762518, 0.0003563990039267787,
-    0.0010112274719369526, 0.0, 0.0, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5e-05, 0.0, 0.0, 0.04,
-    0.04, 0.04, 0.04, 0.1, 0.1, 0.025, 0.025, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    0.0010112274719369526, 0.0, 0.0, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5e-05, 0.0, 0.0, 0.1,
+    0.1, 0.1, 0.1, 0.5, 0.5, 0.025, 0.025, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 static const double SLOT_NOISE[] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 9.0,
     25.0, 100.0, 1000.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
     1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
@@ -211,6 +220,7 @@ static const double SLOT_WEIGHT[] = {(-2.772588722239781), (-2.772588722239781),
     (-3.4011973816621555), (-3.506557897319982), (-3.506557897319982), (-3.506557897319982), (-3.506557897319982)};
 static const int COUPLE_SLOT[] = {0};
 static const int COUPLE_PARAMETER[] = {0};
+static const int COUPLE_BESIDE[] = {0};
 static const int COUPLE_HYPOTHESIS[] = {0};
 static const int PARAMETER_PART[] = {0, 1};
 static const int INPUT_PART[] = {2};
@@ -223,6 +233,12 @@ static const int SIGNAL_ORDER[] = {0};
 static const double INPUT_MOVE[] = {NAN};
 static const int INPUT_PERCENT[] = {0};
 static const int INPUT_HAS_ZERO[] = {1};
+
+static inline int model_holds(int condition, const double *FB_RESTRICT u)
+{
+    (void)condition, (void)u;
+    return 1;
+}
 #ifdef FB_HOLDS_FILTERS
 
 static void model_rates(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,
