@@ -17,8 +17,8 @@ from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.cli import DONE, main
 from faultbond.contract.samples import Sample, Samples
 from faultbond.errors import ModelError
+from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Kind, possible, with_imperfections
-from faultbond.fit.quiet_search import Added
 from faultbond.io.recording import write_recording
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import SlowError
