@@ -1,11 +1,14 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.wishes import FitWishes
+from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.foothold import Footing, as_found
 from faultbond.fit.identification import Prior, fit_plant
@@ -24,6 +27,8 @@ from faultbond.synthesis.engine import build_model
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
+
+Smallest = tuple[SmallestFault, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,6 +88,7 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
     tell("working out the smallest faults before and after")
+    smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     return Quieted(
         fitted=attempt.fitted,
         text=attempt.text,
@@ -94,8 +100,8 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         alarms=attempt.alarms,
         rounds=rounds,
         left=tuple(item for item in search.asked if item[1] > 0.0),
-        smallest_before=_smallest(graph, core),
-        smallest_after=_smallest(attempt.graph, attempt.core),
+        smallest_before=smallest[0],
+        smallest_after=smallest[1],
     )
 
 
@@ -176,11 +182,20 @@ def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tupl
     return _on_trial(text, attempt.fitted, read, tell), raised
 
 
-def _smallest(graph: BondGraph, core: Core) -> tuple[SmallestFault, ...]:
-    """Give the smallest faults as `analyse` does; none where it cannot."""
-    always = without_states(graph)
+def _smallest(plants: Sequence[tuple[BondGraph, Core]], records: Sequence[HealthyRecording]) -> list[Smallest]:
+    """Give the smallest faults of plants as `analyse --data` does, in the longest recording.
+
+    All of them in a usual run where one cannot be tried in that, so that they can be compared; none where nothing can.
+    """
+    longest = max(records, key=lambda record: len(record.points))
+    for samples in (longest.points, None):
+        with suppress(FaultbondError):
+            return [_smallest_in(graph, core, samples) for graph, core in plants]
+    return [() for _ in plants]
+
+
+def _smallest_in(graph: BondGraph, core: Core, samples: Sequence[Sample] | None) -> Smallest:
+    """Give the smallest faults of a plant in a run, by default a usual one, in which it holds all the time."""
+    always = without_states(graph) if samples is None else graph
     core = core if always == graph else build_watcher(always)
-    try:
-        return tuple(smallest_faults(build_model(always), core.spec, core))
-    except FaultbondError:
-        return ()
+    return tuple(smallest_faults(build_model(always), core.spec, core, samples))
