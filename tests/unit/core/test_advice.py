@@ -61,7 +61,10 @@ checks:
   volume: {reads: tank.q, unit: m^3, noise: 1 m^3}
 """
 CALLS = """
-int64_t t_values(State *state, int64_t *k, double *values) { return values_of(&state->inputs, state->inputs.held[*k], (int)*k, values); }
+int64_t t_values(State *state, int64_t *k, double *values)
+{
+    return values_of(&state->inputs, state->inputs.held[*k], (int)*k, values);
+}
 int64_t t_part(State *state, Rivals *rivals, const double *apart, int64_t *n, int64_t *group)
 {
     (void)state;
