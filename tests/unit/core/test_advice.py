@@ -61,7 +61,10 @@ checks:
   volume: {reads: tank.q, unit: m^3, noise: 1 m^3}
 """
 CALLS = """
-int64_t t_values(State *state, int64_t *k, double *values) { return values_of(&state->inputs, (int)*k, values); }
+int64_t t_values(State *state, int64_t *k, double *values)
+{
+    return values_of(&state->inputs, state->inputs.held[*k], (int)*k, values);
+}
 int64_t t_part(State *state, Rivals *rivals, const double *apart, int64_t *n, int64_t *group)
 {
     (void)state;
@@ -74,7 +77,7 @@ int64_t t_room(State *state) { return (void)state, (int64_t)sizeof(Rivals); }
 AHEAD_CALL = """
 int64_t t_pack(State *state, const int64_t *t, const double *held, double *packed)
 {
-    pack_ahead(&state->inputs, held, *t, packed);
+    pack_ahead(state->inputs.held, held, *t, packed);
     return 0;
 }
 int64_t t_ahead(State *state, Work *work, Diagnosis *found, double *first)
