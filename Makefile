@@ -64,7 +64,7 @@ trust: $(DEV) compiler
 	  measure trust.evidence --seeds $(SEEDS) --first-seed 700 --markdown $$page; \
 	  measure trust.promise --hours $(HOURS) --first-seed 9000 --markdown $$page; \
 	  if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
-	  else for name in skab watersafe; do measure peers.$$name --markdown $$page; done; fi; \
+	  else for name in dts200 skab watersafe; do measure peers.$$name --markdown $$page; done; fi; \
 	  page=docs/figures.md; \
 	  measure trust.figures --seeds $(SEEDS) --first-seed 23000 --markdown $$page; \
 	  measure trust.consistency --markdown $$page; \
@@ -88,7 +88,7 @@ bench: $(DEV) compiler
 	@echo "faultbond: closed forms"; $(BIN)/python -m benchmarks.speed.closed_forms
 	@echo "faultbond: smallest faults (a quarter of an hour)"; $(BIN)/python -m benchmarks.trust.smallest
 	@if [[ -z "$${FAULTBOND_DATA:-}" ]]; then echo "faultbond: no recordings of real rigs: FAULTBOND_DATA is not set"; \
-	  else set -e; for name in recordings skab watersafe; do \
+	  else set -e; for name in recordings dts200 skab watersafe; do \
 	    echo "faultbond: $$name"; $(BIN)/python -m benchmarks.peers.$$name; done; fi
 
 $(RUNTIME): pyproject.toml

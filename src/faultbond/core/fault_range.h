@@ -50,8 +50,9 @@ static double log_in_range(const Bank *bank, int64_t lane, double share)
                                 of_slot(bank, slot, WIDE_PLACE(k, k)) + 2.0 * of_slot(bank, slot, WIDE_PLACE(k, size)) +
                                     of_slot(bank, slot, WIDE_PLACE(size, size)), share);
     }
-    if (couple >= 0) {
-        const int beside = COUPLE_PARAMETER[couple], k = AT_PARAMETERS + beside;
+    const int beside = couple >= 0 ? COUPLE_PARAMETER[couple] : -1;
+    if (beside >= 0) { /* not of two instruments */
+        const int k = AT_PARAMETERS + beside;
         sum += log_within_range(beside, of_slot(bank, slot, k), of_slot(bank, slot, WIDE_PLACE(k, k)), share);
     }
     return sum;

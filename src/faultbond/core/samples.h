@@ -126,7 +126,10 @@ static void pack_outside(const State *state, const Sample *sample, Clock *clock,
     pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
     learn_inputs(inputs, sample, 1, !has_value(sample));
     packed[SAMPLE_STILL] = 2.0;
-    for (int k = 0; k < N_INPUTS; k++) packed[SAMPLE_U_BEFORE + k] = packed[SAMPLE_U + k] = inputs->inside[k];
+    for (int k = 0; k < N_INPUTS; k++) {
+        packed[SAMPLE_U_BEFORE + k] = inputs->inside[k];
+        packed[SAMPLE_U + k] = inputs->inside[k];
+    }
     clock->outside++;
 }
 

@@ -126,6 +126,7 @@ def test_the_last_record() -> None:
     """It has all counts, and no time where there was no sample."""
     counts = {"samples": 9, "watched": 4, "detections": 1, "missing": 3, "late": 2, "duplicate": 1}
     more = {"untimed": 5, "unused": 6, "clock_jumps": 7, "saturated": 8, "frozen": 10, "wild": 11}
+    more |= {"outside": 12, "sensors_outside": 13}
     assert end_record(time=4.0, **counts, **more) == {"record": "end", "time": 4.0} | counts | more
     assert end_record(time=4.0, **counts) == {"record": "end", "time": 4.0} | counts | dict.fromkeys(more, 0)
     assert end_record(time=None, **counts)["time"] is None
