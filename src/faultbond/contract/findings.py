@@ -152,7 +152,7 @@ class Diagnosis:
 
     unexplained: that none of the modelled faults explains the data. advice: what to do next, the best for its cost
     first. untested: what else it could be; None where all sets are tested. within_accuracy: probability that nothing is
-    at fault but what the declared accuracy allows; with those of the candidates it adds up to 1.
+    at fault but what the declared accuracy allows; of that each tested set has an even share.
     """
 
     time: float

@@ -29,7 +29,7 @@ typedef struct {
 /* Ranked candidates, the best first. Where none explains the data, the best is off by `unexplained_sd` at a sensor,
    `signal`, from `since` to `until`; else these are nan, and -1. Of the sets that are not tested
    `untested_probability` is at most how likely it is that one is the true one; 1: no bound. `within_accuracy`: probability that
-   nothing is at fault but what the declared accuracy allows; with those of all candidates it adds up to 1. */
+   nothing is at fault but what the declared accuracy allows. */
 typedef struct {
     double time; /* s */
     int64_t n_candidates, is_unexplained, has_untested, untested_sets, signal;
@@ -214,16 +214,20 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     for (int64_t k = 0; k < candidate->n_suspects; k++) judge_value(state, lane, k, &candidate->suspects[k]);
 }
 
-/* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. */
+/* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. What lies within the accuracy tells
+   no tested set from another, so each has an even share of that. */
 static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
 {
-    int64_t order[MOST_CANDIDATES];
+    int64_t order[MOST_CANDIDATES], n_tested = 0;
     double total;
     found->n_candidates = best_hypotheses(ranking, order);
     if (found->n_candidates == 0) return;
     total = exp(ranking->within - ranking->score[order[0]]);
     found->within_accuracy = total;
-    for (int64_t k = 0; k < N_HYPOTHESES; k++) total += exp(ranking->score[k] - ranking->score[order[0]]);
+    for (int64_t k = 0; k < N_HYPOTHESES; k++) {
+        n_tested += ranking->score[k] > -INFINITY;
+        total += exp(ranking->score[k] - ranking->score[order[0]]);
+    }
     found->within_accuracy /= total;
     for (int64_t row = 0; row < found->n_candidates; row++) {
         const int64_t k = order[row];
@@ -231,7 +235,7 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
         candidate->hypothesis = k;
         candidate->lane = ranking->best[k];
         candidate->group = ranking->score[k] >= ranking->score[order[0]] - GROUP_NATS;
-        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total;
+        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + found->within_accuracy / (double)n_tested;
         rank_kinds(ranking->kinds[k], ranking->leading[k], candidate);
         find_suspects(state, ranking->best[k], candidate);
     }

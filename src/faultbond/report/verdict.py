@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-import numpy as np
-
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import (
     Candidate,
@@ -128,7 +126,9 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
     return RunView(
         state="fault" if history.detections else "open" if counts.no_verdict else "healthy",
-        verdict=" ".join(filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(history)))),
+        verdict=" ".join(
+            filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)))
+        ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
         period=" to ".join(clock_text(float(history.time[end])) for end in (0, -1)) if len(history.time) else "",
@@ -288,17 +288,22 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
 
 
-def early_sentence(history: History) -> str:
+def early_sentence(graph: BondGraph, history: History) -> str:
     """Say that the alarm was a short while ago, so that the verdict may change; empty where it was not.
 
-    Of an alarm in a run before this one nothing is said, nor by a method that knows no probabilities.
+    Of an alarm in a run before this one nothing is said, nor by a method that knows no probabilities, nor where samples
+    are not evenly spaced.
     """
     diagnosis, began = open_diagnosis(history), history.open
-    if diagnosis is None or began is None or not diagnosis.candidates[0].kinds or not len(history.time):
+    if (
+        diagnosis is None
+        or began not in history.detections
+        or not diagnosis.candidates[0].kinds
+        or not graph.sample_time
+    ):
         return ""
-    since = int(np.sum((history.time > began.time) & (history.time <= diagnosis.time)))
-    last = int(core_settings()["LAST_RENEWAL"])
-    if began.time < history.time[0] or since >= last:
+    since, last = round((diagnosis.time - began.time) / graph.sample_time), int(core_settings()["LAST_RENEWAL"])
+    if since >= last:
         return ""
     return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
 

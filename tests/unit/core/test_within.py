@@ -41,14 +41,20 @@ def found_at(state: Diagnosed, lane: int, changes: dict[int, float], sd: float =
 
 
 def told(state: Diagnosed) -> tuple[float, dict[tuple[int, ...], float]]:
-    """The probability of nothing at fault, and those of the sets, instruments by negative numbers."""
+    """The probability of nothing at fault, and those of the sets beside it, instruments by negative numbers.
+
+    Of the former each set has an even share: what lies within the accuracy tells none from another.
+    """
     found = state.diagnose()
     rows = found["candidates"][: found["n_candidates"]]
+    assert rows["probability"].sum() == pytest.approx(1.0)
+    even = found["within_accuracy"] / len(rows)
+    assert np.all(rows["probability"] >= even * (1.0 - 1e-12))
     sets = {}
     for row in rows:
         k = int(row["hypothesis"])
         instrument = (-1 - (k - len(SPEC.hypotheses)),) if len(SPEC.hypotheses) <= k < SPEC.n_begun else ()
-        sets[instrument or tuple(SPEC.members(k))] = float(row["probability"])
+        sets[instrument or tuple(SPEC.members(k))] = float(row["probability"] - even)
     return float(found["within_accuracy"]), sets
 
 

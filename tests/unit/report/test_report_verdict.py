@@ -52,15 +52,16 @@ def test_an_early_verdict_says_so(history: History) -> None:
     soon = last.diagnoses[-1]
 
     def told(after: float, of: History = last) -> str:
-        return early_sentence(replace(of, diagnoses=(replace(soon, time=alarm.time + after),)))
+        return early_sentence(GRAPH, replace(of, diagnoses=(replace(soon, time=alarm.time + after),)))
 
     assert told(1.0) == "This is early, 1 sample after the alarm: up to 200 it may still change."
     assert told(199.0).startswith("This is early, 199 samples after the alarm")
     assert told(200.0) == ""
-    assert told(50.0, replace(last, time=last.time + alarm.time + 1.0)) == ""
+    assert told(1000.0, replace(last, time=last.time[-1:])) == ""  # without a report few rows are kept
+    assert told(50.0, replace(last, detections=())) == ""
     assert told(50.0, replace(last, open=None)) == ""
     without = replace(soon, time=alarm.time + 50.0, candidates=(replace(best, kinds=()),))
-    assert early_sentence(replace(last, diagnoses=(without,))) == ""
+    assert early_sentence(GRAPH, replace(last, diagnoses=(without,))) == ""
 
 
 def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:

@@ -123,7 +123,7 @@ def restored(monitor: Monitor) -> Bare:
 
 
 def test_only_lanes_that_begin_again_lose_their_sums() -> None:
-    """Renewed lanes have empty sums from that sample on; with a slot only drifts, ramps and input biases are."""
+    """Renewed lanes have empty sums from that sample on; of noise, and of what comes and goes, none is."""
     core = restored(after(late()))
     core["bank.sums"] += 0.5
     before, (old, began) = lanes(core), sums(core)
@@ -132,10 +132,7 @@ def test_only_lanes_that_begin_again_lose_their_sums() -> None:
     differs: BoolArray = np.array([not np.array_equal(one, two, equal_nan=True) for one, two in pairs])
     assert differs[:N].sum() > 0
     assert 0 < differs[N:].sum() < PLAN.n_lanes
-    renewable = [
-        item.input >= 0 or (item.kind is FaultKind.DRIFT and item.parameter >= 0) or PLAN.ramped <= k < PLAN.switched
-        for k, item in enumerate(PLAN.lanes)
-    ]
+    renewable = [k < PLAN.switched and item.kind is not FaultKind.NOISE for k, item in enumerate(PLAN.lanes)]
     assert not np.any(differs[N:] & ~np.array(renewable))
     (new, now), planned = sums(core), len(differs)
     assert not np.any(new[:, :, :planned][:, :, differs])
