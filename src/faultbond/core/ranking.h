@@ -215,7 +215,7 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
 }
 
 /* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. What lies within the accuracy tells
-   no tested set from another, so each has an even share of that. */
+   no tested set from another, so each that was not ruled out has an even share of that. */
 static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     int64_t order[MOST_CANDIDATES], n_tested = 0;
@@ -225,17 +225,18 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
     total = exp(ranking->within - ranking->score[order[0]]);
     found->within_accuracy = total;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
-        n_tested += ranking->score[k] > -INFINITY;
+        n_tested += ranking->score[k] > 0.5 * LOWEST;
         total += exp(ranking->score[k] - ranking->score[order[0]]);
     }
     found->within_accuracy /= total;
     for (int64_t row = 0; row < found->n_candidates; row++) {
         const int64_t k = order[row];
+        const double even = ranking->score[k] > 0.5 * LOWEST ? found->within_accuracy / (double)n_tested : 0.0;
         Candidate *candidate = &found->candidates[row];
         candidate->hypothesis = k;
         candidate->lane = ranking->best[k];
         candidate->group = ranking->score[k] >= ranking->score[order[0]] - GROUP_NATS;
-        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + found->within_accuracy / (double)n_tested;
+        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + even;
         rank_kinds(ranking->kinds[k], ranking->leading[k], candidate);
         find_suspects(state, ranking->best[k], candidate);
     }
