@@ -12,6 +12,7 @@
 #include "fault_range.h"
 
 #define SELDOM 1e-6          /* least probability that counts */
+#define UNSAID 1e-12         /* probability that changes no sum */
 #define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
 
 /* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
@@ -215,7 +216,7 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
 }
 
 /* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. What lies within the accuracy tells
-   no tested set from another, so each that was not ruled out has an even share of that. */
+   no tested set from another, so each that was not ruled out has an even share of that, where it is anything to speak of. */
 static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     int64_t order[MOST_CANDIDATES], n_tested = 0;
@@ -231,7 +232,8 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
     found->within_accuracy /= total;
     for (int64_t row = 0; row < found->n_candidates; row++) {
         const int64_t k = order[row];
-        const double even = ranking->score[k] > 0.5 * LOWEST ? found->within_accuracy / (double)n_tested : 0.0;
+        const int is_tested = ranking->score[k] > 0.5 * LOWEST && found->within_accuracy > UNSAID;
+        const double even = is_tested ? found->within_accuracy / (double)n_tested : 0.0;
         Candidate *candidate = &found->candidates[row];
         candidate->hypothesis = k;
         candidate->lane = ranking->best[k];
