@@ -18,6 +18,7 @@ FIRST_ROWS = 20  # by which it is judged
 JUMP = 4.0  # standard deviations by which a jump must explain the rows of a sample better than a straight line does
 LEAST_ROWS = 5  # of a sample in which a jump is looked for
 SCATTER_ROWS = 1000.0  # over which the scatter from row to row is a mean
+KNOWN_ROWS = 100  # from which on it is known well enough for a jump to be seen
 _ROUNDING = 1e-24  # of the square of a value: what is less is no jump
 
 
@@ -41,7 +42,8 @@ class RowMeans:
         self._index: int | None = None
         self._rows: list[Row] = []
         self._seen, self._first, self._last = 0, math.nan, -math.inf
-        self._scatter: FloatArray | None = None  # variance of each sensor from row to row
+        self._scatter: FloatArray | None = None  # variance of each sensor from row to row, and of how many rows
+        self._learned: FloatArray | None = None
 
     def push(self, row: Row) -> Iterable[Row]:
         """Take one row, and give what is complete with it.
@@ -85,17 +87,20 @@ class RowMeans:
 
     def _steady(self, y: FloatArray) -> FloatArray:
         """Give the mean of readings (n, n_outputs), nan of those that jump by more than their scatter; learn that."""
-        found, scatter = _mean(list(y)), self._scatter
-        square = np.diff(y, axis=0) ** 2 / 2.0
+        found, square = _mean(list(y)), np.diff(y, axis=0) ** 2 / 2.0
         told = np.isfinite(square).sum(axis=0)
-        new = np.divide(np.nansum(square, axis=0), told, out=np.full(y.shape[1], np.nan), where=told > 0)
-        if scatter is not None and len(y) >= LEAST_ROWS:
-            for j in np.flatnonzero(np.isfinite(scatter) & np.isfinite(y).all(axis=0)):
-                if _jump(y[:, j]) > JUMP**2 * max(scatter[j], _ROUNDING * found[j] ** 2):
-                    found[j], new[j] = np.nan, scatter[j]
-        weight = min(len(y) / SCATTER_ROWS, 1.0)
-        before = new if scatter is None else np.where(np.isfinite(scatter), scatter, new)
-        self._scatter = np.where(np.isfinite(new), before + (new - before) * weight, before)
+        total = np.nansum(square, axis=0)
+        if self._scatter is None or self._learned is None:
+            self._scatter, self._learned = np.zeros(y.shape[1]), np.zeros(y.shape[1])
+        if len(y) >= LEAST_ROWS:
+            for j in np.flatnonzero((self._learned >= KNOWN_ROWS) & np.isfinite(y).all(axis=0)):
+                if _jump(y[:, j]) > JUMP**2 * max(self._scatter[j], _ROUNDING * found[j] ** 2):
+                    found[j] = np.nan  # what is left without the jump teaches: a sensor may have been still for long
+                    total[j], told[j] = total[j] - square[:, j].max(), told[j] - 1
+        self._learned = self._learned + told
+        new = np.divide(total, told, out=self._scatter.copy(), where=told > 0)
+        weight = told / np.clip(self._learned, 1.0, SCATTER_ROWS)
+        self._scatter = self._scatter + (new - self._scatter) * np.minimum(weight, 1.0)
         return found
 
     def _judge(self, row: Row) -> None:

@@ -352,7 +352,7 @@ def within_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.within_accuracy < NEGLIGIBLE:
         return ""
     percent = probability_text(diagnosis.within_accuracy)
-    return f"With {percent} % no part changed by more than its declared accuracy allows a healthy one."
+    return f"With {percent} % no part that is tested changed by more than its declared accuracy allows a healthy one."
 
 
 def untested_sentence(diagnosis: Diagnosis) -> str:

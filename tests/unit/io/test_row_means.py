@@ -107,6 +107,16 @@ def test_a_reading_that_jumps_within_a_sample_is_left_out() -> None:
     assert sum(math.isnan(point.y[0]) for point in pushed(Grid(1.0, row_time=0.1), many)) < 6
 
 
+@pytest.mark.parametrize("still", [5, 3000])
+def test_what_was_still_at_first_is_not_taken_for_jumps(still: int) -> None:
+    """A rounded reading that shows one value for a while, and then goes to and fro, is used from soon after on."""
+    y = 20.0 + np.round(np.random.default_rng(8).normal(0.0, 0.07, 6000), 1)
+    y[:still] = 20.0
+    given = [Row(time=2.0 * k, u=np.zeros(1), y=y[k : k + 1], line=k + 2) for k in range(len(y))]
+    points = pushed(Grid(10.0, row_time=2.0), given)
+    assert sum(math.isnan(point.y[0]) for point in points) < 40
+
+
 def test_rows_that_come_too_seldom_are_refused() -> None:
     """Their means would have more noise than the model says."""
     with pytest.raises(RecordingError, match=r"^line 21: the rows come every 1 s, but by the model file every 0\.1 s"):

@@ -73,7 +73,7 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     assert told.startswith("Something changed, by no more than the declared accuracy allows a healthy part, 90 % sure.")
     assert "Nearest comes a change of the pipe: K1 " in told
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    assert view.left_out.startswith("With 90.0 % no part changed by more than its declared accuracy")
+    assert view.left_out.startswith("With 90.0 % no part that is tested changed by more than its declared accuracy")
     less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
     told = verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE)
     assert told.startswith("Most likely the pipe changed")
