@@ -164,6 +164,10 @@ def health_verdict(found: Health) -> str:
     if found.keeps:
         often = spacing_text(found.between)
         return f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
+    if found.walk > 1.0:  # what else is declared is no cure of that
+        far = f"the healthy model has to move {found.walker} as far as for an alarm"
+        cure = f"Declare the accuracy of {found.walker} larger, or that it wanders, or mend what moves it."
+        return f"The model does not keep the promise: {far}. {cure}"
     now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]
