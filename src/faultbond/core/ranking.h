@@ -215,6 +215,9 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
     for (int64_t k = 0; k < candidate->n_suspects; k++) judge_value(state, lane, k, &candidate->suspects[k]);
 }
 
+/* Whether a hypothesis was not ruled out, and has a lane. */
+static inline int is_tested(const Ranking *ranking, int64_t hypothesis) { return ranking->score[hypothesis] > 0.5 * LOWEST; }
+
 /* Write the ranked candidates of a bank that has been scored; the rest of `found` stays. What lies within the accuracy tells
    no tested set from another, so each that was not ruled out has an even share of that, where it is anything to speak of. */
 static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
@@ -226,19 +229,18 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
     total = exp(ranking->within - ranking->score[order[0]]);
     found->within_accuracy = total;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
-        n_tested += ranking->score[k] > 0.5 * LOWEST;
+        n_tested += is_tested(ranking, k);
         total += exp(ranking->score[k] - ranking->score[order[0]]);
     }
     found->within_accuracy /= total;
+    const double even = found->within_accuracy > UNSAID ? found->within_accuracy / (double)n_tested : 0.0;
     for (int64_t row = 0; row < found->n_candidates; row++) {
         const int64_t k = order[row];
-        const int is_tested = ranking->score[k] > 0.5 * LOWEST && found->within_accuracy > UNSAID;
-        const double even = is_tested ? found->within_accuracy / (double)n_tested : 0.0;
         Candidate *candidate = &found->candidates[row];
         candidate->hypothesis = k;
         candidate->lane = ranking->best[k];
         candidate->group = ranking->score[k] >= ranking->score[order[0]] - GROUP_NATS;
-        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + even;
+        candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + (is_tested(ranking, k) ? even : 0.0);
         rank_kinds(ranking->kinds[k], ranking->leading[k], candidate);
         find_suspects(state, ranking->best[k], candidate);
     }

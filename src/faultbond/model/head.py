@@ -80,9 +80,7 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         problem = "`time: none` needs a fixed sample_time; state the time column, or a sample_time such as `1 s`"
         raise source.error(fields["time"].entry, problem)
     if "name" in fields:
-        name = fields["name"].text()
-        if len(name) > 100 or not name.isprintable():
-            raise fields["name"].error(" must be one line of printable text, 100 characters at most")
+        name = fields["name"].title()
     max_faults = MAX_FAULTS
     if "max_faults" in fields:
         text = fields["max_faults"].text()

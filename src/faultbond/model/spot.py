@@ -13,6 +13,7 @@ from faultbond.model.units import Measure
 
 SMALLEST, LARGEST = 1e-100, 1e100  # of standard deviations, SI
 LONGEST = 1e12  # s
+LONGEST_TITLE = 100  # characters
 
 _Form = TypeVar("_Form", Text, Items, Table)
 
@@ -69,6 +70,19 @@ class Spot:
         if not node.value.strip():
             raise self.inside(node).error(" is empty; state it or leave the key out")
         return node.value.strip()
+
+    def title(self) -> str:
+        """Read a name for people, of a model.
+
+        Raises
+        ------
+        ModelError
+            Where it is not one line, or is long.
+        """
+        text = self.text()
+        if len(text) > LONGEST_TITLE or not text.isprintable():
+            raise self.error(f" must be one line of printable text, {LONGEST_TITLE} characters at most")
+        return text
 
     @property
     def is_empty(self) -> bool:

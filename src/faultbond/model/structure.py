@@ -113,9 +113,7 @@ def read_structure(table: Table, source: Source, name: str) -> Structure:
         if key not in (STRUCTURE, *BESIDE_STRUCTURE):
             problem = f"stands beside `{STRUCTURE}`, which has no laws, numbers or units; remove one"
             raise source.error(place.entry, f"`{key}` {problem}")
-    name = top["name"].text() if "name" in top else name
-    if len(name) > 100 or not name.isprintable():
-        raise top["name"].error(" must be one line of printable text, 100 characters at most")
+    name = top["name"].title() if "name" in top else name
     place = top[STRUCTURE]
     return _Reader(source, place.fields(STRUCTURE_KEYS)).structure(name, place.line)
 
