@@ -162,11 +162,13 @@ def _aged(spec: EngineSpec, dt: FloatArray, begun: int) -> BoolArray:
 
 def _stated_variances(spec: EngineSpec) -> list[float]:
     """Give the variances of stated starts, (n_states,); contents are stated, so parameters of the stores count too."""
-    accuracy = [item.accuracy for item in spec.parameters]
-    return [
-        (item.start_sd or 0.0) ** 2 + sum((item.start_mean * power * accuracy[j]) ** 2 for j, power in item.jumps)
-        for item in spec.states
-    ]
+    found = []
+    for item in spec.states:
+        slope = np.zeros(len(spec.parameters))
+        for j, power in item.jumps:
+            slope[j] = item.start_mean * power
+        found.append((item.start_sd or 0.0) ** 2 + float(slope @ spec.prior @ slope))
+    return found
 
 
 def _slopes(

@@ -25,8 +25,10 @@ from faultbond.analysis.sensitivity import (
     still,
 )
 from faultbond.arrays import BoolArray, FloatArray, IntArray
+from faultbond.contract.spec import covariance_of
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
+from faultbond.model.graph import BondGraph
 
 MOST_SAMPLES = 600
 _FITS = 3  # steps of least squares towards the start
@@ -144,10 +146,10 @@ def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[
     graph = recursion.plant.graph
     noise = np.array([item.noise for item in graph.sensors])
     noise = np.where(noise > 0, noise, _EXACT * np.sqrt(np.mean(run.y**2, axis=0)) + 1e-300)
-    parts = np.array([item.accuracy for item in graph.parameters]) / np.abs(run.steps)
+    parts = _roots(graph) / run.steps[:, None]
     here = np.isfinite(readings)
     off = ((readings - run.y) / noise)[here]
-    by_theta = (run.by_theta * parts / noise[:, None])[here]
+    by_theta = ((run.by_theta / noise[:, None]) @ parts)[here]
     by_start = (run.by_start / noise[:, None])[here]
     free = np.zeros((len(parts), by_start.shape[1]))
     known = np.vstack([by_theta, np.eye(len(parts))])
@@ -158,6 +160,13 @@ def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[
     columns = np.hstack([np.vstack([by_start / scales, free]), known])
     move = np.linalg.lstsq(columns, off, rcond=None)[0][: len(scales)] / scales
     return np.asarray(move), float(left @ left)
+
+
+def _roots(graph: BondGraph) -> FloatArray:
+    """Give L with L L' the covariance of the healthy parameters (n_parameters, n_parameters), SI."""
+    accuracies = np.array([item.accuracy for item in graph.parameters])
+    together = covariance_of(np.ones(len(accuracies)), graph.correlated)
+    return np.asarray(accuracies[:, None] * np.linalg.cholesky(together))
 
 
 def _experiment(model: StepModel, times: FloatArray, inputs: FloatArray, start: FloatArray) -> Experiment:

@@ -19,6 +19,7 @@ bias_beside_role say. The noise variance of each sensor is `noise_role` times th
 and go, and faults of sensors and inputs, two at once, are data too.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations
@@ -192,6 +193,7 @@ class EngineSpec:
     coupled: bool = False  # whether faults of instruments, and drifts, are tested beside a parameter that changed
     settlings: tuple[float, ...] = ()  # of each condition of `valid_when`, seconds
     condition: int = -1  # of these, under which the model holds; -1: always
+    correlations: tuple[tuple[int, int, float], ...] = ()  # of parameters while healthy, in factors; each pair once
     row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
 
     def __hash__(self) -> int:
@@ -301,6 +303,11 @@ class EngineSpec:
     def slow_watched(self) -> FloatArray:
         """Time for which each slow error is watched before it may alarm, s, shape (n_slow_errors,)."""
         return _still(np.array([0.0 if item.wanders else item.memory for item in self.slow_errors]))
+
+    @cached_property
+    def prior(self) -> FloatArray:
+        """Declared covariance of the healthy parameters, shape (n_parameters, n_parameters), in factors."""
+        return _still(covariance_of(np.array([item.accuracy for item in self.parameters]), self.correlations))
 
     @cached_property
     def slow_sizes(self) -> FloatArray:
@@ -441,6 +448,14 @@ def _fields(sizes: dict[str, int], first: int) -> dict[str, slice]:
         fields[name] = slice(first, first + size)
         first += size
     return fields
+
+
+def covariance_of(sds: FloatArray, correlations: Iterable[tuple[int, int, float]]) -> FloatArray:
+    """Give the covariance (n, n) of standard deviations (n,) and correlations of some pairs of them."""
+    together = np.eye(len(sds))
+    for one, other, value in correlations:
+        together[one, other] = together[other, one] = value
+    return np.asarray(together * np.outer(sds, sds))
 
 
 def _still(array: FloatArray) -> FloatArray:

@@ -117,15 +117,27 @@ static void absorb_lane(State *state, int64_t lane, const Candidate *candidate)
     if (beside >= 0) absorb(state, beside, SLOT_KIND[beside], rate, 0.0, candidate->suspects[1].estimate);
 }
 
-/* A parameter is again what the model file says, as well known as that; nothing else is known by it. */
-static void renew_parameter(State *state, int k)
+/* A parameter, the first of n, is again what the model file says, as well known as that; nothing is known by it but of those
+   that go with it, and by them. The n - 1 others are renewed later. */
+static void renew_parameter(State *state, const int *chosen, int n, Given *given)
 {
     double *lane = state->healthy.lane;
-    const int i = AT_PARAMETERS + k;
-    for (int j = 0; j < PLAIN_JOINT; j++) lane[j < i ? PLAIN_PLACE(j, i) : PLAIN_PLACE(i, j)] = 0.0;
+    const int k = chosen[0], i = AT_PARAMETERS + k;
+    state->normal.rates[k] = state->normal.wander[k] = 0.0;
+    for (int j = 0; j < PLAIN_JOINT; j++) lane[plain_place(i, j)] = 0.0;
     lane[PLAIN_PLACE(i, i)] = ACCURACY[k] * ACCURACY[k];
     lane[i] = HEALTHY[k];
-    state->normal.rates[k] = state->normal.wander[k] = 0.0;
+    if (!is_tied(k)) return;
+    lane[PLAIN_PLACE(i, i)] = depends_on(chosen, n, given);
+    for (int m = 0; m < N_PARAMETERS; m++) {
+        const int at = AT_PARAMETERS + m;
+        if (m == k || given->row[0][m] == 0.0) continue;
+        lane[i] -= given->row[0][m] * (lane[at] - HEALTHY[m]);
+        for (int j = 0; j < PLAIN_JOINT; j++)
+            if (j != i) lane[plain_place(i, j)] -= given->row[0][m] * lane[plain_place(at, j)];
+    }
+    for (int m = 0; m < N_PARAMETERS; m++)
+        if (m != k) lane[PLAIN_PLACE(i, i)] -= given->row[0][m] * lane[plain_place(i, AT_PARAMETERS + m)];
 }
 
 /* The sensor or input of a lane of the plan (-1: none) is as declared. */
@@ -146,11 +158,11 @@ static void renew_instrument(State *state, int64_t slot)
 
 /* What was at fault has been repaired: parameters, or the sensors or inputs of two lanes of the plan (-1: none), are as declared.
    The plant was handled meanwhile, so that its states may be elsewhere. */
-static void renew(State *state, int64_t hypothesis, int64_t slot, int64_t beside)
+static void renew(State *state, int64_t hypothesis, int64_t slot, int64_t beside, Given *given)
 {
     const int *members;
     const int n = members_of(hypothesis, &members);
-    for (int i = 0; i < n; i++) renew_parameter(state, members[i]);
+    for (int i = 0; i < n; i++) renew_parameter(state, members + i, n - i, given);
     renew_instrument(state, slot);
     renew_instrument(state, beside);
     resume(&state->clock);
@@ -172,7 +184,7 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     const int64_t beside = slot < N_SLOT_LANES ? -1 : beside_of(&state->bank, slot - N_SLOT_LANES, of_plan);
     if (slot >= 0 && !repaired) absorb_lane(state, slot, candidate);
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
-    if (repaired) renew(state, hypothesis, of_plan, beside);
+    if (repaired) renew(state, hypothesis, of_plan, beside, &memory->ranking.given);
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;

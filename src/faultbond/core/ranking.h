@@ -10,6 +10,7 @@
 #define FB_RANKING_H
 
 #include "fault_range.h"
+#include "given.h"
 
 #define SELDOM 1e-6          /* least probability that counts */
 #define UNSAID 1e-12         /* probability that changes no sum */
@@ -50,7 +51,8 @@ typedef struct {
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
     int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
     double within;                                  /* score of no fault but what lies within the accuracy, see within.h, */
-    double shared[FB_ROOM(N_HYPOTHESES)];           /* and its memory: what each hypothesis is worth */
+    double shared[FB_ROOM(N_HYPOTHESES)];           /* and its memory: what each hypothesis is worth, */
+    Given given;                                    /* and how suspects depend on other parameters */
 } Ranking;
 
 static int is_out(const Bank *bank, int out, int64_t hypothesis)

@@ -8,6 +8,7 @@
 #define FB_START_H
 
 #include "advance.h"
+#include "given.h"
 
 FB_SELDOM
 
@@ -71,10 +72,9 @@ typedef struct {
 static double healthy_covariance(const double *known, int i, int j)
 {
     if (known && i >= AT_SLOW && j < AT_SLOT) return known[PLAIN_PLACE(i, j)];
+    if (i >= AT_PARAMETERS && j < AT_SLOT) return declared_covariance(i - AT_PARAMETERS, j - AT_PARAMETERS);
     if (i != j) return 0.0;
-    const double sd = i < AT_PARAMETERS ? SLOW_SD[i - AT_SLOW]
-                      : i < AT_SLOT     ? ACCURACY[i - AT_PARAMETERS]
-                                        : INPUT_NOISE[NOISY[i - AT_SLOT]];
+    const double sd = i < AT_PARAMETERS ? SLOW_SD[i - AT_SLOW] : INPUT_NOISE[NOISY[i - AT_SLOT]];
     return sd * sd;
 }
 
@@ -158,10 +158,10 @@ static void stated_sds(double *sd)
 {
     for (int i = 0; i < N_STATES; i++) {
         double sum = isnan(START_SD[i]) ? 0.0 : START_SD[i] * START_SD[i];
-        for (int e = JUMP_ROW[i]; e < JUMP_ROW[i + 1]; e++) {
-            const double off = START_MEAN[i] * JUMP_EXPONENT[e] * ACCURACY[JUMP_PARAMETER[e]];
-            sum += off * off;
-        }
+        for (int e = JUMP_ROW[i]; e < JUMP_ROW[i + 1]; e++)
+            for (int f = JUMP_ROW[i]; f < JUMP_ROW[i + 1]; f++)
+                sum += START_MEAN[i] * JUMP_EXPONENT[e] * START_MEAN[i] * JUMP_EXPONENT[f] *
+                       declared_covariance(JUMP_PARAMETER[e], JUMP_PARAMETER[f]);
         sd[i] = sqrt(sum);
     }
 }

@@ -16,6 +16,31 @@ static inline real walks_from(const Clock *clock, const Healthy *healthy)
     return greater(greater(AS_REAL(clock->begun), AS_REAL(clock->accepted)), healthy->blind) + settled;
 }
 
+/* A parameter less what those that go with it let expect of it, but for a constant; and the variance of that. A walk of all in
+   common is none: it is what the declared accuracies say of their scale. See given.h. */
+static inline real own_value(const real *lane, int k)
+{
+    real sum = lane[AT_PARAMETERS + k];
+    for (int e = TIE_ROW[k]; e < TIE_ROW[k + 1]; e++) sum += TIE_WEIGHT[e] * lane[AT_PARAMETERS + TIE_PARAMETER[e]];
+    return sum;
+}
+
+static inline real own_variance(const real *lane, int k)
+{
+    const int i = AT_PARAMETERS + k;
+    real sum = lane[PLAIN_PLACE(i, i)];
+    for (int e = TIE_ROW[k]; e < TIE_ROW[k + 1]; e++) {
+        const int j = AT_PARAMETERS + TIE_PARAMETER[e];
+        sum += 2.0 * TIE_WEIGHT[e] * lane[i < j ? PLAIN_PLACE(i, j) : PLAIN_PLACE(j, i)];
+        sum += TIE_WEIGHT[e] * TIE_WEIGHT[e] * lane[PLAIN_PLACE(j, j)];
+        for (int f = TIE_ROW[k]; f < e; f++) {
+            const int m = AT_PARAMETERS + TIE_PARAMETER[f];
+            sum += 2.0 * TIE_WEIGHT[e] * TIE_WEIGHT[f] * lane[m < j ? PLAIN_PLACE(m, j) : PLAIN_PLACE(j, m)];
+        }
+    }
+    return sum;
+}
+
 /* The usual square of a walk of parameter k over a window, in what its variances allow. */
 static inline real usual_walk(const Healthy *healthy, int window, int k)
 {
@@ -36,9 +61,8 @@ static inline void take_walk(Healthy *healthy, int window, int k, real part, fla
    from it where it `counts`. */
 static inline void judge_walk(Healthy *healthy, int window, int k, const real *old, real weight, flag counts)
 {
-    const int i = AT_PARAMETERS + k;
-    const real left = healthy->lane[PLAIN_PLACE(i, i)], moved = healthy->lane[i] - old[i];
-    const real allowed = greater(old[PLAIN_PLACE(i, i)] - left, WALK_LEAST * left);
+    const real left = own_variance(healthy->lane, k), moved = own_value(healthy->lane, k) - own_value(old, k);
+    const real allowed = greater(own_variance(old, k) - left, WALK_LEAST * left);
     const flag judged = counts & (allowed > 0.0);
     const real square = moved * moved / PICK(judged, allowed, SAME(1.0));
     const real usual = greater(usual_walk(healthy, window, k), SAME(1.0));
@@ -50,14 +74,14 @@ static inline void judge_walk(Healthy *healthy, int window, int k, const real *o
    1 - r, where r of its variance is left; and it walks about that as it is usual. */
 static inline void judge_start(Healthy *healthy, int k, flag counts)
 {
-    const int i = AT_PARAMETERS + k;
     const real *start = healthy->snapshots[AT_START];
-    const real before = start[PLAIN_PLACE(i, i)], left = healthy->lane[PLAIN_PLACE(i, i)];
+    const real before = own_variance(start, k), left = own_variance(healthy->lane, k);
+    const real moved = own_value(healthy->lane, k) - own_value(start, k);
     const flag judged = counts & (before > 0.0);
     const real r = left / PICK(judged, before, SAME(1.0)), found = greater(1.0 - r, SAME(WALK_LEAST));
     const real usual = greater(usual_walk(healthy, WALKS - 1, k), SAME(1.0));
     const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r));
-    take_walk(healthy, WALKS, k, SIZE(healthy->lane[i] - start[i]) / (sd * START_LIMIT), judged);
+    take_walk(healthy, WALKS, k, SIZE(moved) / (sd * START_LIMIT), judged);
 }
 
 /* Judge how far the parameters have walked up to sample `index`, where it is time to, and learn how far is usual. rates: of

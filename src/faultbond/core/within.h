@@ -16,17 +16,69 @@
 /* Logarithm of the normal density, but for a constant. */
 static double log_density(double off, double variance) { return -0.5 * (off * off / variance + log(variance)); }
 
-/* Log-odds that the change of a suspect is that of a healthy parameter; -inf of an instrument. Before a first diagnosis was
-   accepted the change counts from the nominal value too, whichever is farther. */
-static double odds_within(const State *state, const Suspect *suspect)
+/* A parameter beside what others let expect of it: how far it is off, since before the fault and from nominal, the variance of its
+   value, and the sd to which a healthy one is known. */
+typedef struct {
+    double since, from_nominal, variance, accuracy;
+} Off;
+
+/* Number i of a lane, and a covariance of it: of steps, or with a slot. */
+static double number_in(const Bank *bank, int64_t lane, int64_t i)
 {
-    const int64_t k = suspect->parameter;
+    return lane < N_STEPS ? of_step(bank, lane, i) : of_slot(bank, lane - N_STEPS, i);
+}
+
+static double covariance_in(const Bank *bank, int64_t lane, int64_t i, int64_t j)
+{
+    const int64_t a = i < j ? i : j, b = i < j ? j : i;
+    return lane < N_STEPS ? of_step(bank, lane, PLAIN_PLACE(a, b)) : of_slot(bank, lane - N_STEPS, WIDE_PLACE(a, b));
+}
+
+/* How far suspect i of n of a lane is off, beside parameters that go with it and are not suspects: what is not known of all
+   in common is then no part of it. `alone`: how far it is by itself. */
+static Off off_beside(const State *state, int64_t lane, const Suspect *suspects, int64_t n, int64_t i, Off alone, Given *given)
+{
+    const Bank *bank = &state->bank;
+    const int k = (int)suspects[i].parameter;
+    int chosen[LARGEST_SET], n_chosen = 1;
+    chosen[0] = k;
+    for (int64_t m = 0; m < n; m++)
+        if (m != i && suspects[m].parameter >= 0) chosen[n_chosen++] = (int)suspects[m].parameter;
+    Off off = alone;
+    off.accuracy = sqrt(depends_on(chosen, n_chosen, given));
+    double *row = given->row[0], own = 0.0, all = 0.0;
+    const int moves = lane >= N_STEPS && SLOT_PARAMETER[plan_of(bank, lane - N_STEPS)] == k;
+    for (int a = 0; a < N_PARAMETERS + moves; a++) /* its value may be that of the parameter and what the slot adds */
+        for (int b = 0; b < N_PARAMETERS + moves; b++) {
+            const double part = (a < N_PARAMETERS ? row[a] : 1.0) * (b < N_PARAMETERS ? row[b] : 1.0);
+            if (part == 0.0) continue;
+            const double covariance = part * covariance_in(bank, lane, AT_PARAMETERS + a, AT_PARAMETERS + b);
+            all += covariance;
+            if ((a == k || a == N_PARAMETERS) && (b == k || b == N_PARAMETERS)) own += covariance;
+        }
+    if (own > 0.0 && all > 0.0) off.variance *= all / own;
+    for (int j = 0; j < N_PARAMETERS; j++) {
+        if (j == k || row[j] == 0.0) continue;
+        const double now = number_in(bank, lane, AT_PARAMETERS + j);
+        off.since += row[j] * (now - bank->healthy[AT_PARAMETERS + j]);
+        off.from_nominal += row[j] * (now - HEALTHY[j]);
+    }
+    return off;
+}
+
+/* Log-odds that the change of suspect i of n of a lane is that of a healthy parameter; -inf of an instrument. Before a first
+   diagnosis was accepted the change counts from the nominal value too, whichever is farther. */
+static double odds_within(const State *state, int64_t lane, const Suspect *suspects, int64_t n, int64_t i, Given *given)
+{
+    const Suspect *suspect = &suspects[i];
+    const int k = (int)suspect->parameter;
     if (k < 0 || !(ACCURACY[k] > 0.0) || !isfinite(suspect->estimate) || !isfinite(suspect->sd)) return -INFINITY;
     const double value = suspect->estimate / SCALE[k], sd = suspect->sd / SCALE[k];
-    const double since = fabs(value - state->bank.healthy[AT_PARAMETERS + k]);
-    const double off = state->clock.accepted < 0 ? fmax(since, fabs(value - HEALTHY[k])) : since;
-    const double healthy = MOVES_BY * ACCURACY[k], faulty = fmax(CHANGE[k], healthy);
-    return log_density(off, healthy * healthy + sd * sd) - log_density(off, faulty * faulty + sd * sd);
+    Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
+    if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);
+    const double off = state->clock.accepted < 0 ? fmax(fabs(is.since), fabs(is.from_nominal)) : fabs(is.since);
+    const double healthy = MOVES_BY * is.accuracy, faulty = fmax(CHANGE[k], healthy);
+    return log_density(off, healthy * healthy + is.variance) - log_density(off, faulty * faulty + is.variance);
 }
 
 /* Whether the suspects of a hypothesis are those of another one, `whole`, that are kept. */
@@ -64,10 +116,8 @@ static void share_out(const State *state, int64_t hypothesis, double share, Rank
     Suspect suspects[LARGEST_SET];
     double within[LARGEST_SET];
     const int64_t lane = ranking->best[hypothesis], n = suspects_of(state, lane, suspects);
-    for (int64_t i = 0; i < n; i++) {
-        judge_value(state, lane, i, &suspects[i]);
-        within[i] = odds_within(state, &suspects[i]);
-    }
+    for (int64_t i = 0; i < n; i++) judge_value(state, lane, i, &suspects[i]);
+    for (int64_t i = 0; i < n; i++) within[i] = odds_within(state, lane, suspects, n, i, &ranking->given);
     for (unsigned kept = 0; kept < 1u << n; kept++) {
         double part = share;
         for (int64_t i = 0; i < n; i++) part /= 1.0 + exp(kept >> i & 1u ? within[i] : -within[i]);

@@ -190,5 +190,6 @@ def _declared(core: Core, variant: Variant) -> FloatArray:
     spec, n_x = core.spec, len(core.spec.states)
     lane = core.healthy_lane(np.zeros(n_x), np.zeros((n_x, n_x)))
     for place, factor in ((spec.slow_slice, variant.slow), (spec.parameter_slice, variant.accuracy)):
-        lane[[covariance_place(spec, k, k) for k in range(place.start, place.stop)]] *= factor**2
+        own = range(place.start, place.stop)
+        lane[[covariance_place(spec, i, j) for i in own for j in range(i, place.stop)]] *= factor**2
     return lane

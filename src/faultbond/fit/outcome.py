@@ -1,5 +1,7 @@
 """What a fit means for the model: values, what is to be written into the file, and what the data did not tell."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,10 +9,14 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.fit.certainty import PARTNER, UNSURE
 from faultbond.fit.identification import Fit
+from faultbond.model.correlations import is_definite, scaled
 from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
 
 LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smaller one is kept where it is declared
 MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault
+ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
+WORTH = (0.1, 0.05, 0.02, 0.0)  # correlations that are worth telling: as few as make sense without the others
+SHRUNK = 0.99  # by which all are multiplied where rounding has made them contradict each other
 AT_END = 1e-6  # logarithms or factors from the end of a range
 
 
@@ -30,6 +36,27 @@ class Estimate:
     accuracy: float
     determined: bool
     at_end: bool
+
+    @property
+    def stays_zero(self) -> bool:
+        """Whether a nominal value of 0 agrees with the data."""
+        return self.parameter.nominal == 0.0 and abs(self.value) <= ZERO * self.sd
+
+    @property
+    def to_declare(self) -> float:
+        """The accuracy that the model is to declare; about a nominal 0 that is kept it reaches what was found."""
+        return math.hypot(self.accuracy, self.value) if self.stays_zero else self.accuracy
+
+    @property
+    def shared(self) -> float:
+        """The part of what is declared that may go together with others.
+
+        A plant does not stay the same to better than the least accuracy, each parameter by itself, so that part is
+        its own; and so is all where a standard error says more than is declared.
+        """
+        least = _least(self.value, self.parameter)
+        common = self.sd**2 - least**2 if self.sd <= self.accuracy else 0.0
+        return math.sqrt(max(common, 0.0)) / self.to_declare if self.to_declare > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +91,11 @@ class Silence:
     changes: tuple[tuple[str, float], ...]
 
 
+def _least(value: float, item: Parameter) -> float:
+    """Give to what a parameter is known at best; SI."""
+    return min(LEAST_ACCURACY * abs(value), item.accuracy)
+
+
 def estimates_of(found: Fit) -> tuple[Estimate, ...]:
     """Give the parameters that were fitted, in the order of the model."""
     unknowns, certainty = found.plant.unknowns, found.certainty
@@ -74,7 +106,7 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
         factor, unit = float(q[unknowns.places[k]]), abs(float(slopes[k]) * item.scale)
         sd = float(certainty.sd[k]) * unit
         value = factor * item.scale
-        least = min(LEAST_ACCURACY * abs(value), item.accuracy)  # at least the standard error, and
+        least = _least(value, item)  # at least the standard error, and
         grown = abs(value / item.nominal) if item.nominal != 0.0 else 1.0
         most = max(MOST_CHANGE * item.change * grown, item.accuracy)  # no more than a fault would change
         estimates.append(
@@ -92,6 +124,38 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
             )
         )
     return tuple(estimates)
+
+
+def correlations_of(found: Fit, estimates: Sequence[Estimate]) -> dict[tuple[str, str], float]:
+    """Give how what the fit leaves open of two parameters goes together, by pairs of names, as it is to be declared.
+
+    Parameters
+    ----------
+    estimates : of all parameters that were fitted, in their order
+    """
+    unknowns, n = found.plant.unknowns, len(estimates)
+    covariance = found.certainty.covariance[:n, :n]
+    sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    slopes = unknowns.fill(found.plant.base, found.summit.point.values)[1][:n]
+    signs = np.sign(slopes * np.array([item.scale for item in unknowns.parameters]))
+    shared = signs * np.array([item.shared for item in estimates])
+    together = covariance / np.outer(sds, sds) * np.outer(shared, shared)
+    names = [item.parameter.name for item in estimates]
+    every = {(names[i], names[j]): _rounded(float(together[i, j])) for i in range(n) for j in range(i + 1, n)}
+    pairs: dict[tuple[str, str], float] = {}
+    for least in WORTH:
+        pairs = {pair: value for pair, value in every.items() if abs(value) >= least and value != 0.0}
+        if is_definite(pairs):
+            return pairs
+    while not is_definite(pairs):
+        pairs = {pair: _rounded(value) for pair, value in scaled(pairs, SHRUNK).items()}
+    return pairs
+
+
+def _rounded(value: float) -> float:
+    """Give a correlation, towards 0, with as many digits as tell how much is left of each once the other is known."""
+    digits = max(2, math.ceil(-math.log10(max(1.0 - abs(value), 1e-12))) + 1)
+    return math.trunc(value * 10.0**digits) / 10.0**digits
 
 
 def noises_of(found: Fit, graph: BondGraph) -> tuple[NoiseFound, ...]:

@@ -1,6 +1,6 @@
 """A model file with more in it: values under keys that may not stand there yet; all else stays as it was written."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import yaml
 
@@ -22,6 +22,27 @@ def amended(text: str, values: Sequence[tuple[Path, str]], file: str = "model") 
     for path, value in values:
         text = _put(text, path, value, file)
     return text
+
+
+def with_correlations(text: str, rows: Mapping[str, Mapping[str, str]]) -> str:
+    """Give a model text with these correlations, by name and name, in place of what stands there.
+
+    They stand behind all else where there were none.
+    """
+    lines = [
+        f"  {name}: {{{', '.join(f'{other}: {value}' for other, value in row.items())}}}" for name, row in rows.items()
+    ]
+    top = yaml.compose(text, Loader=yaml.SafeLoader)
+    if not isinstance(top, yaml.MappingNode) or top.flow_style:
+        whole = ", ".join(line.strip() for line in lines)
+        return amended(text, [(("correlations",), f"{{{whole}}}")]) if rows else text
+    section = "\n".join(["correlations:", *lines, ""]) if rows else ""
+    found = next((item for item in top.value if item[0].value == "correlations"), None)
+    if found is None:
+        return f"{text.rstrip()}\n{section}" if rows else text
+    first, last = found[0].start_mark.index, _end(found[1])
+    line_end = text.find("\n", last)
+    return text[:first] + section + ("" if line_end < 0 else text[line_end + 1 :])
 
 
 def _short(path: Path) -> str:

@@ -71,6 +71,14 @@ class ModelBuilder:
         """Add a trusted number, never a suspect."""
         return self._add("constants", name, value)
 
+    def correlation(self, one: str, other: str, value: float) -> Self:
+        """Add how what is not known of two healthy parameters goes together, from -1 to 1."""
+        row = self._sections.setdefault("correlations", {})
+        stated = row.get(one)
+        entries = stated.entries if isinstance(stated, Table) else ()
+        row[one] = Table((*entries, Entry(other, self._node(value, f"correlation of {shown(one)}"))))
+        return self
+
     def table(
         self,
         name: str,

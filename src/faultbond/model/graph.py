@@ -65,6 +65,16 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Correlation:
+    """How what is not known of two healthy parameters goes together, from -1 to 1; `one` stands first in the model."""
+
+    one: str
+    other: str
+    value: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
     """A trusted number, never a suspect. SI."""
 
@@ -314,6 +324,7 @@ class BondGraph:
     valid_when: Validity | None = None  # when all of it holds; None: always
     row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
     checks: tuple[Check, ...] = ()
+    correlations: tuple[Correlation, ...] = ()  # of the accuracies of parameters
     defaults: tuple[tuple[str, str], ...] = ()
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`
@@ -381,6 +392,12 @@ class BondGraph:
         """When the model, then each sensor, holds, where that is stated; each condition once."""
         stated = (self.valid_when, *(item.valid_when for item in self.sensors))
         return tuple(dict.fromkeys(item for item in stated if item is not None))
+
+    @property
+    def correlated(self) -> tuple[tuple[int, int, float], ...]:
+        """Places of two parameters whose accuracies go together, and their correlation; of SI values."""
+        places = {item.name: k for k, item in enumerate(self.parameters)}
+        return tuple((places[item.one], places[item.other], item.value) for item in self.correlations)
 
     @property
     def acting_inputs(self) -> frozenset[str]:

@@ -18,6 +18,7 @@ _OF_TIME = {
     "valid_when": "no states of operation; leave out the rows that are not to be judged",
     "time_between_false_alarms": "no alarms to wait for",
     "slow_error": "no slow errors",
+    "correlations": "no parameters that are learned",
     "instrument_faults": "no faults of sensors and inputs",
 }
 

@@ -348,6 +348,10 @@ MODEL_KEYS = Keys(
             default="column `time` in s",
         ),
         "constants": Key(_named(VALUE), "trusted numbers, never suspects"),
+        "correlations": Key(
+            _named(_named({"type": ["string", "number"]})),
+            "how the accuracies of two parameters go together, `{J: {K: 0.96}}`; default: not at all",
+        ),
         "tables": Key(_named(TABLE_KEYS), "measured curves, for `table(x, NAME)` in laws"),
         "inputs": Key(_named(INPUT_KEYS), "measured or commanded inputs"),
         "components": Key(_named(COMPONENT_KEYS, minProperties=1), "elements with their laws and parameters"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from faultbond.model.blocks import BlockReader, block_wiring
+from faultbond.model.correlations import read_correlations
 from faultbond.model.defaults import Defaults
 from faultbond.model.dimensions import Checker, Demand, check_demands
 from faultbond.model.dump import dump_model
@@ -69,6 +70,8 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         patience = place.seconds()
         if patience <= 0:
             raise place.error(" must be above 0, such as `30 days`")
+    parameters = (*values.parameters, *reader.lags)
+    correlations = read_correlations(fields["correlations"], parameters) if "correlations" in fields else ()
     graph = BondGraph(
         name=head.name,
         grid=head.grid,
@@ -76,7 +79,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         max_faults=head.max_faults,
         warm_up=warm_up,
         time=head.time,
-        parameters=(*values.parameters, *reader.lags),
+        parameters=parameters,
         constants=values.constants,
         inputs=values.inputs,
         components=components,
@@ -89,6 +92,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         valid_when=valid_when,
         row_time=head.row_time,
         checks=measured.checks,
+        correlations=correlations,
         defaults=defaults.pairs(),
         file=source.label,
     )

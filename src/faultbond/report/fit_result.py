@@ -15,6 +15,7 @@ from faultbond.fit.outcome import (
     Estimate,
     NoiseFound,
     Silence,
+    correlations_of,
     estimates_of,
     faint_of,
     noises_of,
@@ -22,14 +23,16 @@ from faultbond.fit.outcome import (
     silences_of,
 )
 from faultbond.fit.wander import Wander
+from faultbond.model.amend import with_correlations
+from faultbond.model.correlations import rows_of
 from faultbond.model.dump import dump_model
-from faultbond.model.graph import BondGraph, Sensor, SlowError, Unit
+from faultbond.model.graph import BondGraph, Correlation, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
+from faultbond.report.together import closest_texts
 
-_ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "accuracy", "from the data")
@@ -47,6 +50,16 @@ class Fitted:
     silences: tuple[Silence, ...]
     wanders: tuple[Wander, ...] = ()
 
+    @property
+    def correlations(self) -> tuple[Correlation, ...]:
+        """What the model is to declare: as found, and of parameters that were not fitted as it was."""
+        order = {item.name: k for k, item in enumerate(self.graph.parameters)}
+        fitted = {item.parameter.name for item in self.estimates}
+        kept = [item for item in self.graph.correlations if fitted.isdisjoint((item.one, item.other))]
+        pairs = correlations_of(self.found, self.estimates)
+        found = [Correlation(one=one, other=other, value=value) for (one, other), value in pairs.items()]
+        return tuple(sorted((*kept, *found), key=lambda item: (order[item.one], order[item.other])))
+
     def model_text(self, text: str) -> str:
         """Give the text of the model file with what was found.
 
@@ -61,6 +74,7 @@ class Fitted:
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
         parameters = [_new_parameter(item) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
+        written = with_correlations(written, rows_of(self.correlations))
         self._compare(parse_model(written, file=self.graph.file))
         return written
 
@@ -69,14 +83,16 @@ class Fitted:
         graph, refusal = self.graph, f"{self.graph.file}: what was found cannot be written into it"
         for item in self.estimates:
             back = read.parameter(item.parameter.name)
-            value = 0.0 if _stays_zero(item) else item.value
+            value = 0.0 if item.stays_zero else item.value
             if abs(back.nominal - value) > _CLOSE * item.accuracy or back.accuracy < 0.99 * item.accuracy:
                 raise ModelError(f"{graph.file}: what was found of {back.name} cannot be written into it")
         wanted = {item.name: item.to_declare for item in self.noises if isinstance(item.of, Sensor)}
         for sensor in read.sensors:
             if abs(sensor.noise - wanted.get(sensor.name, sensor.noise)) > _CLOSE * sensor.noise:
                 raise ModelError(f"{graph.file}: the noise found of {sensor.name} cannot be written into it")
-        old = ("parameters", "sensors", "slow_errors", "defaults")
+        if rows_of(read.correlations) != rows_of(self.correlations):
+            raise ModelError(f"{graph.file}: what was found to go together cannot be written into it")
+        old = ("parameters", "sensors", "slow_errors", "correlations", "defaults")
         if dump_model(replace(read, **{name: getattr(graph, name) for name in old})) != dump_model(graph):
             raise ModelError(f"{refusal} without changing the rest")
 
@@ -94,16 +110,11 @@ def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wand
     )
 
 
-def _stays_zero(item: Estimate) -> bool:
-    """Whether a nominal value of 0 agrees with the data."""
-    return item.parameter.nominal == 0.0 and abs(item.value) <= _ZERO * item.sd
-
-
 def _new_parameter(item: Estimate) -> NewParameter:
     """Give what is to be written of a parameter; a nominal value of 0 stays where the data agree with it."""
     parameter, unit = item.parameter, item.parameter.unit
-    if _stays_zero(item):
-        size = _joined(_up(math.hypot(item.accuracy, item.value) / unit.factor), unit)
+    if item.stays_zero:
+        size = _joined(_up(item.to_declare / unit.factor), unit)
         return NewParameter(name=parameter.name, nominal=_joined("0", unit), others=(("accuracy", size),))
     digits = min(max(math.ceil(math.log10(abs(item.value) / item.accuracy)) + 3, 3), 15) if item.accuracy > 0 else 15
     nominal = _joined(f"{unit.from_si(item.value):.{digits}g}", unit)
@@ -188,6 +199,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
             }
             for item in found.whiteness
         ],
+        "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in fitted.correlations],
         "alike": [dict(item.changes) for item in fitted.silences],
         "hardly_fixed": [{"parameters": list(names), "sd": sd} for names, sd in faint_of(found)],
         "widened": {
@@ -259,6 +271,14 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         for names, sd in faint_of(fitted.found)
     ]
     told += under("hardly shows", faint)
+    found = {
+        item.parameter.name: replace(item.parameter, nominal=item.value, accuracy=item.to_declare)
+        for item in fitted.estimates
+    }
+    told += under(
+        "go together",
+        closest_texts({**{item.name: item for item in fitted.graph.parameters}, **found}, fitted.correlations),
+    )
     if fitted.found.changes:
         first = fitted.found.changes[0]
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))

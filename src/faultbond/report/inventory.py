@@ -19,9 +19,10 @@ from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS
 from faultbond.model.parser import to_text
-from faultbond.report.console import headline, lines, table, title
+from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.suspects import owner_title
+from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
 from faultbond.synthesis.specify import PROCESS_NOISE
 from faultbond.types import CheckKind, TimeGrid
@@ -210,6 +211,7 @@ def _structure_record(seen: Inventory) -> Record:
             | {"limits": list(item.limits), "suspect": item.suspect}
             for item in graph.parameters
         ],
+        "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in graph.correlations],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.fixed],
         "tables": [
             {"name": item.name, "x": list(item.x), "y": list(item.y), "file": item.file}
@@ -289,6 +291,9 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if limited:
         limits = [f"{item.name} {' or '.join(_value(item.unit, end) for end in item.limits)}" for item in limited]
         lines(console, [("drifts matter at", "; ".join(limits))])
+    if graph.correlations:
+        known = {item.name: item for item in graph.parameters}
+        lines(console, under("go together", together_texts(known, graph.correlations)))
 
 
 def _table_text(item: Curve) -> str:

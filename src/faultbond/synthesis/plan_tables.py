@@ -99,6 +99,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
         yield numbers(name.upper(), (getattr(item, name) for item in spec.parameters))
     for name in ("least", "most"):
         yield numbers(f"RANGE_{name.upper()}", (getattr(item, name) for item in spec.parameters))
+    yield from _tie_tables(spec)
     yield from ragged_table("LIMIT", [item.limits for item in spec.parameters], None)
     yield numbers("LIMIT", (limit for item in spec.parameters for limit in item.limits))
     yield numbers("INPUT_NOISE", (item.noise for item in spec.inputs))
@@ -109,6 +110,28 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
     yield integers("OUTPUT_RANGED", (item.ranged for item in spec.outputs))
     yield from ragged_table("DIRECT", [item.direct_inputs for item in spec.outputs], "INPUT")
+
+
+def _tie_tables(spec: EngineSpec) -> Iterable[str]:
+    """Of each parameter those that go with it: their covariance, entries of its inverse, and these by its own entry."""
+    prior, n = spec.prior, len(spec.parameters)
+    linked = (prior != 0.0) | np.eye(n, dtype=bool)
+    for _ in range(n.bit_length()):
+        linked = linked @ linked
+    places = np.arange(n)
+    tied = [np.flatnonzero(linked[k] & (places != k)) if prior[k, k] > 0.0 else places[:0] for k in range(n)]
+    inverse = np.zeros((n, n))
+    for k in range(n):
+        group = np.flatnonzero(linked[k])
+        if prior[k, k] > 0.0:
+            inverse[np.ix_(group, group)] = np.linalg.inv(prior[np.ix_(group, group)])
+    yield from ragged_table("TIE", tied, "PARAMETER")
+    own = np.diag(inverse)
+    yield numbers("OWN_PRECISION", own)
+    pairs = [(k, int(j)) for k, row in enumerate(tied) for j in row]
+    yield numbers("TIE_COVARIANCE", (prior[pair] for pair in pairs))
+    yield numbers("TIE_PRECISION", (inverse[pair] for pair in pairs))
+    yield numbers("TIE_WEIGHT", (inverse[pair] / own[pair[0]] for pair in pairs))
 
 
 def _hypothesis_tables(spec: EngineSpec) -> Iterable[str]:

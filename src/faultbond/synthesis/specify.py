@@ -73,6 +73,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         settlings=tuple(item.settling for item in conditions),
         condition=_place(graph.valid_when, conditions),
         row_time=graph.row_time,
+        correlations=_correlations(graph),
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)
@@ -199,6 +200,12 @@ def _parameter(item: Parameter) -> ParameterSpec:
         least=least,
         most=most,
     )
+
+
+def _correlations(graph: BondGraph) -> tuple[tuple[int, int, float], ...]:
+    """Give the correlations of factors; that of a negative value falls while the value rises."""
+    signs = [-1.0 if item.scale < 0.0 else 1.0 for item in graph.parameters]
+    return tuple((one, other, signs[one] * signs[other] * value) for one, other, value in graph.correlated)
 
 
 def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
