@@ -133,7 +133,7 @@ def scaled(pairs: Pairs, factor: float) -> dict[tuple[str, str], float]:
     return {pair: factor * value for pair, value in pairs.items()}
 
 
-def rows_of(correlations: Iterable[Correlation]) -> dict[str, dict[str, str]]:
+def correlation_rows(correlations: Iterable[Correlation]) -> dict[str, dict[str, str]]:
     """Give correlations as they are written: by the first name, then by the other."""
     rows: dict[str, dict[str, str]] = {}
     for item in correlations:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from faultbond.errors import ModelError
 from faultbond.model import keys
-from faultbond.model.correlations import rows_of
+from faultbond.model.correlations import correlation_rows
 from faultbond.model.defaults import default_range, in_force
 from faultbond.model.elements import OWN_SIGNALS, default_laws
 from faultbond.model.expression import rename
@@ -83,7 +83,7 @@ class _Writer:
         graph = self.graph
         yield from (f"{key}: {text}" for key, text in self.head().items() if text)
         yield from _section("constants", ((item.name, _value(item.value, item.unit)) for item in graph.fixed))
-        together = rows_of(graph.correlations)
+        together = correlation_rows(graph.correlations)
         yield from _section("correlations", ((name, _flow(row)) for name, row in together.items()))
         yield from _section("tables", ((item.name, self.table(item)) for item in graph.tables))
         unknown = ((item.name, self.unknown(item)) for item in graph.unknown_inputs)

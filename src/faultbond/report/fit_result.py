@@ -24,7 +24,7 @@ from faultbond.fit.outcome import (
 )
 from faultbond.fit.wander import Wander
 from faultbond.model.amend import with_correlations
-from faultbond.model.correlations import rows_of
+from faultbond.model.correlations import correlation_rows
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Correlation, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, rewrite
@@ -74,7 +74,7 @@ class Fitted:
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
         parameters = [_new_parameter(item) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
-        written = with_correlations(written, rows_of(self.correlations))
+        written = with_correlations(written, correlation_rows(self.correlations))
         self._compare(parse_model(written, file=self.graph.file))
         return written
 
@@ -90,7 +90,7 @@ class Fitted:
         for sensor in read.sensors:
             if abs(sensor.noise - wanted.get(sensor.name, sensor.noise)) > _CLOSE * sensor.noise:
                 raise ModelError(f"{graph.file}: the noise found of {sensor.name} cannot be written into it")
-        if rows_of(read.correlations) != rows_of(self.correlations):
+        if correlation_rows(read.correlations) != correlation_rows(self.correlations):
             raise ModelError(f"{graph.file}: what was found to go together cannot be written into it")
         old = ("parameters", "sensors", "slow_errors", "correlations", "defaults")
         if dump_model(replace(read, **{name: getattr(graph, name) for name in old})) != dump_model(graph):
