@@ -104,7 +104,7 @@ def apart(spec: EngineSpec, one: FloatArray, two: FloatArray) -> float:
 
 
 def test_the_healthy_filter_is_that_of_the_textbook() -> None:
-    """It begins with the declared covariance and is the plain filter from then on; without correlations it is another."""
+    """It begins with the declared covariance and is the plain filter from then on; without it it is another."""
     graph, spec, core = engine()
     samples = recording(graph, spec, 300)
     given = core.healthy_lane(np.zeros(2), np.eye(2))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -16,7 +17,8 @@ LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smalle
 MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault
 ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 WORTH = (0.1, 0.05, 0.02, 0.0)  # correlations that are worth telling: as few as make sense without the others
-SHRUNK = 0.99  # by which all are multiplied where rounding has made them contradict each other
+MORE_DIGITS = (0, 1, 2, 3)  # that may be needed, lest they contradict each other
+SHRUNK = 0.99  # by which all are multiplied where that is not enough
 AT_END = 1e-6  # logarithms or factors from the end of a range
 
 
@@ -141,20 +143,20 @@ def correlations_of(found: Fit, estimates: Sequence[Estimate]) -> dict[tuple[str
     shared = signs * np.array([item.shared for item in estimates])
     together = covariance / np.outer(sds, sds) * np.outer(shared, shared)
     names = [item.parameter.name for item in estimates]
-    every = {(names[i], names[j]): _rounded(float(together[i, j])) for i in range(n) for j in range(i + 1, n)}
-    pairs: dict[tuple[str, str], float] = {}
-    for least in WORTH:
-        pairs = {pair: value for pair, value in every.items() if abs(value) >= least and value != 0.0}
+    every = {(names[i], names[j]): float(together[i, j]) for i in range(n) for j in range(i + 1, n)}
+    for least, more in product(WORTH, MORE_DIGITS):
+        pairs = {pair: _rounded(value, more) for pair, value in every.items() if abs(value) >= least}
+        pairs = {pair: value for pair, value in pairs.items() if value != 0.0}
         if is_definite(pairs):
             return pairs
-    while not is_definite(pairs):
-        pairs = {pair: _rounded(value) for pair, value in scaled(pairs, SHRUNK).items()}
-    return pairs
+    while not is_definite(every):
+        every = scaled(every, SHRUNK)
+    return every
 
 
-def _rounded(value: float) -> float:
+def _rounded(value: float, more: int) -> float:
     """Give a correlation, towards 0, with as many digits as tell how much is left of each once the other is known."""
-    digits = max(2, math.ceil(-math.log10(max(1.0 - abs(value), 1e-12))) + 1)
+    digits = max(2, math.ceil(-math.log10(max(1.0 - abs(value), 1e-12))) + 1) + more
     return math.trunc(value * 10.0**digits) / 10.0**digits
 
 

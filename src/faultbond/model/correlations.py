@@ -76,8 +76,8 @@ def _check_together(place: Spot, stated: Sequence[Correlation]) -> None:
     lines = {item.line for item in stated if (item.one, item.other) in rest}
     words = ", ".join(f"{one} and {other} {number_text(value)}" for (one, other), value in rest.items())
     problem = f"{words} cannot all be; what goes with one thing closely goes with each other"
-    advice = f"multiply all three or more by {_largest_factor(rest):.3g}" if len(rest) > 1 else "state a smaller one"
-    raise ModelError(f"{place.source.at(min(lines))}correlations: {problem}. Correct one, or {advice}")
+    where, factor = place.source.at(min(lines)), _largest_factor(rest)
+    raise ModelError(f"{where}correlations: {problem}. Correct one, or multiply all by {factor:g}")
 
 
 def is_definite(pairs: Pairs) -> bool:

@@ -202,3 +202,37 @@ def test_two_lanes_of_each_window_are_kept() -> None:
             if number * length >= SETTLES:
                 expected[2 * window + number % 2] = 1000.0 + number * length
     assert kept.tolist() == expected.tolist()
+
+
+@pytest.mark.parametrize(
+    ("changes", "walker"), [((5.0, 5.0), None), ((5.0, 3.5), 0), ((3.5, 5.0), 1), ((0.7, -0.7), 0)]
+)
+def test_what_goes_together_walks_together(changes: tuple[float, float], walker: int | None) -> None:
+    """Five accuracies of both are none of either beside the other; 1.5 in their ratio are eight of those of the ratio.
+
+    changes : of both parameters since the start, in accuracies, of which little is then left open
+    """
+    core = bare(CALLS, CELL + "correlations: {R1: {C1: 0.98}}\n")
+    for name, value in {"begun": 0, "running": 1}.items():
+        core[f"clock.{name}"] = value
+    prior = np.array([[1.0, 0.98], [0.98, 1.0]])
+
+    def lane(at: FloatArray, left: float) -> FloatArray:
+        numbers = lane_of(core, 1.0 + 0.03 * at, np.full(2, 0.03**2 * left))
+        first = core.spec.parameter_slice.start
+        numbers[covariance_place(core.spec, first, first + 1)] = 0.03**2 * left * prior[0, 1]
+        return numbers
+
+    core.call("t_start", lane(np.zeros(2), 1.0))
+    walks = []
+    for _ in range(12):
+        core.call("t_remember", lane(np.array(changes), 0.01))
+        walks.append((float(core["healthy.walk"][0]), int(core["healthy.walker"][0])))
+        core["clock.index"] += EVERY
+    most, who = max(walks)
+    assert (most > 1.0) == (walker is not None)
+    if walker is not None:
+        off = abs(changes[walker] - 0.98 * changes[1 - walker]) / np.sqrt(1.0 - 0.98**2)
+        calm, wild = (off / np.sqrt(0.99 * (0.99 + usual * 0.01)) / START_LIMIT for usual in (1.0, USUAL))
+        assert wild <= most <= calm
+        assert who == walker + len(prior) * WALKS

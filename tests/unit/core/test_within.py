@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import exp, log, log1p, pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from diagnosed import RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
-from faultbond.contract.spec import covariance_place
+from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.synthesis.compile import find_compiler
 from faultbond.types import FaultKind
 
@@ -189,3 +190,96 @@ def test_what_lies_beyond_its_range_is_no_answer(off: float) -> None:
     state.only(single)
     found_at(state, single, {out: -0.98})
     assert told(state)[1][(out,)] > 0.99
+
+
+TOGETHER = ((0, 1, 0.95), (0, 2, 0.9), (1, 2, 0.85))  # of the resistors
+TIED = replace(SPEC, correlations=TOGETHER)
+
+
+def beside_others(index: int, others: tuple[int, ...]) -> tuple[np.ndarray, float]:
+    """What a parameter is beside those that are no suspects: weights of all of them, and its sd there."""
+    prior = np.diag([item.accuracy for item in SPEC.parameters]) ** 2
+    for one, two, value in TOGETHER:
+        prior[one, two] = prior[two, one] = value * SPEC.parameters[one].accuracy * SPEC.parameters[two].accuracy
+    rest = [k for k in range(len(prior)) if k not in (index, *others)]
+    slopes = prior[index, rest] @ np.linalg.inv(prior[np.ix_(rest, rest)])
+    weights = np.zeros(len(prior))
+    weights[index], weights[rest] = 1.0, -slopes
+    return weights, float(np.sqrt(prior[index, index] - slopes @ prior[rest, index]))
+
+
+def part_beside(index: int, others: tuple[int, ...], changes: np.ndarray, covariance: np.ndarray) -> float:
+    """The part of a hypothesis that says no more than that a parameter beside others is healthy."""
+    weights, accuracy = beside_others(index, others)
+    change, variance = float(weights @ changes), float(weights @ covariance @ weights) / SHARE
+
+    def density(spread: float) -> float:
+        square = spread**2 + variance
+        return exp(-0.5 * change**2 / square) / sqrt(2.0 * pi * square)
+
+    healthy, faulty = density(MOVES_BY * accuracy), density(SPEC.parameters[index].change)
+    return healthy / (healthy + faulty)
+
+
+def known_in_common(numbers: Any, layout: EngineSpec, changes: np.ndarray) -> np.ndarray:
+    """Let a lane have found these changes, its parameters known to 3 % in common, and to a tenth of that beside it."""
+    n = len(changes)
+    covariance = 9e-4 * np.ones((n, n)) + 9e-6 * np.eye(n)
+    for i in range(n):
+        numbers[FIRST + i] = SPEC.parameters[i].healthy + changes[i]
+        for j in range(i, n):
+            numbers[covariance_place(layout, FIRST + i, FIRST + j)] = covariance[i, j]
+    return covariance
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("off", [0.0, 0.03, 0.08])
+def test_of_parameters_that_go_together_the_change_beside_the_others_counts(index: int, off: float) -> None:
+    """A scale that is off in common is no change, and what is not known of it hides none; without ties it would."""
+    state = diagnosed(TIED)
+    lane = int(np.flatnonzero(STEPS.hypothesis == index)[0])
+    state.only(lane)
+    changes = np.array([0.04, 0.04, 0.04, 0.0])
+    changes[index] += off
+    covariance = known_in_common(state.lane("step", lane), SPEC, changes)
+    right = part_beside(index, (), changes, covariance)
+    assert told(state)[0] == pytest.approx(right, rel=1e-6)
+    apart = diagnosed()
+    apart.only(lane)
+    known_in_common(apart.lane("step", lane), SPEC, changes)
+    if off == 0.03:
+        assert right < 0.5 < told(apart)[0]
+
+
+def test_of_a_pair_each_counts_beside_what_is_no_suspect() -> None:
+    """The other suspect of a pair tells nothing of it."""
+    k = len(SPEC.hypotheses) - 1
+    one, two = SPEC.hypotheses[k]
+    lane, state = int(np.flatnonzero(STEPS.hypothesis == k)[0]), diagnosed(TIED)
+    state.only(lane)
+    changes = np.array([0.04, 0.04, 0.04, 0.0])
+    changes[one] += 0.05
+    covariance = known_in_common(state.lane("step", lane), SPEC, changes)
+    parts = [part_beside(one, (two,), changes, covariance), part_beside(two, (one,), changes, covariance)]
+    assert told(state)[0] == pytest.approx(parts[0] * parts[1], rel=1e-6)
+    alone = part_beside(one, (), changes, covariance)
+    assert alone * parts[1] != pytest.approx(parts[0] * parts[1], rel=1e-2)
+
+
+def test_of_a_drift_what_it_added_counts_with_its_parameter() -> None:
+    """Its value is that of the parameter and of the slot; what others let expect of it is taken off both."""
+    index = 1
+    slot = slot_of(kind=FaultKind.DRIFT, parameter=index)
+    state = diagnosed(TIED)
+    state.only(state.n_steps + slot)
+    numbers = state.lane("slot", slot)
+    changes = np.array([0.04, 0.03, 0.04, 0.0])
+    covariance = known_in_common(numbers, WIDE, changes)
+    numbers[SIZE], numbers[SIZE + 1] = 0.06, 1.0
+    numbers[covariance_place(WIDE, SIZE, SIZE)] = 1e-4
+    numbers[covariance_place(WIDE, FIRST + index, SIZE)] = -1e-5
+    moved = changes.copy()
+    moved[index] += 0.06
+    with_slot = covariance.copy()
+    with_slot[index, index] += 1e-4 - 2e-5
+    assert told(state)[0] == pytest.approx(part_beside(index, (), moved, with_slot), rel=1e-6)

@@ -1,0 +1,151 @@
+"""What a fit leaves open of several parameters goes together: what is declared of it, and in which file."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.arrays import FloatArray
+from faultbond.cli import DONE, main
+from faultbond.fit.outcome import LEAST_ACCURACY, Estimate, correlations_of
+from faultbond.io.recording import write_recording
+from faultbond.model.correlations import is_definite
+from faultbond.model.graph import Parameter, Unit
+from faultbond.model.text import load_model
+from faultbond.report.numbers import MINUS
+
+MODEL = """# a circuit
+name: circuit
+sample_time: 0.02 s
+accuracy: 4 %
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 kohm}}
+  C: {type: C, parameters: {C: 100 uF}}   # it is old
+junctions: {loop: 1}
+bonds: [source -> loop -> R, loop -> C]
+sensors: {V_C: {reads: C.e, unit: V, noise: 0.1 V}}
+"""
+
+
+def recording(path: Path) -> Path:
+    """Write what a circuit whose time constant is 1 s shows of a voltage that jumps."""
+    generator, shown = np.random.default_rng(1), [0.0]
+    voltage = np.where(np.arange(1500) // 100 % 2 == 0, 6.0, -2.0)
+    for value in voltage[:-1]:
+        shown.append(value + np.exp(-0.02) * (shown[-1] - value))
+    noisy = np.array(shown) + 0.1 * generator.standard_normal(len(shown))
+    write_recording(path, {"time": 0.02 * np.arange(len(voltage)), "V": voltage, "V_C": noisy})
+    return path
+
+
+def fitted(model: Path, data: Path, new: Path, *options: str) -> dict[str, Any]:
+    """Fit, and give the record."""
+    target = new.with_suffix(".json")
+    words = ["fit", str(model), str(data), "-o", str(new), "--starts", "1", *options, "--json", str(target)]
+    assert main(words) == DONE
+    return dict(json.loads(target.read_text(encoding="utf-8")))
+
+
+def test_a_circuit_whose_product_shows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """R and C stay as uncertain as declared, but not their product; the next fit writes it anew, or takes it away."""
+    model, data, new = tmp_path / "model.yaml", recording(tmp_path / "a.csv"), tmp_path / "new.yaml"
+    model.write_text(MODEL, encoding="utf-8")
+    record = fitted(model, data, new)
+    one, other = (item["accuracy"] / item["estimate"] for item in record["parameters"])
+    own = (LEAST_ACCURACY / one) ** 2  # of a variance, which is of this parameter alone
+    assert one == pytest.approx(other, rel=0.1)
+    assert one > 0.025
+    (together,) = load_model(new).correlations
+    assert together.value == pytest.approx(-(1.0 - own), abs=0.02)
+    assert record["correlations"] == [{"parameters": ["R", "C"], "value": together.value}]
+    product = np.sqrt(one**2 + other**2 + 2 * together.value * one * other)
+    assert product == pytest.approx(np.sqrt(2.0) * LEAST_ACCURACY, rel=0.1)
+    assert (
+        f"R and C {MINUS}{-together.value:g}: their product is known to {100 * product:.1f} %"
+        in capsys.readouterr().out
+    )
+    assert "# it is old\n" in new.read_text(encoding="utf-8")
+    fitted(new, data, tmp_path / "again.yaml")
+    (again,) = load_model(tmp_path / "again.yaml").correlations
+    assert -1.0 < again.value < -0.3
+    fitted(new, data, tmp_path / "fixed.yaml", "--fixed", "R")
+    assert load_model(tmp_path / "fixed.yaml").correlations == ()
+    assert main(["check", str(new)]) == DONE
+    assert f"R and C {MINUS}{-together.value:g}: their product" in capsys.readouterr().out
+
+
+def estimate(name: str, nominal: float, sd: float, accuracy: float) -> Estimate:
+    """A parameter of which this is left open."""
+    unit = Unit("")
+    parameter = Parameter(name=name, owner=name, nominal=nominal, unit=unit, accuracy=0.1, change=2, lower=-9, upper=9)
+    return Estimate(
+        parameter=parameter,
+        value=nominal,
+        sd=sd,
+        alone=sd,
+        inflation=1.0,
+        accuracy=accuracy,
+        determined=True,
+        at_end=False,
+    )
+
+
+def found_with(covariance: FloatArray, estimates: list[Estimate]) -> Any:
+    """As much of a fit as counts: its covariance, in factors, and a noise behind the parameters."""
+    n = len(estimates)
+    whole = np.eye(n + 1)
+    whole[:n, :n] = covariance
+    unknowns = SimpleNamespace(
+        parameters=[item.parameter for item in estimates], fill=lambda base, values: (values, np.ones(n + 1))
+    )
+    return SimpleNamespace(
+        plant=SimpleNamespace(unknowns=unknowns, base=None),
+        summit=SimpleNamespace(point=SimpleNamespace(values=np.ones(n + 1))),
+        certainty=SimpleNamespace(covariance=whole),
+    )
+
+
+def test_what_is_declared_is_the_common_part() -> None:
+    """Of each variance the least accuracy is its own; the sign is that of the values, one of which is negative."""
+    estimates = [estimate("A", 2.0, 0.10, 0.10), estimate("B", -1.0, 0.04, 0.04), estimate("C", 1.0, 0.008, 0.01)]
+    together = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, 0.9], [0.9, 0.9, 1.0]]) * 1e-4
+    found = correlations_of(found_with(together, estimates), estimates)
+    shared = np.sqrt(1.0 - (0.02 / 0.10) ** 2) * np.sqrt(1.0 - (0.01 / 0.04) ** 2)
+    assert found == {("A", "B"): pytest.approx(-0.9 * shared, abs=0.01)}  # C is known as well as it can be
+    assert -0.9 * shared < found["A", "B"]  # rounded towards 0
+
+
+def test_what_is_less_sure_than_may_be_declared_goes_with_nothing() -> None:
+    """Its declared accuracy is a bound, not what was found."""
+    estimates = [estimate("A", 1.0, 0.5, 0.2), estimate("B", 1.0, 0.04, 0.04)]
+    assert correlations_of(found_with(np.array([[1.0, 0.9], [0.9, 1.0]]), estimates), estimates) == {}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_left_out_or_rounded_leaves_the_rest_possible(seed: int) -> None:
+    """A few directions that nothing fixes, of many parameters: what is declared is definite, and about right."""
+    generator, n = np.random.default_rng(seed), 9
+    open_ways = generator.standard_normal((n, 3)) * generator.uniform(0.05, 1.0, 3)
+    covariance = (open_ways @ open_ways.T + 1e-6 * np.eye(n)) * 0.01
+    sds = np.sqrt(np.diag(covariance))
+    estimates = [estimate(f"P{k}", 1.0, float(sd), max(float(sd), 0.01)) for k, sd in enumerate(sds)]
+    found = correlations_of(found_with(covariance, estimates), estimates)
+    assert is_definite(found)
+    shared = np.array([item.shared for item in estimates])
+    right = covariance / np.outer(sds, sds) * np.outer(shared, shared)
+    for i in range(n):
+        for j in range(i + 1, n):
+            value = found.get((f"P{i}", f"P{j}"), 0.0)
+            assert value == pytest.approx(right[i, j], abs=0.1 if value == 0.0 else 0.02)
+
+
+def test_all_parameters_at_their_least_go_with_nothing() -> None:
+    """Well known parameters are each as well known as a plant stays the same."""
+    estimates = [replace(estimate(name, 1.0, 0.002, 0.01)) for name in "AB"]
+    assert correlations_of(found_with(np.array([[1.0, 0.99], [0.99, 1.0]]), estimates), estimates) == {}
