@@ -1,6 +1,7 @@
 """Random plants: electrical networks of every element, and block networks, as the mapping that a model file holds."""
 
 import json
+from itertools import pairwise
 from typing import Any
 
 from hypothesis import strategies as st
@@ -100,6 +101,8 @@ def plants(draw: st.DrawFn) -> Mapping:
     if draw(st.booleans()):
         found["checks"] = draw(checks(sorted(parts), signals))
     found |= draw(settings())
+    if draw(st.booleans()):
+        found["correlations"] = draw(correlations([name for part in parts.values() for name in part["parameters"]]))
     if draw(st.booleans()):
         found["slow_error"] = draw(slow_errors(signals, found["sensors"]))
     return found
@@ -214,6 +217,13 @@ def checks(draw: st.DrawFn, parts: list[str], signals: list[tuple[str, str]]) ->
         signal, unit = draw(st.sampled_from(signals))
         found["by_hand"] = {"reads": f"2*{signal}", "unit": f"m{unit}", "noise": draw(sizes)} | cost
     return found
+
+
+@st.composite
+def correlations(draw: st.DrawFn, names: list[str]) -> Mapping:
+    """Correlations of parameters with the next one, small enough that they cannot contradict each other."""
+    values = st.sampled_from(["0.45", "-0.3", "1e-3", "0"])
+    return {one: {other: draw(values)} for one, other in pairwise(names) if draw(st.booleans())}
 
 
 @st.composite

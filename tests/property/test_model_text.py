@@ -28,8 +28,9 @@ def unordered(graph: BondGraph) -> Any:
     sorted_lists = {
         field.name: sorted(plain(getattr(graph, field.name)), key=repr)
         for field in dataclasses.fields(graph)
-        if isinstance(getattr(graph, field.name), tuple) and field.name != "defaults"
+        if isinstance(getattr(graph, field.name), tuple) and field.name not in ("defaults", "correlations")
     }
+    sorted_lists["correlations"] = sorted((sorted((item.one, item.other)), item.value) for item in graph.correlations)
     return sorted_lists, in_force(graph.defaults), graph.sample_time, graph.warm_up, plain(graph.time)
 
 

@@ -102,7 +102,8 @@ def test_definite_is_what_eigenvalues_say() -> None:
 def test_static_networks_have_none() -> None:
     """Where each row stands by itself no filter learns, so they are refused."""
     text = "name: n\nsample_time: none\nblocks:\n  g: {law: y = K*x, parameters: {K: 2}}\n"
-    text += "  h: {law: z = L*y, parameters: {L: 3}}\ninputs: {x: {}}\nsensors: {z: {reads: z}}\ncorrelations: {K: {L: 0.5}}\n"
+    text += "  h: {law: z = L*y, parameters: {L: 3}}\ninputs: {x: {}}\nsensors: {z: {reads: z}}\n"
+    text += "correlations: {K: {L: 0.5}}\n"
     with pytest.raises(ModelError, match="correlations: with `sample_time: none` each row stands by itself"):
         parse_model(text)
 
