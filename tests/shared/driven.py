@@ -59,6 +59,9 @@ def graph_of(name: str) -> BondGraph:
     made = {"loop": LAMP, "linear": linear, "no input": NO_INPUT, "no state": NO_STATE, "ladder": ladder_text(3)}
     if name in made:
         return parse_model(made[name])
+    if name == "tied":  # the motor, whose parameters go together
+        text = (EXAMPLES / "dc_motor_current" / "model.yaml").read_text()
+        return parse_model(f"{text}correlations: {{K: {{J: 0.95, L: 0.9}}, L: {{J: 0.9}}, R: {{C: -0.5}}}}\n")
     return load_model(EXAMPLES / ("dc_motor_current" if name == "reserve" else name) / "model.yaml")
 
 

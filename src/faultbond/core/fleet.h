@@ -119,6 +119,8 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define is_sound SIDE(is_sound)
 #define learn_travel SIDE(learn_travel)
 #define walks_from SIDE(walks_from)
+#define own_value SIDE(own_value)
+#define own_variance SIDE(own_variance)
 #define usual_walk SIDE(usual_walk)
 #define take_walk SIDE(take_walk)
 #define judge_walk SIDE(judge_walk)
@@ -349,6 +351,8 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef is_sound
 #undef learn_travel
 #undef walks_from
+#undef own_value
+#undef own_variance
 #undef usual_walk
 #undef take_walk
 #undef judge_walk

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler o
 ROWS, N_ASSETS = 520, 11
 FAULTS = {
     "dc_motor_current": ("K", 0.6, 1.5),
+    "tied": ("K", 0.6, 1.5),
     "tank": ("K6", 20.0, 300.0),
     "loop": ("R2", 1.6, 30.0),
     "variable": ("R2", 1.6, 30.0),
