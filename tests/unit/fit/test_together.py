@@ -40,7 +40,8 @@ def recording(path: Path) -> Path:
     for value in voltage[:-1]:
         shown.append(value + np.exp(-0.02) * (shown[-1] - value))
     noisy = np.array(shown) + 0.1 * generator.standard_normal(len(shown))
-    write_recording(path, {"time": 0.02 * np.arange(len(voltage)), "V": voltage, "V_C": noisy})
+    time = np.asarray(0.02 * np.arange(len(voltage)), dtype=np.float64)
+    write_recording(path, {"time": time, "V": np.asarray(voltage, dtype=np.float64), "V_C": noisy})
     return path
 
 
