@@ -70,6 +70,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "advice": [_advice(item) for item in diagnosis.advice],
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
         "within_accuracy": diagnosis.within_accuracy,
+        "mismatch": diagnosis.mismatch,
         **({"outside": True} if outside else {}),
     }
 

@@ -15,6 +15,7 @@ from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
+from faultbond.report.suspects import cure_of_walk
 
 MOST_REGIONS = 6
 MUCH = 0.8  # of the limit of a walk
@@ -166,8 +167,7 @@ def health_verdict(found: Health) -> str:
         return f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
-        cure = f"Declare the accuracy of {found.walker} larger, or that it wanders, or mend what moves it."
-        return f"The model does not keep the promise: {far}. {cure}"
+        return f"The model does not keep the promise: {far}. {cure_of_walk(found.walker)}"
     now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]

@@ -228,6 +228,11 @@ def _limit(unit: Unit, suspect: Suspect, item: Forecast, now: float, notation: N
     return f"it reaches {limit} in about {ahead}, at {median} ({early} to {late})"
 
 
+def cure_of_walk(parameter: str) -> str:
+    """Say what to do about a parameter that the healthy model moves too far, though it is healthy."""
+    return f"Declare the accuracy of {parameter} larger, or that it wanders, or mend what moves it."
+
+
 def otherwise(candidate: Candidate) -> str:
     """Name the other kinds of fault that it may be, as a sentence; empty where the likeliest one is clear."""
     others = [

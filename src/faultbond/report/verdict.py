@@ -34,6 +34,7 @@ from faultbond.report.suspects import (
     OTHERWISE,
     SuspectRow,
     change_of,
+    cure_of_walk,
     instrument_of,
     otherwise,
     owner_of,
@@ -260,7 +261,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         change_of(graph, best, suspect, diagnosis.time, notation) + (MOVES if suspect.moved else "")
         for suspect in best.suspects
     )
-    off = _no_claim(diagnosis)
+    off = _no_claim(diagnosis, history.open)
     if off:  # what comes nearest
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
@@ -332,8 +333,12 @@ def unexplained_sentence(found: Unexplained) -> str:
     )
 
 
-def _no_claim(diagnosis: Diagnosis) -> str:
-    """Say why no candidate is claimed; empty where one is."""
+def _no_claim(diagnosis: Diagnosis, began: Detection) -> str:
+    """Say why no candidate is claimed of what began with this alarm; empty where one is."""
+    if diagnosis.mismatch > diagnosis.candidates[0].probability and began.walk is not None:
+        name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
+        told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
+        return f"{told} {cure_of_walk(name)}"
     if diagnosis.unexplained is not None:
         return unexplained_sentence(diagnosis.unexplained)
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
@@ -344,7 +349,16 @@ def _no_claim(diagnosis: Diagnosis) -> str:
 
 def _beside(diagnosis: Diagnosis) -> str:
     """Say what may be true beside the candidates."""
-    return " ".join(filter(None, (within_sentence(diagnosis), untested_sentence(diagnosis))))
+    told = (mismatch_sentence(diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
+    return " ".join(filter(None, told))
+
+
+def mismatch_sentence(diagnosis: Diagnosis) -> str:
+    """Say how likely it is that the model is off; empty where nothing tells of that."""
+    if not diagnosis.mismatch:
+        return ""
+    percent = probability_text(diagnosis.mismatch)
+    return f"With {percent} % the model is off: what had to move too far counts as healthy."
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:

@@ -30,6 +30,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         unexplained=unexplained,
         untested=untested,
         within_accuracy=float(found["within_accuracy"]),
+        mismatch=float(found["mismatch"]),
     )
 
 

@@ -106,7 +106,14 @@ class Core:
                 ),
                 *(
                     (name, _REAL)
-                    for name in ("unexplained_sd", "since", "until", "untested_probability", "within_accuracy")
+                    for name in (
+                        "unexplained_sd",
+                        "since",
+                        "until",
+                        "untested_probability",
+                        "within_accuracy",
+                        "mismatch",
+                    )
                 ),
                 ("candidates", self.candidate, (min(max(self.spec.n_hypotheses, 1), MAX_CANDIDATES),)),
             ]

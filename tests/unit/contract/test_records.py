@@ -68,6 +68,7 @@ def test_a_diagnosis() -> None:
         "advice": [],
         "untested": None,
         "within_accuracy": 0.0,
+        "mismatch": 0.0,
     }
 
 

@@ -79,6 +79,24 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     assert told.startswith("Most likely the pipe changed")
 
 
+def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
+    """Where what counts as healthy raised the alarm the best only comes nearest, however well it fits."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.1)
+    shown = with_last(history, (best,))
+    walk = Walk(parameter="K3", sd=4.7, from_start=True)
+    alarm = replace(shown.detections[-1], walk=walk)
+    diagnosis = replace(shown.diagnoses[-1], mismatch=0.9)
+    shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
+    told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    off = "Most likely the model is off: K3, which counts as healthy, had to move too far, 90 % sure. Declare the "
+    assert told.startswith(off)
+    assert (
+        "accuracy of K3 larger, or that it wanders, or mend what moves it. Nearest comes a change of the pipe" in told
+    )
+    view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    assert view.left_out == "With 90.0 % the model is off: what had to move too far counts as healthy."
+
+
 def test_verdict_of_a_pair_names_both(history: History) -> None:
     """A pair is one explanation with two owners, also where a value fell."""
     pair = (suspect(GRAPH, "K1", 1.5, 0.1), suspect(GRAPH, "K4", 0.5, 0.1))

@@ -1,30 +1,33 @@
 """Faults that the healthy filter has learned from the first sample on: alarms by how far a parameter walks."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 import pytest
 
-from faultbond.contract.findings import Detection
+from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.samples import Sample
+from faultbond.model.text import parse_model
+from faultbond.runtime.core import Core
 from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
-from made import graph_of, plant, samples_of
+from made import EXAMPLES, graph_of, plant, samples_of
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 ROWS = 1600
 
 
 @cache
-def motor(factor: float, seed: int) -> tuple[Sample, ...]:
+def motor(factor: float, seed: int, parameter: str = "J") -> tuple[Sample, ...]:
     """A motor whose inertia is another one from the first sample on; its supply steps all the time."""
     time = np.asarray(0.02 * np.arange(ROWS), dtype=np.float64)
     generator = np.random.default_rng(seed)
     u = random_steps(time, generator, low=2, high=12, shortest=0.4, longest=1.2)[:, None]
-    faults = [] if factor == 1.0 else [Fault(parameter="J", factor=factor, start=0.0)]
+    faults = [] if factor == 1.0 else [Fault(parameter=parameter, factor=factor, start=0.0)]
     made = simulate(graph_of("dc_motor"), Inputs(time=time, values=u), faults, seed=seed)
     return samples_of(time, made.inputs, made.outputs)
 
@@ -50,6 +53,49 @@ def test_a_fault_from_the_first_sample_is_found_and_named(seed: int) -> None:
     suspect = best.suspects[0]
     assert suspect.nominal is not None
     assert suspect.estimate / suspect.nominal == pytest.approx(1.3, abs=0.1)
+
+
+@cache
+def trusting(parameter: str, value: str) -> Core:
+    """The core of a motor one of whose parameters counts as healthy."""
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    declared = f"{{{parameter}: {value}}}"
+    assert declared in text
+    return build_engine(parse_model(text.replace(declared, f"{{{parameter}: {{nominal: {value}, suspect: no}}}}")))[1]
+
+
+def concluded(core: Core, samples: Sequence[Sample]) -> tuple[Detection | None, list[Diagnosis]]:
+    """The alarm, and all diagnoses."""
+    monitor, alarm, told = Monitor(core), None, []
+    for sample in samples:
+        report = monitor.step(sample)
+        alarm = report.detection or alarm
+        told += [report.diagnosis] if report.diagnosis is not None else []
+    return alarm, [item for item in [*told, monitor.conclude()] if item.candidates]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "seed"), [("L", "2.5 H", 11), ("J", "1.5 kg*m^2", 11), ("J", "1.5 kg*m^2", 12)]
+)
+def test_a_trusted_parameter_that_is_off_accuses_nobody(parameter: str, value: str, seed: int) -> None:
+    """The alarm is by its walk; no diagnosis says of a part that it is at fault, and each that the model is off."""
+    alarm, told = concluded(trusting(parameter, value), motor(1.3, seed, parameter))
+    assert alarm is not None
+    assert alarm.walk is not None
+    assert alarm.walk.parameter == parameter
+    assert len(told) > 20
+    assert all(item.candidates[0].probability <= 0.1 < item.mismatch for item in told)
+
+
+def test_beside_a_trusted_parameter_a_fault_from_the_first_sample_is_named() -> None:
+    """Where that of a suspect walks, nothing else is said than before."""
+    alarm, told = concluded(trusting("L", "2.5 H"), motor(1.3, 11, "J"))
+    assert alarm is not None
+    assert alarm.walk is not None
+    assert alarm.walk.parameter == "J"
+    assert told[-1].mismatch == 0.0
+    assert told[-1].candidates[0].parameters == ("J",)
+    assert told[-1].candidates[0].probability > 0.9
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])

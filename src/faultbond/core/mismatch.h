@@ -1,0 +1,36 @@
+/* A model that is off. A parameter that is in no tested set counts as healthy under every hypothesis. Where an alarm was raised
+   since such a parameter walked too far, every hypothesis takes it back to where it was and has to explain by its suspects what
+   it had been moved for. The best one fits best, but nothing says that it is true: a model that is off fits none. So that
+   is a hypothesis of its own. As it may bring about whatever the data are, no likelihood tells it from the others, and its
+   probability is that of before. Reasons and figures: docs/decisions/020-walks.md. */
+#ifndef FB_MISMATCH_H
+#define FB_MISMATCH_H
+
+#include "ranking.h"
+
+FB_SELDOM
+
+#define OFF_FROM_START 0.9 /* probability that the model is off where what counts as healthy is not as declared, */
+#define OFF_SINCE 0.5      /* and where it was for a while, and then moved: a fault may move what it is not */
+
+/* Whether a tested set of parameters has this one. */
+static int is_in_a_set(int64_t parameter)
+{
+    for (int k = 0; k < SET_ROW[N_SETS]; k++)
+        if (SET_MEMBER[k] == parameter) return 1;
+    return 0;
+}
+
+/* Leave to a model that is off what is its part of a ranking. */
+static void leave_to_mismatch(const State *state, Diagnosis *found)
+{
+    if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return;
+    found->mismatch = state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE;
+    const double left = 1.0 - found->mismatch;
+    found->within_accuracy *= left;
+    for (int64_t row = 0; row < found->n_candidates; row++) found->candidates[row].probability *= left;
+}
+
+FB_OFTEN
+
+#endif

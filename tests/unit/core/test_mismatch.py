@@ -1,0 +1,51 @@
+"""A model that is off: what counts as healthy under every hypothesis raised the alarm by its walk."""
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from diagnosed import SPEC, Diagnosed
+from faultbond.contract.core_settings import core_settings
+from faultbond.synthesis.compile import find_compiler
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+TRUSTED, SUSPECT = 0, 1
+SETTINGS = core_settings()
+WALKS = int(SETTINGS["WALKS"])
+OTHERS = replace(
+    SPEC,
+    hypotheses=tuple(chosen for chosen in SPEC.hypotheses if TRUSTED not in chosen),
+    reserve=tuple(chosen for chosen in SPEC.reserve if TRUSTED not in chosen),
+)
+
+
+@cache
+def diagnosed(walker: int, window: int = WALKS) -> tuple[float, tuple[float, ...], float]:
+    """The probabilities that the model is off, of all sets, and of nothing at fault; one lane explains the data."""
+    state = Diagnosed(OTHERS)
+    state.far_off()
+    state.only(0)
+    state["alarm.walker"], state["alarm.window"] = walker, window
+    found = state.diagnose()
+    rows = found["candidates"][: found["n_candidates"]]
+    return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
+
+
+@pytest.mark.parametrize(("window", "name"), [(WALKS, "OFF_FROM_START"), (2, "OFF_SINCE")])
+def test_what_counts_as_healthy_and_walks_leaves_the_most_to_a_model_that_is_off(window: int, name: str) -> None:
+    """However well a set explains the data, as that has to make up for what was moved; less where it moved late."""
+    off, sets, within = diagnosed(TRUSTED, window)
+    usual, surely, before = diagnosed(-1)
+    assert off == SETTINGS[name]
+    assert SETTINGS["OFF_FROM_START"] > SETTINGS["OFF_SINCE"] >= 0.5
+    assert usual == 0.0
+    assert surely[0] > 0.99
+    assert sets == pytest.approx([(1.0 - off) * probability for probability in surely])
+    assert within == pytest.approx((1.0 - off) * before)
+    assert sum(sets) + off == pytest.approx(1.0)
+
+
+def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:
+    """A walk of what some tested set has is no mismatch of the model."""
+    assert diagnosed(SUSPECT) == diagnosed(-1)
