@@ -13,11 +13,12 @@ from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.errors import NoVerdictError
 from faultbond.fit.samples import judged_parts
 from faultbond.io.recording import write_recording
-from faultbond.model.text import parse_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
+import heated
 from pumped import TEXT, VALID, core, course, watched
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
@@ -230,3 +231,40 @@ def test_a_fit_finds_the_plant_in_spite_of_pauses(tmp_path: Path, capsys: pytest
     capsys.readouterr()
     assert parse_model(fitted.read_text()).parameter("Rp").nominal == pytest.approx(1.2 * 4e10, rel=0.12)
     assert "valid_when" in fitted.read_text()
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_law_without_a_value_does_no_harm_where_its_sensor_is_not_valid(*, lag: bool) -> None:
+    """A heater at rest divides by no flow: a healthy room does not alarm, and a weak heater has its name."""
+    healthy = heated.course(1400, lag=lag)
+    blocks = watched(Monitor(heated.core(lag=lag)), healthy)
+    assert alarm(blocks) is None
+    blocks = watched(Monitor(heated.core(lag=lag)), heated.course(1400, lag=lag, gain=0.8, begins=700))
+    assert 700 <= (alarm(blocks) or 0.0) < 800
+    assert first(blocks) == ("G",)
+
+
+def written(folder: Path, model: str, samples: Samples) -> tuple[Path, Path]:
+    """Write the model of the room, and a recording."""
+    (folder / "heated.yaml").write_text(model, encoding="utf-8")
+    columns = {"time": samples.time, "power": samples.u[:, 0], "flow": samples.u[:, 1]}
+    write_recording(folder / "resting.csv", columns | {"inside": samples.y[:, 0], "blown": samples.y[:, 1]})
+    return folder / "heated.yaml", folder / "resting.csv"
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_fit_leaves_out_rows_in_which_a_sensor_has_no_value(tmp_path: Path, *, lag: bool) -> None:
+    """Where the sensor is not valid its law is not asked; the parameters are found all the same."""
+    model = heated.text(lag=lag).replace("G: 1}", "G: 1.2}")
+    paths, fitted = written(tmp_path, model, heated.course(900, lag=lag)), tmp_path / "fitted.yaml"
+    assert main(["fit", *map(str, paths), "-o", str(fitted), "--starts", "1", "--fixed", "C"]) == 0
+    assert load_model(fitted).parameter("G").nominal == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_law_without_a_value_is_told_with_sensor_and_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where nothing says when the sensor is valid, the fit names it, the recording, and the first such time."""
+    paths = written(tmp_path, heated.text(valid=False, lag=False), heated.course(600, lag=False))
+    assert main(["fit", *map(str, paths), "--starts", "1"]) == 2
+    assert "resting.csv: at 300 s what the sensor blown reads has no finite value" in capsys.readouterr().err
