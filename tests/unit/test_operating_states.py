@@ -1,5 +1,6 @@
 """Operating states: outside its condition a model, or a sensor, is not judged, and after it all goes on."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -250,6 +251,32 @@ def written(folder: Path, model: str, samples: Samples) -> tuple[Path, Path]:
     columns = {"time": samples.time, "power": samples.u[:, 0], "flow": samples.u[:, 1]}
     write_recording(folder / "resting.csv", columns | {"inside": samples.y[:, 0], "blown": samples.y[:, 1]})
     return folder / "heated.yaml", folder / "resting.csv"
+
+
+def test_a_run_tells_what_it_did_not_judge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Text and report count the readings that were left out since their sensor was not valid."""
+    paths, page = written(tmp_path, heated.text(), heated.course(500)), tmp_path / "report.html"
+    assert main(["run", *map(str, paths), "--report", str(page)]) == 0
+    told = "190 readings of sensors not judged (their `valid_when`)"  # 160 s at rest, and 30 s after them
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert told in page.read_text(encoding="utf-8")
+
+
+def test_check_tells_states_means_and_what_is_not_tested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`check` shows when a sensor is valid, that noise is of means of rows, and which parameters no hypothesis changes."""
+    model = heated.text().replace("sample_time: 1 s\n", "sample_time: 1 s\nrow_time: 0.25 s\n")
+    model = model.replace("{K: 50 W/K}", "{K: {nominal: 50 W/K, suspect: no}}")
+    paths, out = written(tmp_path, model, heated.course(10)), tmp_path / "check.jsonl"
+    assert main(["check", str(paths[0]), "--json", str(out)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "valid when blown: flow > still, and has been for 30 s" in told
+    assert "noise of means (sd)" in told
+    assert "0.05 K" in told  # half of 0.1 K of a row
+    assert "rows every 0.25 s; each sample is the mean of 4, and noise is told of that mean" in told
+    assert "not tested K, blown_lag: trusted" in told
+    record = json.loads(out.read_text(encoding="utf-8"))
+    assert record["row_time"] == 0.25
+    assert [item["valid_when"] for item in record["sensors"]] == [None, {"when": "flow > still", "settling": 30.0}]
 
 
 @pytest.mark.parametrize("lag", [False, True])

@@ -186,7 +186,7 @@ def _tell(plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace, r
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
 
     graph = plant.graph
-    more = {"wild": course.wild, "outside": course.outside}
+    more = {"wild": course.wild, "outside": course.outside, "sensors_outside": course.sensors_outside}
     counts = pages.RunCounts(**asdict(course.counts), **more, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:
