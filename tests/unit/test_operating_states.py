@@ -288,9 +288,7 @@ def test_a_fit_leaves_out_rows_in_which_a_sensor_has_no_value(tmp_path: Path, *,
     assert load_model(fitted).parameter("G").nominal == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_law_without_a_value_is_told_with_sensor_and_time(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_law_without_a_value_is_told_with_sensor_and_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where nothing says when the sensor is valid, the fit names it, the recording, and the first such time."""
     paths = written(tmp_path, heated.text(valid=False, lag=False), heated.course(600, lag=False))
     assert main(["fit", *map(str, paths), "--starts", "1"]) == 2

@@ -147,7 +147,7 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     RecordingError
         Where it cannot be read or has no row with a time.
     """
-    grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time)
+    grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
     points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
     if not points:
         raise RecordingError(no_time(recording))

@@ -48,6 +48,7 @@ def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) 
             noise=[item.noise for item in watcher.spec.outputs],
             clock=before.clock if before else None,
             row_time=watcher.spec.row_time,
+            held=[not item.linear for item in watcher.spec.inputs],
         )
         curves = wanted.report is not None
         trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None

@@ -129,7 +129,8 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     Where the model does not always hold, those of the longest time in which it does.
     """
     rows = on_grid(
-        read_rows(recording, columns_of(graph)), Grid(graph.sample_time, steady=True, row_time=graph.row_time)
+        read_rows(recording, columns_of(graph)),
+        Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs),
     )
     points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:

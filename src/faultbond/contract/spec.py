@@ -403,7 +403,9 @@ class EngineSpec:
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
             "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
-            "held": len(self.held),  # 1: a sensor does not read as stated, and the state by which it lags is not followed
+            "held": len(
+                self.held
+            ),  # 1: a sensor does not read as stated, and the state by which it lags is not followed
             "still": 1,  # 1: the states stay, since the model did not hold before this sample; 2: it does not now
         }
         return _fields(sizes, 0)

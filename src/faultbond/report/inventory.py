@@ -499,7 +499,9 @@ def _left_out(spec: EngineSpec) -> Iterator[tuple[str, str]]:
     trusted = ", ".join(item.name for item in spec.parameters if not item.suspect)
     if trusted:
         yield "not tested", f"{trusted}: trusted, unless the model file says `suspect: yes`"
-    told = {k for chosen in (*spec.hypotheses, *spec.reserve, *spec.explain_anything) if len(chosen) == 1 for k in chosen}
+    told = {
+        k for chosen in (*spec.hypotheses, *spec.reserve, *spec.explain_anything) if len(chosen) == 1 for k in chosen
+    }
     hidden = ", ".join(item.name for k, item in enumerate(spec.parameters) if item.suspect and k not in told)
     if hidden:
         yield "not tested", f"{hidden}: no data fix such a change by itself; `analyse` tells why"
