@@ -293,3 +293,19 @@ def test_a_law_without_a_value_is_told_with_sensor_and_time(tmp_path: Path, caps
     paths = written(tmp_path, heated.text(valid=False, lag=False), heated.course(600, lag=False))
     assert main(["fit", *map(str, paths), "--starts", "1"]) == 2
     assert "resting.csv: at 300 s what the sensor blown reads has no finite value" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("declared", "told"), [("lag: 2 s", "a longer `lag:` of blown than 2 s"), ("", "a `lag:` of blown")]
+)
+def test_a_lag_that_is_too_short_is_told_with_how_much_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], declared: str, told: str
+) -> None:
+    """The hint of `check --data` asks for a longer lag where one is declared, and estimates what is missing of 6 s."""
+    model = heated.text().replace("lag: 6 s", declared).replace(", ,", ",")
+    paths, out = written(tmp_path, model, heated.course(1400)), tmp_path / "check.jsonl"
+    assert main(["check", str(paths[0]), "--data", str(paths[1]), "--json", str(out)]) == 0
+    (late,) = json.loads(out.read_text(encoding="utf-8"))["late"]
+    assert (late["sensor"], late["of"]) == ("blown", "power")
+    assert late["by"] == pytest.approx(4.0 if declared else 6.0, rel=0.25)
+    assert told in " ".join(capsys.readouterr().out.split())

@@ -113,22 +113,29 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         begin, end = clock_text(item.begin), clock_text(item.end)
         when = begin if begin == end else f"{begin} to {end}"
         moments.append(f"{when}{where}: {reads}, {height}")
-    return told + under("moments", moments) + under("hints", list(_hints(found)))
+    return told + under("moments", moments) + under("hints", list(_hints(graph, found)))
 
 
-def _hints(found: Health) -> Iterator[str]:
+def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
     """Say what the errors look like."""
     for name in found.mirrored:
         yield f"{name} moves the other way round than expected: is a bond, or a sign in a law, turned round?"
     for item in found.late:
         if item.sensor not in found.mirrored:
-            yield (
-                f"{item.sensor} follows changes of {item.of} later than the model says: "
-                f"a `lag:` of {item.of} or of {item.sensor}?"
-            )
+            by = f", by about {duration_text(item.by)}" if item.by is not None else ""
+            ways = f"{_longer(graph, item.of)} or {_longer(graph, item.sensor)}"
+            yield f"{item.sensor} follows changes of {item.of} later than the model says{by}: {ways}?"
     if found.walk > MUCH:
         far = f"{100 * found.walk:.0f} % of the way to an alarm"
         yield f"{found.walker} walks on healthy data, {far}: is it a constant?"
+
+
+def _longer(graph: BondGraph, name: str) -> str:
+    """Name the lag of an input or a sensor that may be what is missing."""
+    lags = {item.name: item.lag for item in (*graph.inputs, *graph.sensors)}
+    if not lags[name]:
+        return f"a `lag:` of {name}"
+    return f"a longer `lag:` of {name} than {duration_text(graph.parameter(lags[name]).nominal)}"
 
 
 def _region_text(item: Region, units: dict[str, Unit]) -> str:
