@@ -1,4 +1,4 @@
-"""A room warmed by a fan heater that rests at times: how warm the air leaves the heater no law says while nothing flows."""
+"""A room warmed by a fan heater that rests at times: how warm the air leaves it no law says while nothing flows."""
 
 from functools import cache
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import heated
 from faultbond.app.identification import read_points
 from faultbond.cli.program import main
 from faultbond.contract.findings import Diagnosis
@@ -19,7 +20,6 @@ from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
-import heated
 from pumped import TEXT, VALID, core, course, watched
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
@@ -263,7 +263,7 @@ def test_a_run_tells_what_it_did_not_judge(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_check_tells_states_means_and_what_is_not_tested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`check` shows when a sensor is valid, that noise is of means of rows, and which parameters no hypothesis changes."""
+    """`check` shows when a sensor is valid, that noise is of means of rows, and which parameters are not tested."""
     model = heated.text().replace("sample_time: 1 s\n", "sample_time: 1 s\nrow_time: 0.25 s\n")
     model = model.replace("{K: 50 W/K}", "{K: {nominal: 50 W/K, suspect: no}}")
     paths, out = written(tmp_path, model, heated.course(10)), tmp_path / "check.jsonl"

@@ -389,7 +389,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, held, still."""
+        """Layout of a packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, held, still."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # at the previous sample, held since or left linearly

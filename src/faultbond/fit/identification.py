@@ -194,12 +194,12 @@ def _without_course(plant: FittedPlant, records: Sequence[HealthyRecording], beg
         row = int(np.argmax(none.any(axis=1)))
         where = f"{record.name}: at {record.time[row]:.10g} s"
         if none[row].sum() == record.use[row].sum() > 1:
-            return f"{where} the plant with its nominal values has no finite value any more; check units and nominal values"
+            return f"{where} the plant with its nominal values has no finite course any more; check units and values"
         names = ", ".join(name for name, lost in zip(plant.sensors, none[row], strict=True) if lost)
         return (
-            f"{where} what the sensor {names} reads has no finite value with the nominal values, as a quotient by a flow "
-            "of 0 has none. State by `valid_when` of the sensor when it reads as its law says, or write the law so that "
-            "it always has a value"
+            f"{where} what the sensor {names} reads has no finite value with the nominal values, as a quotient by a "
+            "flow of 0 has none. State by `valid_when` of the sensor when it reads as its law says, or write the law "
+            "so that it always has a value"
         )
     names = ", ".join(record.name for record in records)
     return f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"

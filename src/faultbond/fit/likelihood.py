@@ -65,8 +65,9 @@ class Layout:
 
     @property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held (1: that sensor does not read as stated), kick (variance
-        added to slow errors).
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, kick (variance added to slow errors).
+
+        held: 1 of each sensor with a condition of its own that does not read as stated.
         """
         return sample_fields(self.n_u, self.n_y, self.n_b, self.n_held)
 
@@ -116,8 +117,8 @@ def build_likelihood(model: StepModel, *, slopes: bool = True) -> ca.Function:
     following, seen, solved = _sample(model, size, moving, implicit, fields, known)
     n_f = size.n_filter
     if not slopes:
-        after = known.in_full(ca.vertcat(following, moving[n_f:], solved), seen)
-        return _function(ca.vertcat(moving, implicit), sample, *after)
+        whole = known.in_full(ca.vertcat(following, moving[n_f:], solved), seen)
+        return _function(ca.vertcat(moving, implicit), sample, *whole)
     change = known.along(ca.vertcat(following, seen), moving, direction)
     lane = ca.vertcat(moving, implicit, direction)
     after = ca.vertcat(following, moving[n_f:], solved, change[:n_f], direction[n_f:])
@@ -157,7 +158,7 @@ class _Known:
 
 def _column(matrix: ca.SX) -> ca.SX:
     """Give the entries of a matrix that are not zero by its structure."""
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+    return ca.vertcat(*map(ca.SX, matrix.nonzeros())) if matrix.nnz() else ca.SX(0, 1)
 
 
 def _where(counts: ca.SX, values: ca.SX) -> ca.SX:

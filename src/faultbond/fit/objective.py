@@ -112,7 +112,7 @@ def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoin
 
 
 def follow_alone(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
-    """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan where it has no value."""
+    """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value."""
     lanes, place = _lanes(plant, point, number), plant.layout.sample_fields
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
     samples[:, place["use"]] = 0.0

@@ -27,10 +27,10 @@ _ROUNDING = 1e-24  # of the square of a value: what is less is no jump
 class RowMeans:
     """Gives the mean of the rows about each sample as one row, when the first of the next sample has come.
 
-    An input that stays where it is until the next sample acts between the two: of such a one the mean is that of the rows
-    from this sample on up to the next, and the sample is given when that has come. A value that is absent in some rows
-    is the mean of the others, and a reading that jumps is absent. A row that is older than the sample which is gathered
-    is given as it is, and so is one whose time cannot be read: the grid knows what to do with them.
+    An input that stays where it is until the next sample acts between the two: of such a one the mean is that of the
+    rows from this sample on up to the next, and the sample is given when that has come. A value that is absent in some
+    rows is the mean of the others, and a reading that jumps is absent. A row that is older than the sample which is
+    gathered is given as it is, and so is one whose time cannot be read: the grid knows what to do with them.
 
     Parameters
     ----------

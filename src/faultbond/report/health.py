@@ -22,8 +22,8 @@ YEAR = 365.25 * 86400.0  # s
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
 
 
-def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
-    """Give the record of a model on trial; SI."""
+def health_record(graph: BondGraph, spec: EngineSpec, found: Health, slower: float | None = None) -> Record:
+    """Give the record of a model on trial; SI. slower: a longer time between samples that would do, s."""
     return {
         "record": "trial",
         "model": graph.name,
@@ -64,11 +64,15 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
         "walk": {"of": found.walker or None, "peak": found.walk},
         "late": [asdict(item) for item in found.late],
         "mirrored": list(found.mirrored),
+        "slower": slower,
     }
 
 
-def print_health(console: Console, graph: BondGraph, found: Health) -> None:
-    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+def print_health(console: Console, graph: BondGraph, found: Health, slower: float | None = None) -> None:
+    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns.
+
+    slower: a longer time between samples that would do, s.
+    """
     headline(console, graph.name, graph.file)
     lines(console, under("recordings", [recording_text(item.name, item.time) for item in found.records]))
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")
@@ -81,6 +85,9 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
     lines(console, where_lines(graph, found) or [("", "nowhere that the detector would mind")])
+    if slower is not None and graph.sample_time is not None:
+        stated = f"`sample_time: {duration_text(slower)}` with `row_time: {duration_text(graph.sample_time)}`"
+        lines(console, [("sampling", f"far faster than anything here moves: {stated} finds slow faults sooner")])
     title(console, "What must be declared", f"for a false alarm every {spacing_text(found.promise)} at most")
     tried = {
         (item.kind, item.factor): "alarm" if item.peak > 1.0 else spacing_text(item.between) for item in found.trials
@@ -132,7 +139,7 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
 
 def _longer(graph: BondGraph, name: str) -> str:
     """Name the lag of an input or a sensor that may be what is missing."""
-    lags = {item.name: item.lag for item in (*graph.inputs, *graph.sensors)}
+    lags = {item.name: item.lag for item in graph.inputs} | {item.name: item.lag for item in graph.sensors}
     if not lags[name]:
         return f"a `lag:` of {name}"
     return f"a longer `lag:` of {name} than {duration_text(graph.parameter(lags[name]).nominal)}"

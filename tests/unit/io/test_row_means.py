@@ -67,7 +67,7 @@ def test_blocks_of_rows_give_the_same(live: bool) -> None:
 
 @pytest.mark.parametrize("size", [1, 7, 400])
 def test_an_input_that_is_held_is_the_mean_up_to_the_next_sample(size: int) -> None:
-    """So a store that is stepped from sample to sample is where its rows take it; else it would be half a sample late."""
+    """So a store that is stepped from sample to sample is where its rows take it, and not half a sample late."""
     draws = np.random.default_rng(5)
     flow = np.repeat(draws.uniform(0.0, 2.0, 40), 10)[3:393]  # it jumps between the samples
     level = np.concatenate([[0.0], np.cumsum(0.1 * flow)[:-1]])
