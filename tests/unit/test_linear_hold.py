@@ -181,7 +181,7 @@ def foretold(text: str) -> float:
     """The largest innovation of the likelihood of a model on the noiseless recording, V."""
     made, model = recorded(), build_step_model(build_plant(graph(text)))
     begin, step = build_begin(model), build_likelihood(model)
-    place, q = sample_fields(2, 2, 0), nominal_q(model)
+    place, q = sample_fields(2, 2, 0, 0), nominal_q(model)
     start = begin(q, [0.0, 0.0])[0].full()[:, 0]
     lane = np.zeros(step.size_in(0)[0])
     lane[: len(start)], lane[len(start) : len(start) + len(q)] = start, q

@@ -1,11 +1,13 @@
 """Operating states: outside its condition a model, or a sensor, is not judged, and after it all goes on."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import heated
 from faultbond.app.identification import read_points
 from faultbond.cli.program import main
 from faultbond.contract.findings import Diagnosis
@@ -13,7 +15,7 @@ from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.errors import NoVerdictError
 from faultbond.fit.samples import judged_parts
 from faultbond.io.recording import write_recording
-from faultbond.model.text import parse_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.compile import find_compiler
@@ -230,3 +232,80 @@ def test_a_fit_finds_the_plant_in_spite_of_pauses(tmp_path: Path, capsys: pytest
     capsys.readouterr()
     assert parse_model(fitted.read_text()).parameter("Rp").nominal == pytest.approx(1.2 * 4e10, rel=0.12)
     assert "valid_when" in fitted.read_text()
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_law_without_a_value_does_no_harm_where_its_sensor_is_not_valid(*, lag: bool) -> None:
+    """A heater at rest divides by no flow: a healthy room does not alarm, and a weak heater has its name."""
+    healthy = heated.course(1400, lag=lag)
+    blocks = watched(Monitor(heated.core(lag=lag)), healthy)
+    assert alarm(blocks) is None
+    blocks = watched(Monitor(heated.core(lag=lag)), heated.course(1400, lag=lag, gain=0.8, begins=700))
+    assert 700 <= (alarm(blocks) or 0.0) < 800
+    assert first(blocks) == ("G",)
+
+
+def written(folder: Path, model: str, samples: Samples) -> tuple[Path, Path]:
+    """Write the model of the room, and a recording."""
+    (folder / "heated.yaml").write_text(model, encoding="utf-8")
+    columns = {"time": samples.time, "power": samples.u[:, 0], "flow": samples.u[:, 1]}
+    write_recording(folder / "resting.csv", columns | {"inside": samples.y[:, 0], "blown": samples.y[:, 1]})
+    return folder / "heated.yaml", folder / "resting.csv"
+
+
+def test_a_run_tells_what_it_did_not_judge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Text and report count the readings that were left out since their sensor was not valid."""
+    paths, page = written(tmp_path, heated.text(), heated.course(500)), tmp_path / "report.html"
+    assert main(["run", *map(str, paths), "--report", str(page)]) == 0
+    told = "190 readings of sensors not judged (their `valid_when`)"  # 160 s at rest, and 30 s after them
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert told in page.read_text(encoding="utf-8")
+
+
+def test_check_tells_states_means_and_what_is_not_tested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`check` shows when a sensor is valid, that noise is of means of rows, and which parameters are not tested."""
+    model = heated.text().replace("sample_time: 1 s\n", "sample_time: 1 s\nrow_time: 0.25 s\n")
+    model = model.replace("{K: 50 W/K}", "{K: {nominal: 50 W/K, suspect: no}}")
+    paths, out = written(tmp_path, model, heated.course(10)), tmp_path / "check.jsonl"
+    assert main(["check", str(paths[0]), "--json", str(out)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "valid when blown: flow > still, and has been for 30 s" in told
+    assert "noise of means (sd)" in told
+    assert "0.05 K" in told  # half of 0.1 K of a row
+    assert "rows every 0.25 s; each sample is the mean of 4, and noise is told of that mean" in told
+    assert "not tested K, blown_lag: trusted" in told
+    record = json.loads(out.read_text(encoding="utf-8"))
+    assert record["row_time"] == 0.25
+    assert [item["valid_when"] for item in record["sensors"]] == [None, {"when": "flow > still", "settling": 30.0}]
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_fit_leaves_out_rows_in_which_a_sensor_has_no_value(tmp_path: Path, *, lag: bool) -> None:
+    """Where the sensor is not valid its law is not asked; the parameters are found all the same."""
+    model = heated.text(lag=lag).replace("G: 1}", "G: 1.2}")
+    paths, fitted = written(tmp_path, model, heated.course(900, lag=lag)), tmp_path / "fitted.yaml"
+    assert main(["fit", *map(str, paths), "-o", str(fitted), "--starts", "1", "--fixed", "C"]) == 0
+    assert load_model(fitted).parameter("G").nominal == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_law_without_a_value_is_told_with_sensor_and_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where nothing says when the sensor is valid, the fit names it, the recording, and the first such time."""
+    paths = written(tmp_path, heated.text(valid=False, lag=False), heated.course(600, lag=False))
+    assert main(["fit", *map(str, paths), "--starts", "1"]) == 2
+    assert "resting.csv: at 300 s what the sensor blown reads has no finite value" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("declared", "told"), [("lag: 2 s", "a longer `lag:` of blown than 2 s"), ("", "a `lag:` of blown")]
+)
+def test_a_lag_that_is_too_short_is_told_with_how_much_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], declared: str, told: str
+) -> None:
+    """The hint of `check --data` asks for a longer lag where one is declared, and estimates what is missing of 6 s."""
+    model = heated.text().replace("lag: 6 s", declared).replace(", ,", ",")
+    paths, out = written(tmp_path, model, heated.course(1400)), tmp_path / "check.jsonl"
+    assert main(["check", str(paths[0]), "--data", str(paths[1]), "--json", str(out)]) == 0
+    (late,) = json.loads(out.read_text(encoding="utf-8"))["late"]
+    assert (late["sensor"], late["of"]) == ("blown", "power")
+    assert late["by"] == pytest.approx(4.0 if declared else 6.0, rel=0.25)
+    assert told in " ".join(capsys.readouterr().out.split())

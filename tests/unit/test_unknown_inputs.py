@@ -153,6 +153,10 @@ def test_analyse_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert main(["analyse", str(path), "--json", str(tmp_path / "found.jsonl")]) == DONE
     (found,) = map(json.loads, (tmp_path / "found.jsonl").read_text().splitlines())
     assert found["detectable"] == {"Ra": True, "J": False, "d": False}
+    smallest = found["smallest_fault"]
+    assert list(smallest)[:3] == [name for name in ("Ra", "J", "d") if name in smallest]
+    assert {name: smallest[name]["value"] is None for name in ("Ra", "J", "d")} == {"Ra": False, "J": True, "d": True}
+    assert smallest["d"]["reason"] == "what load may do hides it"
     assert "Traceback" not in capsys.readouterr().err
 
 

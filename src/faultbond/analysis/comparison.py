@@ -19,7 +19,7 @@ from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import BondGraph
 
 GENTLE = 0.3  # part of an input by which it moves
-NO_TIME = "no time left"  # why something was not looked at
+NO_TIME = "no time left; raise --budget"  # why something was not looked at
 _GRACE = 1.5  # times the time that there is, for what has been begun
 
 

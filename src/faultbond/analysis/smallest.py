@@ -14,9 +14,10 @@ real plant would do there the model does not tell.
 Source: none in the thesis, which states no size; the statistics are those of `runtime.monitor` (Page 1954).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log
+from types import MappingProxyType
 
 import numpy as np
 
@@ -106,6 +107,7 @@ def smallest_faults(
     within: float | None = None,
     onsets: Sequence[float] | None = None,
     certainty: float = CERTAINTY,
+    hidden: Mapping[str, str] = MappingProxyType({}),
     seconds: float | None = SECONDS,
 ) -> Iterator[SmallestFault]:
     """Give the smallest fault of each parameter, some parameters at a time, as they are found.
@@ -118,6 +120,7 @@ def smallest_faults(
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
     certainty : part of the realisations, over all onsets, that is to be found
+    hidden : parameters that are told as not found, with the reason: an unknown input may do the same
     seconds : processor time after which no further parameter is begun; None: no limit
 
     Raises
@@ -146,7 +149,19 @@ def smallest_faults(
     detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
     search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
     known = {item.name: item for item in fault_targets(spec, operation)}
-    chosen = [known[name] for name in asked if name in known]
+    chosen = [known[name] for name in asked if name in known and name not in hidden]
+    for name in asked:
+        if name in hidden:
+            yield SmallestFault(
+                parameter=name,
+                value=None,
+                up=None,
+                down=None,
+                within=length * grid,
+                certainty=certainty,
+                effects=(),
+                reason=hidden[name],
+            )
     together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
     for first in range(0, len(chosen), together):
         yield from _report(search, chosen[first : first + together], length * grid, clock)

@@ -159,6 +159,11 @@ class Course:
         return self.found.outside - (self._began.found.outside if self._began is not None else 0)
 
     @property
+    def sensors_outside(self) -> int:
+        """How many readings were not judged since this run began, since their sensors did not hold."""
+        return self.found.sensors_outside - (self._began.found.sensors_outside if self._began is not None else 0)
+
+    @property
     def verdict(self) -> Verdict:
         """Whether there was a detection in this run, or stood open at its beginning; else whether it could judge."""
         before = self._began.found if self._began is not None else FoundSoFar()

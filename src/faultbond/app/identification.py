@@ -123,20 +123,23 @@ def check_data(model: Path, recordings: tuple[str, ...], *, promise: float | Non
     graph = load_model(model)
     _refuse(graph, recordings)
     read = tuple((name, read_points(graph, name)) for name in recordings)
+    from faultbond.fit.pace import slower_step  # noqa: PLC0415 - loads casadi
     from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
     from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
+    from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
     with _waiting() as status:
         core = build_watcher(graph)
         status("watching the recordings")
         records = tuple(healthy_recording(name, points, core) for name, points in read)
         found = on_trial(core, records, promise or graph.time_between_false_alarms or MONTH)
-    out.record(health_record(graph, core.spec, found))
+        slower = slower_step(build_model(graph), [item.u for item in records])
+    out.record(health_record(graph, core.spec, found, slower))
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
 
-        print_health(Console(file=out.text), graph, found)
+        print_health(Console(file=out.text), graph, found, slower)
 
 
 def read_points(graph: BondGraph, recording: str) -> list[Sample]:
@@ -147,7 +150,7 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     RecordingError
         Where it cannot be read or has no row with a time.
     """
-    grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time)
+    grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
     points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
     if not points:
         raise RecordingError(no_time(recording))

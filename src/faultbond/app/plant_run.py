@@ -48,6 +48,7 @@ def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) 
             noise=[item.noise for item in watcher.spec.outputs],
             clock=before.clock if before else None,
             row_time=watcher.spec.row_time,
+            held=[not item.linear for item in watcher.spec.inputs],
         )
         curves = wanted.report is not None
         trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
@@ -186,7 +187,7 @@ def _tell(plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace, r
     from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
 
     graph = plant.graph
-    more = {"wild": course.wild, "outside": course.outside}
+    more = {"wild": course.wild, "outside": course.outside, "sensors_outside": course.sensors_outside}
     counts = pages.RunCounts(**asdict(course.counts), **more, no_verdict=course.no_verdict())
     history, title = trace.history(), watcher.title
     if out.text is not None:

@@ -107,7 +107,10 @@ def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
     try:
         rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
         points = list(
-            islice(on_grid(rows, Grid(graph.sample_time, steady=True, row_time=graph.row_time)), START_POINTS)
+            islice(
+                on_grid(rows, Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)),
+                START_POINTS,
+            )
         )
     except RecordingError:  # no sensors in it
         return {}

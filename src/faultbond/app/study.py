@@ -86,7 +86,7 @@ def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Ite
     yield "routes", lambda: _routes(study, wishes)
     yield "other solutions", lambda: _solutions(study, wishes, view, recorded)
     if study.graph.grid is not TimeGrid.NONE:
-        yield "smallest faults", lambda: _smallest(study, wishes)
+        yield "smallest faults", lambda: _smallest(study, wishes, view)
     yield "further sensors", lambda: _sensors(study)
     if study.graph.inputs and study.graph.grid is not TimeGrid.NONE:
         yield "test inputs", lambda: _inputs(study, wishes, recorded)
@@ -129,7 +129,8 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     Where the model does not always hold, those of the longest time in which it does.
     """
     rows = on_grid(
-        read_rows(recording, columns_of(graph)), Grid(graph.sample_time, steady=True, row_time=graph.row_time)
+        read_rows(recording, columns_of(graph)),
+        Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs),
     )
     points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:
@@ -231,7 +232,7 @@ def _solutions(study: _Study, wishes: Wishes, view: CapabilityView, recorded: Ca
     )
 
 
-def _smallest(study: _Study, wishes: Wishes) -> Section:
+def _smallest(study: _Study, wishes: Wishes, view: CapabilityView) -> Section:
     unknowns = study.model.v.numel()
     if unknowns > MOST_UNKNOWNS * wishes.budget:
         raise StructureError(
@@ -243,13 +244,25 @@ def _smallest(study: _Study, wishes: Wishes) -> Section:
     samples = [sample_of(point) for point in study.points] or None
     try:
         seconds = SIZE_SECONDS * wishes.budget
-        found = tuple(smallest_faults(study.model, spec, engine, samples, within=wishes.within, seconds=seconds))
+        sizes = smallest_faults(
+            study.model, spec, engine, samples, within=wishes.within, hidden=_hidden(study, view), seconds=seconds
+        )
+        order = [item.name for item in spec.parameters]
+        found = sorted(sizes, key=lambda item: order.index(item.parameter) if item.parameter in order else len(order))
     except RecordingError as error:
         raise StructureError(str(error)) from error
     return Section(
         record=analysis.smallest_record(found),
         show=lambda console: analysis.print_smallest(console, study.graph, found),
     )
+
+
+def _hidden(study: _Study, view: CapabilityView) -> dict[str, str]:
+    """Give the parameters whose changes look like what an unknown input may do, each with the reason."""
+    unknown = " and ".join(item.name for item in study.graph.unknown_inputs)
+    names = [item.name for item in study.graph.parameters]
+    single = [item for item in view.judgement.verdicts if len(item.parameters) == 1 and not item.identifiable]
+    return {names[item.parameters[0]]: f"what {unknown} may do hides it" for item in single if unknown}
 
 
 def _sensors(study: _Study) -> Section:

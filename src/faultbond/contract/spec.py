@@ -109,6 +109,7 @@ class OutputSpec:
     suspect: bool = True
     ranged: bool = False  # as of an input
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
+    lag_state: int = -1  # the state by which it lags; -1: it does not
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -388,9 +389,14 @@ class EngineSpec:
         """Number of roles."""
         return int(self.role_fields["returns"].stop - self.loop_slice.stop) if self.slot else 0
 
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Sensors that have a condition of their own: what one of them lags by is followed only where it holds."""
+        return tuple(k for k, item in enumerate(self.outputs) if item.condition >= 0)
+
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of one packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, still."""
+        """Layout of a packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, held, still."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
@@ -404,6 +410,9 @@ class EngineSpec:
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
             "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
+            "held": len(
+                self.held
+            ),  # 1: a sensor does not read as stated, and the state by which it lags is not followed
             "still": 1,  # 1: the states stay, since the model did not hold before this sample; 2: it does not now
         }
         return _fields(sizes, 0)

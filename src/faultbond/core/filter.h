@@ -120,6 +120,21 @@ static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT],
     }
 }
 
+#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
+/* What lags before sensors that do not read as stated stays where it was before the step, `before`, and goes with nothing else:
+   the law that it would follow may have no value. Its variance is that of before, or of the gap. */
+static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRICT sample, lanes *FB_RESTRICT lane,
+                        lanes (*FB_RESTRICT a)[N_JOINT])
+{
+    for (int h = 0; h < N_HELD; h++) {
+        const int i = HELD_STATE[h];
+        if (i < 0 || !(sample[SAMPLE_HELD + h] > 0.0)) continue;
+        lane[i] = before[h];
+        for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
+    }
+}
+#endif
+
 /* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew. */
 static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
 {
@@ -154,6 +169,14 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
+#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
+    lanes before[FB_ROOM(N_HELD)], variance[FB_ROOM(N_HELD)];
+    for (int h = 0; h < N_HELD; h++) {
+        if (HELD_STATE[h] < 0) continue;
+        before[h] = lane[HELD_STATE[h]];
+        variance[h] = lane[AT_COVARIANCE + PLACE(HELD_STATE[h], HELD_STATE[h])];
+    }
+#endif
     joint_to_model(lane, lane, sample + SAMPLE_U_BEFORE, v);
     const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U_BEFORE, v);
     for (int k = 0; k < N_INPUTS; k++) {
@@ -169,7 +192,17 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
         FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);
         lane[i] = v[i];
     }
+#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
+    hold_states(before, sample, lane, work->a);
     spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
+    for (int h = 0; h < N_HELD; h++) {
+        if (HELD_STATE[h] < 0 || !(sample[SAMPLE_HELD + h] > 0.0)) continue;
+        lanes *own = &lane[AT_COVARIANCE + PLACE(HELD_STATE[h], HELD_STATE[h])];
+        *own = v_fmax(*own, variance[h]);
+    }
+#else
+    spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
+#endif
     spread_rest(lane, sample, work->step.decay);
 }
 
@@ -260,14 +293,21 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
     for (int i = 0; i < N_JOINT; i++) shift[i] = broadcast(0.0);
     for (int j = 0; j < N_OUTPUTS; j++) {
         lanes *FB_RESTRICT cross = found->cross[j];
+        const given use = sample[SAMPLE_USE + j];
         if (MANY_OUTPUTS && j > 0) times(j, p_next, found->slope[j], cross);
         for (int k = 0; !MANY_OUTPUTS && k < j; k++) { /* what the sensors before have told already */
             const lanes told = along(found->slope[j], found->cross[k], j);
             for (int i = 0; i < N_JOINT; i++) cross[i] -= weight[k][i] * told;
         }
+#ifndef FB_OWN_SAMPLES
+        if (!(use > 0.0)) { /* where its law has no value a weight of 0 would be no number */
+            for (int i = 0; i < N_JOINT; i++) weight[j][i] = cross[i] = broadcast(0.0);
+            if (MANY_OUTPUTS) take_off(j == 0 ? lane + AT_COVARIANCE : p_next, &weight[j], &found->cross[j], 1, p_next);
+            continue;
+        }
+#endif
         const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
         const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
-        const given use = sample[SAMPLE_USE + j];
         const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
         const lanes step = v_fmin(v_fmax(innovation, -most), most);
         for (int i = 0; i < N_JOINT; i++) {

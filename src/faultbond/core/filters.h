@@ -34,6 +34,7 @@
 #define joint_to_model OF_KIND(joint_to_model)
 #define add_by_z OF_KIND(add_by_z)
 #define inputs_of OF_KIND(inputs_of)
+#define hold_states OF_KIND(hold_states)
 #define spread_states OF_KIND(spread_states)
 #define spread_rest OF_KIND(spread_rest)
 #define predict OF_KIND(predict)

@@ -59,7 +59,8 @@
 #define SAMPLE_BOUND (SAMPLE_AGAIN + 1)           /* sd up to which innovations count; 0: without bound */
 #define SAMPLE_NIS (SAMPLE_BOUND + 1)             /* usual square of a normalised innovation; 0: as declared, 1 */
 #define SAMPLE_RUN (SAMPLE_NIS + N_OUTPUTS)       /* and their variance over long runs, for likelihoods; less counts as that */
-#define SAMPLE_STILL (SAMPLE_RUN + N_OUTPUTS)     /* 1: the states stay, since the model did not hold before it; 2: it does not now */
+#define SAMPLE_HELD (SAMPLE_RUN + N_OUTPUTS)      /* 1: what lags before a sensor is not followed, see `hold_lags` */
+#define SAMPLE_STILL (SAMPLE_HELD + N_HELD)       /* 1: the states stay, since the model did not hold before it; 2: it does not now */
 #define N_SAMPLE (SAMPLE_STILL + 1)
 #define IS_OUTSIDE(packed) ((packed)[SAMPLE_STILL] > 1.0)
 

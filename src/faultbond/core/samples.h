@@ -86,6 +86,21 @@ static void doubt_readings(Clock *clock, double *packed)
     if (clock->doubt <= 1.0) clock->doubt = 0.0;
 }
 
+/* Whether condition c has settled. */
+static inline int has_settled(const Inputs *inputs, int c) { return c < 0 || isinf(inputs->true_for[c]); }
+
+/* A sensor that lags is behind what it reads, by a law that may have no value while the sensor does not read as stated. So then
+   its state is not followed, and may be wherever it has been. */
+static void hold_lags(const Healthy *healthy, const Inputs *inputs, double *packed)
+{
+    for (int h = 0; h < N_HELD; h++) {
+        if (has_settled(inputs, OUTPUT_CONDITION[HELD_OUTPUT[h]])) continue;
+        const int i = HELD_STATE[h];
+        packed[SAMPLE_HELD + h] = 1.0;
+        if (i >= 0) packed[SAMPLE_GAP + i] = larger(packed[SAMPLE_GAP + i], travelled(healthy, i));
+    }
+}
+
 /* Pack a sample: hold inputs, blank after steps, kick slow errors, switch off missing values. `clock`, `inputs` and `astray`,
    that of the states, become those after it; of `state`, which they may be parts of, the rest is read: how far the states
    have moved, and the noise of the sensors. Each input has been told before, or is now. */
@@ -108,6 +123,7 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
         wander(&state->healthy, gap, astray);
         for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = astray[i];
     }
+    hold_lags(&state->healthy, inputs, packed);
     if (clock->begun < 0 || (gap != 0.0 && !clock->running)) clock->begun = clock->index;
     if (clock->index - clock->begun >= WARM_UP_SAMPLES) packed[SAMPLE_BOUND] = LEARNING_BOUND;
     learn_inputs(inputs, sample, gap != 0.0, !has_value(sample));
@@ -125,6 +141,7 @@ static void pack_outside(const State *state, const Sample *sample, Clock *clock,
     }
     pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
     learn_inputs(inputs, sample, 1, !has_value(sample));
+    hold_lags(&state->healthy, inputs, packed);
     packed[SAMPLE_STILL] = 2.0;
     for (int k = 0; k < N_INPUTS; k++) {
         packed[SAMPLE_U_BEFORE + k] = inputs->inside[k];

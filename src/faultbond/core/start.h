@@ -133,7 +133,8 @@ static void answer(SolveMemory *memory)
         filter_step_plain(work->lane, memory->off[t], work->innovations, work);
         for (int j = 0; j < N_OUTPUTS; j++) {
             const int64_t k = t * N_OUTPUTS + j;
-            const lanes misfit = work->innovations[j] * memory->weight[k];
+            const double weight = memory->weight[k];
+            const lanes misfit = weight > 0.0 ? work->innovations[j] * weight : broadcast(0.0); /* what is not used may be none */
             const lanes lost = choose(misfit < 0.0, broadcast(-RUN_AWAY), broadcast(RUN_AWAY));
             double found[FB_LANES];
             store(found, choose(misfit - misfit == 0.0, misfit, lost));
@@ -179,6 +180,8 @@ static void settle(SolveMemory *memory, double *settled)
     memcpy(lane, memory->sure, sizeof memory->settling);
     for (int doubling = 0; doubling < DOUBLINGS; doubling++) {
         for (int k = 0; k < 4; k++) advance_one(lane, sample, memory->normal, NULL, memory->filter);
+        for (int i = 0; i < N_STATES; i++) /* a law may have no value at the start alone, as a quotient by a flow of 0 */
+            if (!isfinite(lane[i])) lane[i] = START_MEAN[i];
         sample[SAMPLE_DT] *= 2.0;
     }
     for (int i = 0; i < N_STATES; i++) settled[i] = fabs(lane[i]) < ABSURD_STATE ? lane[i] : START_MEAN[i];
@@ -193,7 +196,8 @@ static double sum_of_squares(const double *of, int64_t n)
 }
 
 /* The size of each unknown state at which it would explain outputs as large as the measured ones. By secants of
-   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. */
+   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. Where a law has no
+   value at the start that is stated, as a quotient by a flow of 0, from where the plant settles. */
 static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, SolveMemory *memory)
 {
     double *base = memory->guesses[0].misfit, *size = memory->size, squares = 0.0, effect[FB_ROOM(N_STATES)];
@@ -203,9 +207,14 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, S
             squares += measured * measured;
         }
     const double total = sqrt(squares) + sqrt((double)memory->n_readings);
-    ask(START_MEAN, 0, 0.0, base, memory);
+    const double *from = START_MEAN;
+    ask(from, 0, 0.0, base, memory);
+    answer(memory);
+    for (int64_t k = 0; k < memory->n_readings; k++)
+        if (fabs(base[k]) >= RUN_AWAY) from = memory->centre;
+    if (from == memory->centre) ask(from, 0, 0.0, base, memory);
     for (int secant = 0; secant < START_SECANTS; secant++) {
-        for (int c = 0; c < n; c++) ask(START_MEAN, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
+        for (int c = 0; c < n; c++) ask(from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
         answer(memory);
         for (int c = 0; c < n; c++) {
             double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];

@@ -153,6 +153,7 @@ static inline real pack_values(const Sample *sample, int first, const Sensors *s
         packed[SAMPLE_RUN + j] = sensors->run[j];
     }
     for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = SAME(0.0);
+    for (int h = 0; h < N_HELD; h++) packed[SAMPLE_HELD + h] = SAME(0.0);
     kick(inputs, dt, packed + SAMPLE_KICK);
     return gap_before(clock, dt, NOT(has_value(sample)));
 }

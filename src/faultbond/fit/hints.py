@@ -27,11 +27,15 @@ AGAINST = -0.5  # correlation of moves that are turned round
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Late:
-    """A sensor that follows the changes of an input later than the model says; part: of the scatter of its errors."""
+    """A sensor that follows the changes of an input later than the model says.
+
+    part: of the scatter of its errors. by: how much later, s; None: that does not show.
+    """
 
     sensor: str
     of: str
     part: float
+    by: float | None = None
 
 
 def last_changes(course: FloatArray) -> FloatArray:
@@ -81,9 +85,32 @@ def late_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches:
             slopes, part = seen[0], 1.0 - float(np.exp(-2.0 * seen[1] / seen[2]))
             fades = np.abs(slopes[-1]) < FADED * np.max(np.abs(slopes))
             if part > best.part and fades and _largest(slopes) * _largest(course[0]) < 0.0:
-                best = Late(sensor=output.name, of=known.name, part=part)
+                by = _seconds_later(records, watches, j, k)
+                best = Late(sensor=output.name, of=known.name, part=part, by=by)
         found += [best] if best.of else []
     return tuple(sorted(found, key=lambda item: item.part, reverse=True))
+
+
+def _seconds_later(records: Sequence[HealthyRecording], watches: Sequence[Watch], j: int, k: int) -> float | None:
+    """Give by how much sensor j follows input k later than the plant alone does, s; None where that does not show.
+
+    After a step of the input the difference between the two adds up to the further lag times what the step brings.
+    """
+    changes = np.concatenate([_changes_ago(item.u[:, k]) for item in records])
+    alone = np.concatenate([_moved(item.alone[:, j]) for item in watches])
+    off = np.concatenate([item.y[:, j] - seen.alone[:, j] for item, seen in zip(records, watches, strict=True)])
+    behind, course = _responses(off, changes), _responses(alone, changes)
+    if behind is None or course is None:
+        return None
+    step = float(np.median(np.concatenate([np.diff(item.time) for item in records])))
+    by = -step * float(np.diff(AGO) @ behind) / course[-1] if course[-1] else np.nan
+    return float(by) if 0.0 < by < 0.5 * step * AGO[-1] else None
+
+
+def _responses(values: FloatArray, changes: FloatArray) -> FloatArray | None:
+    """Give how values (N,) go with changes (N, n), per unit of each, (n,); None where too few are there."""
+    found, here = _regressed(values, changes), np.isfinite(values)
+    return None if found is None else np.asarray(found[0] / changes[here].std(axis=0))
 
 
 def _largest(slopes: FloatArray) -> float:

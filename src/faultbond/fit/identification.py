@@ -19,7 +19,7 @@ from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.fit.ascent import SETTLED, START_PRIOR, Summit, ascend, spread_noise
 from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.whiteness import Whiteness, test_whiteness
 
@@ -137,7 +137,7 @@ def fit_plant(
         reached=reached,
         before=sum(score_recording(plant, record, begin, r).value for r, record in enumerate(records)),
         courses=courses,
-        simulated=tuple(_simulated(plant, record, best.point, r) for r, record in enumerate(records)),
+        simulated=tuple(follow_alone(plant, record, best.point, r) for r, record in enumerate(records)),
         whiteness=tuple(
             test_whiteness(name, [item.standardised[:, j] for item in courses]) for j, name in enumerate(plant.sensors)
         ),
@@ -181,11 +181,28 @@ def _search(
         if reached >= agreeing:
             break
     if not np.isfinite(best.posterior):
-        names = ", ".join(record.name for record in records)
-        raise RecordingError(
-            f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
-        )
+        raise RecordingError(_without_course(plant, records, begin))
     return best, reached, len(summits)
+
+
+def _without_course(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint) -> str:
+    """Say where the plant with its nominal values has no value: which sensor, in which recording, when."""
+    for r, record in enumerate(records):
+        none = record.use & ~np.isfinite(follow_alone(plant, record, begin, r))
+        if not none.any():
+            continue
+        row = int(np.argmax(none.any(axis=1)))
+        where = f"{record.name}: at {record.time[row]:.10g} s"
+        if none[row].sum() == record.use[row].sum() > 1:
+            return f"{where} the plant with its nominal values has no finite course any more; check units and values"
+        names = ", ".join(name for name, lost in zip(plant.sensors, none[row], strict=True) if lost)
+        return (
+            f"{where} what the sensor {names} reads has no finite value with the nominal values, as a quotient by a "
+            "flow of 0 has none. State by `valid_when` of the sensor when it reads as its law says, or write the law "
+            "so that it always has a value"
+        )
+    names = ", ".join(record.name for record in records)
+    return f"{names}: the plant with its nominal values has no finite course along it; check units and nominal values"
 
 
 def _without_wild(
@@ -248,12 +265,3 @@ def _weigh(
             break
         widths = wanted
     return best, widths
-
-
-def _simulated(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
-    """Give what the plant shows under the inputs alone, from the start found, (N, n_outputs), SI."""
-    layout = plant.layout
-    alone = record.without(np.ones_like(record.use))
-    alone = replace(alone, use=np.ones_like(record.use))
-    found = score_recording(plant, alone, point, number)
-    return np.asarray(alone.samples[:, layout.sample_fields["y"]] - found.innovations)

@@ -7,6 +7,7 @@ exact derivatives (forward automatic differentiation), one direction a lane, eig
 Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (prediction errors, maximum likelihood).
 """
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,6 +16,8 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
+
+_ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what it reads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +36,7 @@ class Layout:
     n_y: int
     n_u: int
     n_z: int
+    n_held: int  # sensors with a condition of their own
 
     @property
     def n_mean(self) -> int:
@@ -61,8 +65,11 @@ class Layout:
 
     @property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a sample: dt, u_before, u, y, use (1 or 0), kick (variance added to slow errors)."""
-        return sample_fields(self.n_u, self.n_y, self.n_b)
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, kick (variance added to slow errors).
+
+        held: 1 of each sensor with a condition of its own that does not read as stated.
+        """
+        return sample_fields(self.n_u, self.n_y, self.n_b, self.n_held)
 
     @property
     def n_sample(self) -> int:
@@ -70,9 +77,10 @@ class Layout:
         return int(self.sample_fields["kick"].stop)
 
 
-def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int) -> dict[str, slice]:
+def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int, n_held: int) -> dict[str, slice]:
     """Give the layout of a sample: see `Layout.sample_fields`."""
-    sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs, "kick": n_slow_errors}
+    sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs}
+    sizes |= {"held": n_held, "kick": n_slow_errors}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
@@ -88,6 +96,7 @@ def layout_of(model: StepModel) -> Layout:
         n_y=len(plant.graph.sensors),
         n_u=plant.u.numel(),
         n_z=plant.z.numel(),
+        n_held=sum(item.valid_when is not None for item in plant.graph.sensors),
     )
 
 
@@ -104,14 +113,57 @@ def build_likelihood(model: StepModel, *, slopes: bool = True) -> ca.Function:
     moving = ca.SX.sym("moving", size.n_filter + size.n_q)
     implicit = ca.SX.sym("implicit", size.n_z)
     direction = ca.SX.sym("direction", moving.numel())
-    following, seen, solved = _sample(model, size, moving, implicit, fields)
+    known = _Known()
+    following, seen, solved = _sample(model, size, moving, implicit, fields, known)
     n_f = size.n_filter
     if not slopes:
-        return _function(ca.vertcat(moving, implicit), sample, ca.vertcat(following, moving[n_f:], solved), seen)
-    change = ca.jtimes(ca.vertcat(following, seen), moving, direction)
+        whole = known.in_full(ca.vertcat(following, moving[n_f:], solved), seen)
+        return _function(ca.vertcat(moving, implicit), sample, *whole)
+    change = known.along(ca.vertcat(following, seen), moving, direction)
     lane = ca.vertcat(moving, implicit, direction)
     after = ca.vertcat(following, moving[n_f:], solved, change[:n_f], direction[n_f:])
-    return _function(lane, sample, after, ca.vertcat(seen, change[n_f:]))
+    return _function(lane, sample, *known.in_full(after, ca.vertcat(seen, change[n_f:])))
+
+
+class _Known:
+    """Values that count only where something is true, and are 0 else, with their derivatives, whatever they would be.
+
+    Where a law has no value, a factor of 0 would not take away what is no number, and least of all of a derivative. So
+    each such value stands for itself until the derivatives are there.
+    """
+
+    def __init__(self) -> None:
+        self._found: list[tuple[ca.SX, ca.SX, ca.SX]] = []  # what stands for it, whether it counts, and it
+
+    def where(self, counts: ca.SX, value: ca.SX) -> ca.SX:
+        """Give a value, or 0 of the same shape where it does not count."""
+        symbol = ca.SX.sym(f"known{len(self._found)}", value.sparsity())
+        self._found.append((symbol, counts, value))
+        return symbol
+
+    def along(self, what: ca.SX, moving: ca.SX, direction: ca.SX) -> ca.SX:
+        """Give the derivative of a column along a direction in which `moving` moves."""
+        for symbol, counts, value in self._found:
+            change = _where(counts, ca.jtimes(_column(value), moving, direction))
+            moving, direction = ca.vertcat(moving, _column(symbol)), ca.vertcat(direction, change)
+        return ca.jtimes(what, moving, direction)
+
+    def in_full(self, *what: ca.SX) -> list[ca.SX]:
+        """Give expressions in which each value stands itself."""
+        found = list(what)
+        for symbol, counts, value in reversed(self._found):
+            found = ca.substitute(found, [_column(symbol)], [_where(counts, _column(value))])
+        return found
+
+
+def _column(matrix: ca.SX) -> ca.SX:
+    """Give the entries of a matrix that are not zero by its structure."""
+    return ca.vertcat(*map(ca.SX, matrix.nonzeros())) if matrix.nnz() else ca.SX(0, 1)
+
+
+def _where(counts: ca.SX, values: ca.SX) -> ca.SX:
+    """Give values (n,) where something is true, else 0."""
+    return ca.vertcat(*(ca.if_else(counts, values[k], 0) for k in range(values.numel()))) if values.numel() else values
 
 
 def _function(lane: ca.SX, sample: ca.SX, after: ca.SX, innovations: ca.SX) -> ca.Function:
@@ -126,7 +178,7 @@ def _function(lane: ca.SX, sample: ca.SX, after: ca.SX, innovations: ca.SX) -> c
 
 
 def _sample(
-    model: StepModel, size: Layout, moving: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX]
+    model: StepModel, size: Layout, moving: ca.SX, implicit: ca.SX, fields: dict[str, ca.SX], known: _Known
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Predict and update; give filter state, innovations with variances, implicit signals."""
     n = size.n_mean
@@ -140,6 +192,11 @@ def _sample(
     )
     transition, added = ca.SX(n, n), ca.SX(n, n)
     transition[: size.n_x, :] = slope[:, kept]
+    for held, place, sd in _lagging(model):  # it may be anywhere once the sensor reads as stated again
+        off = fields["held"][held]
+        x_next[place] = known.where(1 - off, x_next[place]) + off * mean[place]
+        transition[place, :] = known.where(1 - off, transition[place, :])
+        added[place, place] = off * sd**2
     for k in range(size.n_b):
         decay, place = ca.exp(-fields["dt"] * ca.exp(-memories[k])), size.n_x + k
         transition[place, place] = decay
@@ -150,7 +207,10 @@ def _sample(
     mean = ca.vertcat(x_next, *slow, ca.SX.zeros(size.n_w, 1))
     covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
     expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
-    shift, covariance, seen = _update(fields, covariance, expected, slope[:, kept], sensor_noise)
+    slope = slope[:, kept]
+    for j in _conditional(model):
+        slope[j, :] = known.where(fields["use"][j], slope[j, :])
+    shift, covariance, seen = _update(fields, covariance, expected, slope, sensor_noise, _conditional(model), known)
     return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
 
 
@@ -162,7 +222,13 @@ def _joint(size: Layout, mean: ca.SX, factors: ca.SX) -> ca.SX:
 
 
 def _update(
-    fields: dict[str, ca.SX], covariance: ca.SX, expected: ca.SX, slope: ca.SX, log_noise: ca.SX
+    fields: dict[str, ca.SX],
+    covariance: ca.SX,
+    expected: ca.SX,
+    slope: ca.SX,
+    log_noise: ca.SX,
+    conditional: Collection[int],
+    known: _Known,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Take the sensors one after the other."""
     shift = ca.SX.zeros(covariance.shape[0], 1)
@@ -173,11 +239,24 @@ def _update(
         variance = row @ cross + ca.exp(2 * log_noise[j])
         innovation = fields["y"][j] - expected[j] - row @ shift
         weight = cross * (fields["use"][j] / variance)
-        shift = shift + weight * innovation
+        shift = shift + weight * (known.where(fields["use"][j], innovation) if j in conditional else innovation)
         covariance = ca.triu2symm(ca.triu(covariance - weight @ cross.T))
         innovations.append(innovation)
         variances.append(variance)
     return shift, covariance, ca.vertcat(*innovations, *variances)
+
+
+def _conditional(model: StepModel) -> tuple[int, ...]:
+    """Give the sensors that do not always read as stated."""
+    return tuple(j for j, item in enumerate(model.plant.graph.sensors) if item.valid_when is not None)
+
+
+def _lagging(model: StepModel) -> Iterator[tuple[int, int, float]]:
+    """Give which of these lag: number among them, state, and an sd that is as good as none for that state, SI."""
+    stores, sensors = [item.name for item in model.plant.network.states], model.plant.graph.sensors
+    for held, j in enumerate(_conditional(model)):
+        if sensors[j].lag:
+            yield held, stores.index(f"{sensors[j].name}.lagged"), _ANYWHERE * sensors[j].noise
 
 
 def _unpacked(packed: ca.SX, n: int) -> ca.SX:

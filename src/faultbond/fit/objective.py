@@ -111,6 +111,19 @@ def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoin
     return _run(plant, record, point, number, keep=True)
 
 
+def follow_alone(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
+    """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value."""
+    lanes, place = _lanes(plant, point, number), plant.layout.sample_fields
+    samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
+    samples[:, place["use"]] = 0.0
+    with np.errstate(all="ignore"):
+        for first in range(0, len(samples), BLOCK):
+            part = slice(first, first + BLOCK)
+            lanes, seen = plant.engine.advance(lanes, samples[part])
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
+    return found
+
+
 def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
     """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
     lanes, n_y = _lanes(plant, point, number), plant.layout.n_y

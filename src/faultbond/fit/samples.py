@@ -48,7 +48,7 @@ class HealthyRecording:
     def without(self, wild: BoolArray) -> "HealthyRecording":
         """Give the recording with some readings (N, n_outputs) left out."""
         samples, use = self.samples.copy(), self.use & ~wild
-        samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0)["use"]] = use
+        samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0, 0)["use"]] = use
         return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
 
 
@@ -119,7 +119,8 @@ def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> Health
     for k, output in enumerate(spec.outputs):
         if not np.isfinite(y[:, k]).any():
             raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
-    packed, fields = np.array(rows), sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors))
+    packed = np.array(rows)
+    fields = sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors), len(spec.held))
     use = trusted(spec, packed)
     samples = np.zeros((len(rows), fields["kick"].stop))
     for field, place in fields.items():

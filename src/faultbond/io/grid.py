@@ -170,6 +170,7 @@ class Grid:
     noise : standard deviations of the sensors in SI, to count those that are frozen
     clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
     row_time : seconds between rows, of which those about a grid point are averaged; None: none is
+    held : with it, whether each input stays until the next grid point, see `RowMeans`
     """
 
     def __init__(
@@ -181,6 +182,7 @@ class Grid:
         noise: Sequence[float] = (),
         clock: GridClock | None = None,
         row_time: float | None = None,
+        held: Sequence[bool] = (),
     ) -> None:
         if sample_time is not None and not 0.0 < sample_time < math.inf:
             raise RecordingError(f"sample_time is {sample_time:g} s: a grid needs a positive number of seconds.")
@@ -205,7 +207,7 @@ class Grid:
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         self._means: RowMeans | None = None
         if row_time is not None and sample_time is not None:
-            self._means = RowMeans(sample_time, row_time, clock.origin[1] if clock else None)
+            self._means = RowMeans(sample_time, row_time, clock.origin[1] if clock else None, held)
         if clock is None:
             return
         self._tally.update(asdict(clock.counts))

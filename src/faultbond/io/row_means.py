@@ -6,6 +6,7 @@ plant never was: to the filter it would be far off by what a mean scatters. So i
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,24 +20,33 @@ JUMP = 4.0  # standard deviations by which a jump must explain the rows of a sam
 LEAST_ROWS = 5  # of a sample in which a jump is looked for
 SCATTER_ROWS = 1000.0  # over which the scatter from row to row is a mean
 KNOWN_ROWS = 100  # from which on it is known well enough for a jump to be seen
+_ON_GRID = 1e-6  # of a sample; a row that is so near to its begin is at it
 _ROUNDING = 1e-24  # of the square of a value: what is less is no jump
 
 
 class RowMeans:
     """Gives the mean of the rows about each sample as one row, when the first of the next sample has come.
 
-    A value that is absent in some rows is the mean of the others, and a reading that jumps is absent. A row that is
-    older than the sample which is gathered
-    is given as it is, and so is one whose time cannot be read: the grid knows what to do with them.
+    An input that stays where it is until the next sample acts between the two: of such a one the mean is that of the
+    rows from this sample on up to the next, and the sample is given when that has come. A value that is absent in some
+    rows is the mean of the others, and a reading that jumps is absent. A row that is older than the sample which is
+    gathered is given as it is, and so is one whose time cannot be read: the grid knows what to do with them.
 
     Parameters
     ----------
     sample_time : seconds between samples
     row_time : seconds between rows, as the model file states them
     origin : s, time of a sample; None: that of the first row
+    held : whether each input stays until the next sample; none where it is empty
     """
 
-    def __init__(self, sample_time: float, row_time: float, origin: float | None = None) -> None:
+    def __init__(
+        self, sample_time: float, row_time: float, origin: float | None = None, held: Sequence[bool] = ()
+    ) -> None:
+        self._held = np.array(held, dtype=bool)
+        self._slot = 0  # number of the sample from which on the last rows were gathered
+        self._since: list[FloatArray] = []  # inputs of these
+        self._made: tuple[Row, ...] = ()  # samples that wait for the mean of what acts until the next one
         self._step, self._row_time = sample_time, row_time
         self._origin = origin
         self._index: int | None = None
@@ -53,6 +63,38 @@ class RowMeans:
         RecordingError
             Where rows come so seldom that their means have more noise than the model file says.
         """
+        if not self._held.any():
+            return self._gathered(row)
+        before = self._origin
+        found = tuple(self._gathered(row))
+        if self._origin is None or (found and found[-1] is row):
+            return found
+        if self._origin != before:  # it begins, or the clock was set back
+            done, self._made = (*self._acted(math.inf), *found), ()
+            self._slot, self._since = 0, [row.u]
+            return done
+        self._made += found
+        slot = math.floor((row.time - self._origin) / self._step + _ON_GRID)
+        done = self._acted(self._origin + slot * self._step) if slot > self._slot else ()
+        self._since = [*(self._since if slot == self._slot else ()), row.u]
+        self._slot = slot
+        return done
+
+    def _acted(self, before: float) -> tuple[Row, ...]:
+        """Give the samples before a time that wait for what acts until the next one; of whom that is known, with it."""
+        done = tuple(item for item in self._made if item.time < before - _ON_GRID * self._step)
+        self._made = self._made[len(done) :]
+        if not done or not self._since or self._origin is None:
+            return done
+        mean, begin = _mean(self._since), self._origin + self._slot * self._step
+        acts = self._held & np.isfinite(mean)
+        return tuple(
+            replace(item, u=np.where(acts, mean, item.u)) if abs(item.time - begin) < 0.5 * self._step else item
+            for item in done
+        )
+
+    def _gathered(self, row: Row) -> Iterable[Row]:
+        """Take one row, and give the means about samples that are complete with it."""
         if not math.isfinite(row.time) or row.time == self._last:
             return (row,)
         if self._origin is None:
@@ -60,18 +102,23 @@ class RowMeans:
         index = math.floor((row.time - self._origin) / self._step + 0.5)
         if self._index is not None and index < self._index:
             if row.time < self._last - self._step * FIRST_ROWS:  # the clock was set back
-                done = self.finish()
+                done = self._mean_about()
                 self._origin, self._index, self._rows, self._last = row.time, 0, [row], row.time
                 return done
             return (row,)
-        done = self.finish() if index != self._index else ()
+        done = self._mean_about() if index != self._index else ()
         self._index, self._last = index, max(self._last, row.time)
         self._rows = [*self._rows, row]  # a copy of this keeps its own
         self._judge(row)
         return done
 
     def finish(self) -> tuple[Row, ...]:
-        """Give the mean of the rows that were gathered last, if there are any."""
+        """Give what was gathered last, if there is any."""
+        self._made += self._mean_about()
+        return self._acted(math.inf)
+
+    def _mean_about(self) -> tuple[Row, ...]:
+        """Give the mean of the rows about a sample that were gathered last, if there are any."""
         rows, self._rows = self._rows, []
         if not rows or self._index is None or self._origin is None:
             return ()

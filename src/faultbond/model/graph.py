@@ -388,6 +388,11 @@ class BondGraph:
         return 1 if self.row_time is None or self.sample_time is None else round(self.sample_time / self.row_time)
 
     @property
+    def held_inputs(self) -> tuple[bool, ...]:
+        """Whether each input stays until the next sample."""
+        return tuple(not item.linear for item in self.inputs)
+
+    @property
     def conditions(self) -> tuple[Validity, ...]:
         """When the model, then each sensor, holds, where that is stated; each condition once."""
         stated = (self.valid_when, *(item.valid_when for item in self.sensors))

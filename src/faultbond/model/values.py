@@ -158,7 +158,7 @@ class ValueReader:
             unit=found.unit if found else NO_UNIT,
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
-            linear=self._is_linear(fields["hold"]) if "hold" in fields else self.head.row_time is not None,
+            linear=self._is_linear(fields),
             lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
@@ -166,14 +166,22 @@ class ValueReader:
             line=place.line,
         )
 
-    def _is_linear(self, place: Spot) -> bool:
-        """Whether an input goes linearly from row to row."""
+    def _is_linear(self, fields: Mapping[str, Spot]) -> bool:
+        """Whether an input goes linearly from row to row.
+
+        Of rows that are averaged the mean about a sample is what sensors feel at once; of an input that lags nothing is
+        felt at once, so what acts until the next sample may be its mean.
+        """
+        averaged = self.head.row_time is not None
+        if "hold" not in fields:
+            return averaged
+        place = fields["hold"]
         word = place.text()
         if self.head.static:
             raise place.error(": with `sample_time: none` each row stands by itself, and nothing is held; remove it")
         if word not in HOLDS:
             raise place.error(f" is `last`, it stays until the next row, or `linear`, not `{shown(word)}`")
-        return word == "linear"
+        return word == "linear" or (averaged and "lag" not in fields)
 
     def lag(self, owner: Spot, stated: Spot) -> str:
         """Take the lag of an input or a sensor; give the parameter that is its time constant.

@@ -236,7 +236,8 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
         title(console, "Parameters")
         table(console, HEADER, [parameter_row(item) for item in fitted.estimates])
         lines(console, remarks(fitted))
-    title(console, "Noise and what is left")
+    rows = fitted.graph.rows_per_sample
+    title(console, "Noise and what is left", f"noise of means of {rows} rows" if rows > 1 else "")
     table(console, ("sensor", "declared noise", "found ± sd", "unit", "what is left"), list(noise_rows(fitted)))
     lines(console, list(size_lines(fitted)))
     console.print()

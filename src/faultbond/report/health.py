@@ -23,8 +23,8 @@ YEAR = 365.25 * 86400.0  # s
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
 
 
-def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
-    """Give the record of a model on trial; SI."""
+def health_record(graph: BondGraph, spec: EngineSpec, found: Health, slower: float | None = None) -> Record:
+    """Give the record of a model on trial; SI. slower: a longer time between samples that would do, s."""
     return {
         "record": "trial",
         "model": graph.name,
@@ -65,11 +65,15 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health) -> Record:
         "walk": {"of": found.walker or None, "peak": found.walk},
         "late": [asdict(item) for item in found.late],
         "mirrored": list(found.mirrored),
+        "slower": slower,
     }
 
 
-def print_health(console: Console, graph: BondGraph, found: Health) -> None:
-    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+def print_health(console: Console, graph: BondGraph, found: Health, slower: float | None = None) -> None:
+    """Print what came of a trial of a plant; a console that is no terminal gets `console.PLAIN_WIDTH` columns.
+
+    slower: a longer time between samples that would do, s.
+    """
     headline(console, graph.name, graph.file)
     lines(console, under("recordings", [recording_text(item.name, item.time) for item in found.records]))
     title(console, "What the detector sees", "scores: 0 ± 1 if all is as declared; peak: an alarm above 100 %")
@@ -82,6 +86,9 @@ def print_health(console: Console, graph: BondGraph, found: Health) -> None:
     table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
     lines(console, where_lines(graph, found) or [("", "nowhere that the detector would mind")])
+    if slower is not None and graph.sample_time is not None:
+        stated = f"`sample_time: {duration_text(slower)}` with `row_time: {duration_text(graph.sample_time)}`"
+        lines(console, [("sampling", f"far faster than anything here moves: {stated} finds slow faults sooner")])
     title(console, "What must be declared", f"for a false alarm every {spacing_text(found.promise)} at most")
     tried = {
         (item.kind, item.factor): "alarm" if item.peak > 1.0 else spacing_text(item.between) for item in found.trials
@@ -114,22 +121,29 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         begin, end = clock_text(item.begin), clock_text(item.end)
         when = begin if begin == end else f"{begin} to {end}"
         moments.append(f"{when}{where}: {reads}, {height}")
-    return told + under("moments", moments) + under("hints", list(_hints(found)))
+    return told + under("moments", moments) + under("hints", list(_hints(graph, found)))
 
 
-def _hints(found: Health) -> Iterator[str]:
+def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
     """Say what the errors look like."""
     for name in found.mirrored:
         yield f"{name} moves the other way round than expected: is a bond, or a sign in a law, turned round?"
     for item in found.late:
         if item.sensor not in found.mirrored:
-            yield (
-                f"{item.sensor} follows changes of {item.of} later than the model says: "
-                f"a `lag:` of {item.of} or of {item.sensor}?"
-            )
+            by = f", by about {duration_text(item.by)}" if item.by is not None else ""
+            ways = f"{_longer(graph, item.of)} or {_longer(graph, item.sensor)}"
+            yield f"{item.sensor} follows changes of {item.of} later than the model says{by}: {ways}?"
     if found.walk > MUCH:
         far = f"{100 * found.walk:.0f} % of the way to an alarm"
         yield f"{found.walker} walks on healthy data, {far}: is it a constant?"
+
+
+def _longer(graph: BondGraph, name: str) -> str:
+    """Name the lag of an input or a sensor that may be what is missing."""
+    lags = {item.name: item.lag for item in graph.inputs} | {item.name: item.lag for item in graph.sensors}
+    if not lags[name]:
+        return f"a `lag:` of {name}"
+    return f"a longer `lag:` of {name} than {duration_text(graph.parameter(lags[name]).nominal)}"
 
 
 def _region_text(item: Region, units: dict[str, Unit]) -> str:

@@ -16,7 +16,7 @@ from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
-from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit
+from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
@@ -144,6 +144,8 @@ def check_record(seen: Inventory) -> Record:
         "model_sha256": spec.model_sha256,
         "version": spec.version,
         "sample_time": graph.sample_time,
+        "row_time": graph.row_time,
+        "valid_when": _condition_record(graph.valid_when),
         "max_faults": graph.max_faults,
         "warm_up": graph.warm_up,
         "time_between_false_alarms": graph.time_between_false_alarms,
@@ -158,6 +160,7 @@ def check_record(seen: Inventory) -> Record:
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "range": [item.lower, item.upper], "suspect": item.suspect}
             | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
+            | {"valid_when": _condition_record(item.valid_when)}
             | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
             for item, known in zip(graph.sensors, spec.outputs, strict=True)
         ],
@@ -191,6 +194,11 @@ def check_record(seen: Inventory) -> Record:
         "settings": {name: value for name, (value, _) in settings_of(spec).items()},
         "defaults": [{"what": what, "value": value} for what, value in graph.defaults],
     }
+
+
+def _condition_record(item: Validity | None) -> Record | None:
+    """Give when a model or a sensor holds, if that is stated."""
+    return None if item is None else {"when": to_text(item.condition), "settling": item.settling}
 
 
 def _structure_record(seen: Inventory) -> Record:
@@ -332,7 +340,7 @@ def _value(unit: Unit, si: float) -> str:
 
 
 def _spread(unit: Unit, si: float) -> str:
-    return with_unit(unit.difference_from_si(si), unit.text) if si else "none"
+    return with_unit(unit.difference_from_si(si), unit.text, digits=4) if si else "none"
 
 
 def _print_structure(console: Console, seen: Inventory) -> None:
@@ -402,7 +410,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         unit, noise = unit_text(item.unit.text), _spread(item.unit, item.noise)
         inputs.append((item.name, item.column, unit, noise, duration_text(item.settling), " and ".join(steps)))
     if inputs:
-        header = ("name", "column", "unit", "noise (sd)", "settling", "a step is more than")
+        header = ("name", "column", "unit", _noise_title(graph), "settling", "a step is more than")
         shown = 4 if graph.grid is TimeGrid.NONE else len(header)  # without time nothing settles
         table(console, header[:shown], [row[:shown] for row in inputs])
     else:
@@ -413,8 +421,8 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         unit, noise = unit_text(sensor.unit.text), _spread(sensor.unit, sensor.noise)
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
-    table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)
-    lines(console, [*_lags(seen), *_instruments(graph)])
+    table(console, ("name", "column", "reads", "unit", _noise_title(graph), "follows at once"), sensors)
+    lines(console, [*_lags(seen), *_valid(graph), *_instruments(graph)])
     for kind, heading, what in (("slow_error", "Slow errors", "signal"), ("wander", "What wanders", "name")):
         rows = []
         for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
@@ -430,6 +438,20 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])
+
+
+def _noise_title(graph: BondGraph) -> str:
+    """Say what the noise is of that is shown: where rows are averaged, of their mean."""
+    return "noise (sd)" if graph.row_time is None else "noise of means (sd)"
+
+
+def _valid(graph: BondGraph) -> Iterator[tuple[str, str]]:
+    """Say when the model and its sensors hold, where that is stated."""
+    stated = [("the model", graph.valid_when), *((item.name, item.valid_when) for item in graph.sensors)]
+    for name, item in stated:
+        if item is not None:
+            settled = f", and has been for {duration_text(item.settling)}" if item.settling else ""
+            yield "valid when", f"{name}: {to_text(item.condition)}{settled}"
 
 
 def _lags(seen: Inventory) -> Iterator[tuple[str, str]]:
@@ -477,6 +499,25 @@ def _check_row(item: Check, graph: BondGraph) -> tuple[str, str, str]:
     return item.name, what, f"{item.cost:g}"
 
 
+def _left_out(spec: EngineSpec) -> Iterator[tuple[str, str]]:
+    """Name the parameters that no hypothesis changes alone, with the reason."""
+    trusted = ", ".join(item.name for item in spec.parameters if not item.suspect)
+    if trusted:
+        yield "not tested", f"{trusted}: trusted, unless the model file says `suspect: yes`"
+    told = {
+        k for chosen in (*spec.hypotheses, *spec.reserve, *spec.explain_anything) if len(chosen) == 1 for k in chosen
+    }
+    hidden = ", ".join(item.name for k, item in enumerate(spec.parameters) if item.suspect and k not in told)
+    if hidden:
+        yield "not tested", f"{hidden}: no data fix such a change by itself; `analyse` tells why"
+
+
+def _rows_text(graph: BondGraph) -> str:
+    """Say how samples are made of rows."""
+    made = f"each sample is the mean of {graph.rows_per_sample}, and noise is told of that mean"
+    return f"every {duration_text(graph.row_time or 0.0)}; {made}"
+
+
 def _print_method(console: Console, seen: Inventory) -> None:
     graph, spec = seen.graph, seen.spec
     if graph.grid is TimeGrid.NONE:
@@ -494,11 +535,13 @@ def _print_method(console: Console, seen: Inventory) -> None:
         console,
         [
             ("sampled", step_text(graph)),
+            *([("rows", _rows_text(graph))] if graph.row_time is not None else []),
             ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
             *([("false alarms", f"one in {duration_text(promised)} at most, on average")] if promised else []),
             ("in time", f"{METHOD}; {substeps}"),
             ("hypotheses", f"{sets or 'none'}; {lanes.plan_lanes(spec).n_lanes} filters after an alarm"),
             *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),
+            *_left_out(spec),
             ("runs as", seen.engine),
         ],
     )

@@ -68,6 +68,7 @@ class RunCounts:
     frozen: int = 0
     wild: int = 0
     outside: int = 0
+    sensors_outside: int = 0
     no_verdict: str = ""
 
     def defects(self) -> str:
@@ -76,6 +77,8 @@ class RunCounts:
         found = [(getattr(self, name), name) for name in names]
         found.append((self.clock_jumps, "clock jump" if self.clock_jumps == 1 else "clock jumps"))
         found.append((self.outside, "not judged (`valid_when`)"))
+        readings = "reading of a sensor" if self.sensors_outside == 1 else "readings of sensors"
+        found.append((self.sensors_outside, f"{readings} not judged (their `valid_when`)"))
         return ", ".join(f"{number} {name}" for number, name in found if number)
 
 

@@ -1,5 +1,6 @@
 """The `EngineSpec` of a model: what the on-line part must know, in array order."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from math import ceil
@@ -54,7 +55,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         )
         for error in graph.slow_errors
     )
-    conditions = graph.conditions
+    conditions, stores = graph.conditions, [item.name for item in plant.network.states]
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     return EngineSpec(
         model=graph.name,
@@ -65,7 +66,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         slow_errors=slow,
         parameters=tuple(_parameter(item) for item in graph.parameters),
         inputs=tuple(_input(item, acts=item.name in graph.acting_inputs) for item in graph.inputs),
-        outputs=tuple(_output(item, model.direct[k], conditions) for k, item in enumerate(graph.sensors)),
+        outputs=tuple(_output(item, model.direct[k], conditions, stores) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
         reserve=reserve,
@@ -232,7 +233,9 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
     )
 
 
-def _output(item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...]) -> OutputSpec:
+def _output(
+    item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...], stores: Sequence[str]
+) -> OutputSpec:
     return OutputSpec(
         name=item.name,
         noise=item.noise,
@@ -243,4 +246,5 @@ def _output(item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, .
         suspect=item.suspect,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         condition=_place(item.valid_when, conditions),
+        lag_state=stores.index(f"{item.name}.lagged") if item.lag else -1,
     )

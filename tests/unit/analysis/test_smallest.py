@@ -156,7 +156,7 @@ def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
     """Without time every parameter is given, none with a size, each with the reason."""
     sizes = found(motor, within=2.0, seconds=0.0)
     assert set(sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias"}
-    assert {(item.value, item.reason) for item in sizes.values()} == {(None, "no time left")}
+    assert {(item.value, item.reason) for item in sizes.values()} == {(None, "no time left; raise --budget")}
 
 
 def test_instruments_have_sizes_too(motor: Built) -> None:

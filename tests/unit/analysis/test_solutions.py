@@ -66,7 +66,7 @@ def test_a_solution_outside_its_range_is_none() -> None:
 def test_what_there_is_no_time_for_is_said_to_be_skipped(motor: StepModel) -> None:
     """Without time no set is looked at: none counts as unique, and none has a number of roots."""
     for found in other_solutions(motor, [("R",), ("R", "C")], seconds=0.0):
-        assert found.skipped == "no time left"
+        assert found.skipped == "no time left; raise --budget"
         assert found.roots is None
         assert not found.unique
     assert [item.roots for item in other_solutions(motor, [("R", "C"), ("R",)], seconds=None)] == [2, 1]

@@ -9,6 +9,7 @@ import pytest
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.grid import Grid, GridPoint, Row, blocks_of_points
 from faultbond.io.row_block import block_of_rows
+from faultbond.model.dump import dump_model
 from faultbond.model.row_means import of_rows
 from faultbond.model.text import parse_model
 
@@ -62,6 +63,35 @@ def test_blocks_of_rows_give_the_same(live: bool) -> None:
             np.array([point.y for point in expected]), nan_ok=True
         )
         assert grid.counts == one.counts
+
+
+@pytest.mark.parametrize("size", [1, 7, 400])
+def test_an_input_that_is_held_is_the_mean_up_to_the_next_sample(size: int) -> None:
+    """So a store that is stepped from sample to sample is where its rows take it, and not half a sample late."""
+    draws = np.random.default_rng(5)
+    flow = np.repeat(draws.uniform(0.0, 2.0, 40), 10)[3:393]  # it jumps between the samples
+    level = np.concatenate([[0.0], np.cumsum(0.1 * flow)[:-1]])
+    given = [
+        Row(time=0.1 * k, u=np.array([u, u]), y=np.array([x])) for k, (u, x) in enumerate(zip(flow, level, strict=True))
+    ]
+    grid, points = Grid(1.0, row_time=0.1, held=[True, False]), list[GridPoint]()
+    for k in range(0, len(given), size):
+        points += [point for block in grid.push_block(block_of_rows(given[k : k + size])) for point in block.points()]
+    points += grid.finish()
+    assert [point.time for point in points] == pytest.approx(range(40))
+    stepped = np.concatenate([[0.0], np.cumsum([point.u[0] for point in points])])[: len(points)]
+    assert stepped[:39] == pytest.approx(level[::10])
+    for k, point in enumerate(points[:39]):
+        assert point.u[0] == pytest.approx(flow[10 * k : 10 * k + 10].mean())
+        assert point.u[1] == pytest.approx(flow[max(10 * k - 5, 0) : 10 * k + 5].mean())
+
+
+def test_only_what_lags_is_held_where_rows_are_averaged() -> None:
+    """What sensors feel at once is what acts about the sample, so another input goes linearly whatever is stated."""
+    for text, linear in (("hold: last", True), ("hold: last, lag: 3 s", False), ("lag: 3 s", True)):
+        graph = parse_model(FAST.replace("settling: 12 s}\n  u_out", f"settling: 12 s, {text}}}\n  u_out"))
+        assert (graph.inputs[0].linear, graph.inputs[1].linear) == (linear, True)
+        assert parse_model(dump_model(graph)).inputs == graph.inputs
 
 
 def test_a_live_sample_is_there_when_the_next_begins() -> None:
@@ -134,7 +164,7 @@ def test_noise_is_stated_of_a_row_and_taken_of_a_mean() -> None:
     by_rows = of_rows(graph)
     assert (by_rows.sample_time, by_rows.row_time) == (0.1, None)
     assert by_rows.sensors[1].noise == pytest.approx(180.0)
-    held = parse_model(FAST.replace("u_in:  {", "u_in:  {hold: last, "))
+    held = parse_model(FAST.replace("u_in:  {", "u_in:  {hold: last, lag: 3 s, "))
     assert [item.linear for item in parse_model(held.text).inputs] == [False, True]
 
 
