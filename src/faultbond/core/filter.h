@@ -120,7 +120,7 @@ static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT],
     }
 }
 
-/* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew. */
+/* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew or lasts. */
 static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
 {
     lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
@@ -143,9 +143,11 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 #endif
     for (int k = 0; k < N_NOISY; k++) {
         const int i = AT_NOISE + k;
-        for (int j = 0; j < i; j++) p[PLACE(j, i)] = broadcast(0.0);
-        p[PLACE(i, i)] = broadcast(INPUT_VARIANCE[k]);
-        lane[i] = broadcast(0.0);
+        const given fade = sample[SAMPLE_FADE + k];
+        for (int j = 0; j < i; j++) p[PLACE(j, i)] *= fade;
+        p[PLACE(i, i)] = p[PLACE(i, i)] * (fade * fade) + sample[SAMPLE_FRESH + k];
+        for (int j = i + 1; j < N_JOINT; j++) p[PLACE(i, j)] *= fade;
+        lane[i] *= fade;
     }
 }
 

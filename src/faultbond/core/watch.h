@@ -388,6 +388,7 @@ static void watch(State *state, const Sample *told, Report *report, Diagnosis *f
     Sample sample = *told;
     int64_t left_out[N_OUTPUTS] = {0};
     correct(&state->normal, &sample);
+    smooth_inputs(&state->inputs, &sample);
     if (!has_inputs(&state->inputs, &sample)) {
         state->clock.time = sample.time;
         report_nothing(report, WAITING);

@@ -61,7 +61,10 @@ class Layout:
 
     @property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a sample: dt, u_before, u, y, use (1 or 0), kick (variance added to slow errors)."""
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), fade, fresh, kick (variance added to slow errors).
+
+        Of the noise of an input `fade` is left from the sample before, and `fresh` times its variance is new.
+        """
         return sample_fields(self.n_u, self.n_y, self.n_b)
 
     @property
@@ -72,7 +75,8 @@ class Layout:
 
 def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int) -> dict[str, slice]:
     """Give the layout of a sample: see `Layout.sample_fields`."""
-    sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs, "kick": n_slow_errors}
+    sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs}
+    sizes |= {"fade": n_inputs, "fresh": n_inputs, "kick": n_slow_errors}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
@@ -144,10 +148,12 @@ def _sample(
         decay, place = ca.exp(-fields["dt"] * ca.exp(-memories[k])), size.n_x + k
         transition[place, place] = decay
         added[place, place] = ca.exp(2 * slow_noise[k]) * (1 - decay * decay) + fields["kick"][k]
-    for k in range(size.n_w):
-        added[n - size.n_w + k, n - size.n_w + k] = ca.exp(2 * input_noise[k])
-    slow = [transition[k, k] * mean[k] for k in range(size.n_x, size.n_x + size.n_b)]
-    mean = ca.vertcat(x_next, *slow, ca.SX.zeros(size.n_w, 1))
+    for k, number in enumerate(model.noisy):
+        place = n - size.n_w + k
+        transition[place, place] = fields["fade"][number]
+        added[place, place] = ca.exp(2 * input_noise[k]) * fields["fresh"][number]
+    lasting = [transition[k, k] * mean[k] for k in range(size.n_x, n)]
+    mean = ca.vertcat(x_next, *lasting)
     covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
     expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
     shift, covariance, seen = _update(fields, covariance, expected, slope[:, kept], sensor_noise)

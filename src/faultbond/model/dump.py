@@ -139,6 +139,7 @@ class _Writer:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
         usual = self.graph.row_time is not None  # a mean stands in the middle of what it is of
+        texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
         texts["hold"] = "" if item.linear == usual else keys.HOLDS[item.linear]
         return _flow(texts, keys.INPUT_KEYS)
 

@@ -99,6 +99,7 @@ class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
     linear: whether it goes linearly from row to row; else it is held
+    smooth: whether the noise is that of the record, and what acts is smooth; else what acts scatters
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
@@ -110,6 +111,7 @@ class Input:
     noise: float = 0.0
     settling: float = 0.0
     linear: bool = False
+    smooth: bool = False
     lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf

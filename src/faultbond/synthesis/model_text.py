@@ -78,6 +78,7 @@ def _sizes(
         "N_OUTPUTS": len(spec.outputs),
         "N_IMPLICIT": len(spec.loops),
         "N_NOISY": len(spec.noisy_inputs),
+        "N_SMOOTH": len(spec.smooth_inputs),
         "N_CONDITIONS": len(spec.settlings),
         "MODEL_CONDITION": f"({spec.condition})" if spec.condition < 0 else spec.condition,
         "N_LINEAR": sum(item.linear for item in spec.inputs),
@@ -109,6 +110,7 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
     yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
+    yield integers("SMOOTH_NOISE", spec.smooth_inputs)
     yield numbers("CONDITION_SETTLING", spec.settlings)
     yield integers("OUTPUT_CONDITION", (item.condition for item in spec.outputs))
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))

@@ -222,6 +222,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         unit_offset=item.unit.offset,
         ranged=not acts or bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         linear=item.linear,
+        smooth=item.smooth,
     )
 
 
