@@ -51,7 +51,7 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
             error[:, moving.places] -= moving.moved(np.diag(operation.transition[k])[moving.places], generator)
             fresh = operation.fresh[k]
             error[:, spec.noise_slice] += fresh * generator.standard_normal((REALISATIONS, fresh.size))
-            innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
+            innovation = operation.noise[k] * generator.standard_normal(shape) - error @ operation.slope[k].T
             error = error + innovation @ operation.gain[k].T
             scores[k] = innovation / operation.spread[k]
         ratios[k] = ratios_of(spec, moving.estimates(error), operation.aged[k])

@@ -37,7 +37,7 @@ class Operation:
     """A run of the healthy filter; arrays have one row per sample, from the first at which the filter runs.
 
     time, dt: (n,), s; `dt` since the sample before. u, u_before: (n, n_inputs), SI; `u_before` was held until then.
-    fresh: (n, n_noisy), SI, sd that the noise of inputs gains.
+    fresh: (n, n_noisy), SI, sd that the noise of inputs gains. noise: (n, n_outputs), SI, that of the sensors.
     mean, implicit: (n, n_joint), (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample
     before; zero in the first row. slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs).
     spread: (n, n_outputs), sd of the innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the
@@ -51,6 +51,7 @@ class Operation:
     u: FloatArray
     u_before: FloatArray
     fresh: FloatArray
+    noise: FloatArray
     mean: FloatArray
     implicit: FloatArray
     transition: FloatArray
@@ -104,13 +105,16 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
     mean, implicit = lanes[:, : spec.n_joint], lanes[:, spec.n_joint + spec.n_packed : -1]
     transition, slope = _slopes(model, spec, mean, implicit, fields)
     spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in lanes])
-    information = fields["use"] / (spec.output_noise**2 * fields["scale"])
+    reading = fields["use"] * fields["y"]
+    noise = spec.output_noise**2 * (1.0 + (np.array([item.growth for item in spec.outputs]) * reading) ** 2)
+    information = fields["use"] / (noise * fields["scale"])
     found = Operation(
         time=time,
         dt=fields["dt"][:, 0],
         u=fields["u"],
         u_before=fields["u_before"],
         fresh=np.sqrt(fields["fresh"]),
+        noise=np.sqrt(noise),
         mean=mean,
         implicit=implicit,
         transition=transition,

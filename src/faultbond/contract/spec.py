@@ -109,6 +109,7 @@ class OutputSpec:
     suspect: bool = True
     ranged: bool = False  # as of an input
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
+    growth: float = 0.0  # of the noise, in that of a reading of 0, per SI of what is expected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -175,16 +175,20 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
     spread_rest(lane, sample, work->step.decay);
 }
 
-/* Noise variance of a sensor; while it is blanked, whatever noise it has is nothing. */
-static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, int j)
+/* Noise variance of a sensor of which y is expected: what is measured would make a reading that is too large by chance count
+   less than one that is too small. While it is blanked, whatever noise it has is nothing. */
+static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, lanes y, int j)
 {
     const given declared = OUTPUT_VARIANCE[j] * sample[SAMPLE_SCALE + j];
+    lanes noise = EACH(declared);
+    if (NOISE_GROWS) noise *= 1.0 + OUTPUT_GROWTH[j] * y * y;
 #if N_SLOT > 0
-    if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return declared * lane[ROLE_NOISE + j];
+    if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return noise * lane[ROLE_NOISE + j];
 #else
     (void)lane;
+    (void)y;
 #endif
-    return EACH(declared);
+    return noise;
 }
 
 /* Slope of sensor j along a vector. */
@@ -267,7 +271,7 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
             const lanes told = along(found->slope[j], found->cross[k], j);
             for (int i = 0; i < N_JOINT; i++) cross[i] -= weight[k][i] * told;
         }
-        const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
+        const lanes variance = noise_of(lane, sample, found->y[j], j) + along(found->slope[j], cross, j);
         const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
         const given use = sample[SAMPLE_USE + j];
         const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
@@ -303,7 +307,7 @@ static mask innovate(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sam
 {
     lanes foretold = broadcast(0.0);
     for (int j = 0; j < N_OUTPUTS; j++) {
-        const lanes noise = noise_of(lane, sample, j), variance = along(found->slope[j], found->cross[j], j) + noise;
+        const lanes noise = noise_of(lane, sample, found->y[j], j), variance = along(found->slope[j], found->cross[j], j) + noise;
         innovations[j] = sample[SAMPLE_Y + j] - found->y[j];
         innovations[N_OUTPUTS + j] = variance;
         foretold = v_fmax(sample[SAMPLE_USE + j] * (variance - (1.0 + SAYS_MUCH) * noise), foretold);

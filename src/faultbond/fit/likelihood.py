@@ -156,7 +156,9 @@ def _sample(
     mean = ca.vertcat(x_next, *lasting)
     covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
     expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
-    shift, covariance, seen = _update(fields, covariance, expected, slope[:, kept], sensor_noise)
+    growth = [1.0 + (item.growth * expected[j]) ** 2 for j, item in enumerate(model.plant.graph.sensors)]
+    noise = ca.exp(2 * sensor_noise) * ca.vertcat(*growth)
+    shift, covariance, seen = _update(fields, covariance, expected, slope[:, kept], noise)
     return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
 
 
@@ -168,7 +170,7 @@ def _joint(size: Layout, mean: ca.SX, factors: ca.SX) -> ca.SX:
 
 
 def _update(
-    fields: dict[str, ca.SX], covariance: ca.SX, expected: ca.SX, slope: ca.SX, log_noise: ca.SX
+    fields: dict[str, ca.SX], covariance: ca.SX, expected: ca.SX, slope: ca.SX, noise: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Take the sensors one after the other."""
     shift = ca.SX.zeros(covariance.shape[0], 1)
@@ -176,7 +178,7 @@ def _update(
     for j in range(expected.numel()):
         row = slope[j, :]
         cross = covariance @ row.T
-        variance = row @ cross + ca.exp(2 * log_noise[j])
+        variance = row @ cross + noise[j]
         innovation = fields["y"][j] - expected[j] - row @ shift
         weight = cross * (fields["use"][j] / variance)
         shift = shift + weight * innovation

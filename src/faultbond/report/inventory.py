@@ -156,7 +156,7 @@ def check_record(seen: Inventory) -> Record:
         ],
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
-            | {"noise": item.noise, "range": [item.lower, item.upper], "suspect": item.suspect}
+            | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
             | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
             | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
             for item, known in zip(graph.sensors, spec.outputs, strict=True)
@@ -408,6 +408,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     sensors = []
     for sensor, output in zip(graph.sensors, spec.outputs, strict=True):
         unit, noise = unit_text(sensor.unit.text), _spread(sensor.unit, sensor.noise)
+        noise += f" + {100.0 * sensor.part:.3g} %" if sensor.part else ""
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", "noise (sd)", "follows at once"), sensors)

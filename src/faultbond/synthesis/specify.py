@@ -237,4 +237,5 @@ def _output(item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, .
         suspect=item.suspect,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         condition=_place(item.valid_when, conditions),
+        growth=item.growth,
     )
