@@ -115,9 +115,9 @@ class DenseFilter:
             moves = lane.roles["moves"][0]
             z[size] += dt * moves * z[size + 1]
             F[size, size + 1] = dt * moves
-        z[spec.noise_slice] = 0.0  # white: every sample has its own
-        F[spec.noise_slice] = 0.0
-        Q[spec.noise_slice] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
+        z[spec.noise_slice] *= fields["fade"]  # 0 where it is white: every sample has its own
+        F[spec.noise_slice] *= fields["fade"][:, None]
+        Q[spec.noise_slice] = fields["fresh"]
         P = F @ lane.P @ F.T + np.diag(Q)
         return replace(lane, z=z, P=0.5 * (P + P.T), implicit=implicit)
 

@@ -56,7 +56,15 @@ sensors: {v: {reads: lower.e, unit: V, noise: 10 mV}, i: {reads: loop.f, unit: A
 def graph_of(name: str) -> BondGraph:
     """A built-in plant, or one with something special."""
     linear = LAMP.replace("noise: 1 mV}", "noise: 1 mV, hold: linear, lag: 0.5 s}")
-    made = {"loop": LAMP, "linear": linear, "no input": NO_INPUT, "no state": NO_STATE, "ladder": ladder_text(3)}
+    smooth = LAMP.replace("noise: 1 mV}", "noise: 1 mV, noise_of: record}")
+    made = {
+        "loop": LAMP,
+        "linear": linear,
+        "smooth": smooth,
+        "no input": NO_INPUT,
+        "no state": NO_STATE,
+        "ladder": ladder_text(3),
+    }
     if name in made:
         return parse_model(made[name])
     if name == "tied":  # the motor, whose parameters go together

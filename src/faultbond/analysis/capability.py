@@ -12,10 +12,10 @@ import numpy as np
 
 from faultbond.analysis.groups import MOST_NEAR, Group, NearGroup, groups, near_groups
 from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce
+from faultbond.analysis.reading_noise import usual_noise
 from faultbond.analysis.replay import sudden_runs
 from faultbond.analysis.sensitivity import BIAS, Recursion, Sensitivity
 from faultbond.analysis.testable import Judgement, generic_run, judge
-from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 
 MOST_JUDGED = 4096  # sets up to the largest size are judged as long as there are no more
@@ -51,7 +51,7 @@ def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:
     """
     run = generic_run(model, recursion)
     exact, sudden = reduce([run]), generic_run(model, recursion, sudden=True)
-    return _view(model, exact, exact, reduce([run], _noise(model)), [sudden])
+    return _view(model, exact, exact, reduce([run], usual_noise(model.plant.graph.sensors, [run])), [sudden])
 
 
 def on_record(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity]) -> CapabilityView:
@@ -64,14 +64,10 @@ def on_record(model: StepModel, recursion: Recursion, runs: Sequence[Sensitivity
     model, recursion : the plant
     runs : those of `replay.recorded_runs`
     """
-    reduced = reduce(runs, _noise(model))
+    reduced = reduce(runs, usual_noise(model.plant.graph.sensors, runs))
     changes = np.array([item.change for item in model.plant.graph.parameters])
     seen = above_noise(reduced, changes / np.where(reduced.steps != 0.0, np.abs(reduced.steps), 1.0))
     return _view(model, seen, reduced, reduced, sudden_runs(model, recursion, runs))
-
-
-def _noise(model: StepModel) -> FloatArray:
-    return np.array([item.noise for item in model.plant.graph.sensors])
 
 
 def _view(
@@ -96,7 +92,7 @@ def _view(
     lasting, alike = groups(exact, sets), groups(at_once, both)
     near = near_groups(in_noises, sets, lasting)
     known = {frozenset(item.sets) for item in near}
-    at_first = near_groups(reduce(sudden, _noise(model)), both, alike)
+    at_first = near_groups(reduce(sudden, usual_noise(model.plant.graph.sensors, sudden)), both, alike)
     near += tuple(item for item in at_first if frozenset(item.sets) not in known)
     return CapabilityView(
         judgement=judgement,

@@ -40,7 +40,6 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
     """Run noise through the filter and its statistics without a fault; `onsets` are rows of the operation."""
     generator = np.random.default_rng(_SEED)
     count, shape = len(operation.time), (REALISATIONS, len(spec.outputs))
-    input_noise = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
     error = _first_errors(spec, operation.covariance, generator)
     moving = _Wandering(spec, operation.covariance, error, generator)
     scores, ratios = np.zeros((count, *shape)), np.zeros((count, REALISATIONS, len(alarming(spec))))
@@ -50,8 +49,9 @@ def windows_of(spec: EngineSpec, operation: Operation, onsets: list[int], length
         if k:
             error = error @ operation.transition[k].T
             error[:, moving.places] -= moving.moved(np.diag(operation.transition[k])[moving.places], generator)
-            error[:, spec.noise_slice] = input_noise * generator.standard_normal((REALISATIONS, input_noise.size))
-            innovation = spec.output_noise * generator.standard_normal(shape) - error @ operation.slope[k].T
+            fresh = operation.fresh[k]
+            error[:, spec.noise_slice] += fresh * generator.standard_normal((REALISATIONS, fresh.size))
+            innovation = operation.noise[k] * generator.standard_normal(shape) - error @ operation.slope[k].T
             error = error + innovation @ operation.gain[k].T
             scores[k] = innovation / operation.spread[k]
         ratios[k] = ratios_of(spec, moving.estimates(error), operation.aged[k])

@@ -18,6 +18,7 @@ import numpy as np
 from faultbond.analysis.comparison import places_of
 from faultbond.analysis.equilibrium import reference_levels, stands
 from faultbond.analysis.ranks import reduce, set_ranks, told_rank
+from faultbond.analysis.reading_noise import usual_noise
 from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recursion, sensitivities
 from faultbond.analysis.testable import generic_run
 from faultbond.arrays import FloatArray
@@ -175,7 +176,7 @@ def _separation(
     graph = model.plant.graph
     rows = _STEPS + 1 + round(part * _STEPS)
     samples = max(longest / _STEPS / (graph.sample_time or 1.0), 1.0)  # that one step stands for
-    noise = np.array([item.noise for item in graph.sensors])
+    noise = usual_noise(graph.sensors, (run,))
     noise = np.maximum(noise, 1e-9 * np.max(np.abs(run.y), axis=0, initial=0.0) + 1e-300)
     weight = np.sqrt(samples) / noise[:, None]
     faults = np.array([FAULT * abs(item.change / item.scale) for item in graph.parameters])

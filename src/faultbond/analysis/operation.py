@@ -37,6 +37,7 @@ class Operation:
     """A run of the healthy filter; arrays have one row per sample, from the first at which the filter runs.
 
     time, dt: (n,), s; `dt` since the sample before. u, u_before: (n, n_inputs), SI; `u_before` was held until then.
+    fresh: (n, n_noisy), SI, sd that the noise of inputs gains. noise: (n, n_outputs), SI, that of the sensors.
     mean, implicit: (n, n_joint), (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample
     before; zero in the first row. slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs).
     spread: (n, n_outputs), sd of the innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the
@@ -49,6 +50,8 @@ class Operation:
     dt: FloatArray
     u: FloatArray
     u_before: FloatArray
+    fresh: FloatArray
+    noise: FloatArray
     mean: FloatArray
     implicit: FloatArray
     transition: FloatArray
@@ -102,12 +105,16 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
     mean, implicit = lanes[:, : spec.n_joint], lanes[:, spec.n_joint + spec.n_packed : -1]
     transition, slope = _slopes(model, spec, mean, implicit, fields)
     spreads = np.array([unpack(spec, lane[spec.covariance_slice]) for lane in lanes])
-    information = fields["use"] / (spec.output_noise**2 * fields["scale"])
+    reading = fields["use"] * fields["y"]
+    noise = spec.output_noise**2 * (1.0 + (np.array([item.growth for item in spec.outputs]) * reading) ** 2)
+    information = fields["use"] / (noise * fields["scale"])
     found = Operation(
         time=time,
         dt=fields["dt"][:, 0],
         u=fields["u"],
         u_before=fields["u_before"],
+        fresh=np.sqrt(fields["fresh"]),
+        noise=np.sqrt(noise),
         mean=mean,
         implicit=implicit,
         transition=transition,
@@ -183,14 +190,16 @@ def _slopes(
     moved = np.where(fields["still"][1:] > 0.0, 0.0, dt)
     x, by, z = Batch(model.follow)(mean[:-1], fields["u_before"][1:], fields["u"][1:], implicit[:-1], moved)
     transition[1:, :n_x] = by
-    slow, parameters = (np.arange(n)[place] for place in (spec.slow_slice, spec.parameter_slice))
+    places = (spec.slow_slice, spec.parameter_slice, spec.noise_slice)
+    slow, parameters, noise = (np.arange(n)[place] for place in places)
     transition[1:, slow, slow] = decay
     transition[1:, parameters, parameters] = 1.0
+    transition[1:, noise, noise] = fields["fade"][1:]
     predicted = mean.copy()
     predicted[1:] = mean[:-1]
     predicted[1:, :n_x] = x[:, :, 0]
     predicted[1:, spec.slow_slice] *= decay
-    predicted[1:, spec.noise_slice] = 0.0
+    predicted[1:, noise] *= fields["fade"][1:]
     solved = implicit.copy()
     solved[1:] = z[:, :, 0]
     slope = Batch(model.measure)(predicted, fields["u"], solved)[1]

@@ -15,6 +15,7 @@ from math import ceil
 
 import numpy as np
 
+from faultbond.analysis.reading_noise import usual_noise
 from faultbond.analysis.sensitivity import (
     Experiment,
     Recursion,
@@ -144,7 +145,7 @@ def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[
     Healthy parameters may be off by their accuracy: they are fitted beside, and what they explain is no misfit.
     """
     graph = recursion.plant.graph
-    noise = np.array([item.noise for item in graph.sensors])
+    noise = usual_noise(graph.sensors, (run,))
     noise = np.where(noise > 0, noise, _EXACT * np.sqrt(np.mean(run.y**2, axis=0)) + 1e-300)
     parts = _roots(graph) / run.steps[:, None]
     here = np.isfinite(readings)

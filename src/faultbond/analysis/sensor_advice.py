@@ -15,6 +15,7 @@ import numpy as np
 
 from faultbond.analysis.groups import Group, alike_classes, groups, near_pairs
 from faultbond.analysis.ranks import reduce
+from faultbond.analysis.reading_noise import usual_noise
 from faultbond.analysis.sensitivity import Experiment, Recursion, Sensitivity, build_recursion, sensitivity
 from faultbond.analysis.testable import generic_run, judge, sets_to_test
 from faultbond.equations.plant import build_plant
@@ -186,7 +187,7 @@ def restricted(run: Sensitivity, outputs: Sequence[int]) -> Sensitivity:
 def _advice(trial: _Trial, further: tuple[int, ...]) -> SensorChoice:
     """Judge the plant with its sensors and some further outputs of the run; groups are left for later."""
     part = restricted(trial.run, (*range(trial.present), *further))
-    noise = np.array([item.noise for item in trial.graph.sensors] + [0.0] * len(further))
+    noise = np.append(usual_noise(trial.graph.sensors, (part,)), np.zeros(len(further)))
     usual = np.sqrt(np.mean(part.y**2, axis=0))
     noise = np.where(noise > 0, noise, NOISE_PART * usual)
     seen, weighed = reduce([part]), reduce([part], noise)

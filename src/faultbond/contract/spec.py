@@ -89,6 +89,7 @@ class InputSpec:
     unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
     ranged: bool = False  # whether the model states what it can be, so that nothing else is called wild
     linear: bool = False  # whether it goes linearly from sample to sample, and is not held
+    smooth: bool = False  # whether its noise is that of the record, and what acts is smooth
 
     @property
     def percent(self) -> bool:
@@ -110,6 +111,7 @@ class OutputSpec:
     ranged: bool = False  # as of an input
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
     lag_state: int = -1  # the state by which it lags; -1: it does not
+    growth: float = 0.0  # of the noise, in that of a reading of 0, per SI of what is expected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,6 +291,11 @@ class EngineSpec:
         return tuple(k for k, item in enumerate(self.inputs) if item.noise > 0.0)
 
     @cached_property
+    def smooth_inputs(self) -> tuple[int, ...]:
+        """Which of the inputs with noise are smooth, so that only their records scatter."""
+        return tuple(k for k, index in enumerate(self.noisy_inputs) if self.inputs[index].smooth)
+
+    @cached_property
     def output_noise(self) -> FloatArray:
         """Noise sd of each output, shape (n_outputs,), SI."""
         return _still(np.array([output.noise for output in self.outputs]))
@@ -396,7 +403,7 @@ class EngineSpec:
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a packed sample: dt, u_before, u, y, use, scale, kick, gap, again, bound, nis, run, held, still."""
+        """Layout of one packed sample: dt, inputs, readings and how far they count, what stays, what variances gain."""
         sizes = {
             "dt": 1,  # s since the previous sample
             "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
@@ -410,17 +417,17 @@ class EngineSpec:
             "bound": 1,  # innovations count up to so many standard deviations; 0: without bound
             "nis": len(self.outputs),  # usual square of a normalised innovation, for likelihoods; 0: as declared, 1
             "run": len(self.outputs),  # and their variance over long runs; less counts as that square, or 1
-            "held": len(
-                self.held
-            ),  # 1: a sensor does not read as stated, and the state by which it lags is not followed
+            "held": len(self.held),  # 1: a sensor does not read as stated, and what it lags by is not followed
             "still": 1,  # 1: the states stay, since the model did not hold before this sample; 2: it does not now
+            "fade": len(self.noisy_inputs),  # part of the error of each that is still there, 0 where it is white
+            "fresh": len(self.noisy_inputs),  # and variance that it gains
         }
         return _fields(sizes, 0)
 
     @cached_property
     def n_sample(self) -> int:
         """Length of one packed sample."""
-        return int(self.sample_fields["still"].stop)
+        return int(self.sample_fields["fresh"].stop)
 
 
 SPEC_CLASSES = (EngineSpec, StateSpec, SlowErrorSpec, ParameterSpec, InputSpec, OutputSpec, CheckSpec, Thresholds)

@@ -13,6 +13,9 @@ typedef struct {
     Filter_wide wide;
 } Filters;
 
+/* Noise variance of sensor j at a reading. */
+static inline double noise_at(int j, double y) { return OUTPUT_VARIANCE[j] * (1.0 + OUTPUT_GROWTH[j] * y * y); }
+
 /* To be called once at the entry to the core: slopes that were kept may be another model's. */
 static void prepare_filters(Filters *filters)
 {

@@ -111,6 +111,11 @@ static void pack_ahead(const double *now, const double *held, int64_t t, double 
         packed[SAMPLE_U_BEFORE + k] = t == 0 ? now[k] : held[k];
         packed[SAMPLE_U + k] = held[k];
     }
+    for (int k = 0; k < N_NOISY; k++) packed[SAMPLE_FRESH + k] = INPUT_VARIANCE[k];
+    for (int m = 0; m < N_SMOOTH; m++) { /* what is left of the noise of a smooth one stays */
+        packed[SAMPLE_FADE + SMOOTH_NOISE[m]] = 1.0;
+        packed[SAMPLE_FRESH + SMOOTH_NOISE[m]] = 0.0;
+    }
     for (int j = 0; j < N_OUTPUTS; j++) {
         double blank = 0.0;
         for (int e = DIRECT_ROW[j]; e < DIRECT_ROW[j + 1]; e++)

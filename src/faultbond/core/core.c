@@ -156,6 +156,7 @@ int64_t fb_pack(void *state, double time, double step, const double *inputs, con
     memcpy(sample.u, inputs, N_INPUTS * sizeof(double));
     memcpy(sample.y, readings, N_OUTPUTS * sizeof(double));
     int64_t left_out[N_OUTPUTS];
+    smooth_inputs(&known->inputs, &sample);
     if (!has_inputs(&known->inputs, &sample)) return 0;
     const int outside = leave_out(&known->inputs, &sample, left_out);
     if (outside) pack_outside(known, &sample, &known->clock, &known->inputs, packed);

@@ -135,7 +135,7 @@ static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRIC
 }
 #endif
 
-/* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew. */
+/* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew or lasts. */
 static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
 {
     lanes *FB_RESTRICT p = lane + AT_COVARIANCE;
@@ -158,9 +158,11 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 #endif
     for (int k = 0; k < N_NOISY; k++) {
         const int i = AT_NOISE + k;
-        for (int j = 0; j < i; j++) p[PLACE(j, i)] = broadcast(0.0);
-        p[PLACE(i, i)] = broadcast(INPUT_VARIANCE[k]);
-        lane[i] = broadcast(0.0);
+        const given fade = sample[SAMPLE_FADE + k];
+        for (int j = 0; j < i; j++) p[PLACE(j, i)] *= fade;
+        p[PLACE(i, i)] = p[PLACE(i, i)] * (fade * fade) + sample[SAMPLE_FRESH + k];
+        for (int j = i + 1; j < N_JOINT; j++) p[PLACE(i, j)] *= fade;
+        lane[i] *= fade;
     }
 }
 
@@ -206,16 +208,20 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
     spread_rest(lane, sample, work->step.decay);
 }
 
-/* Noise variance of a sensor; while it is blanked, whatever noise it has is nothing. */
-static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, int j)
+/* Noise variance of a sensor of which y is expected: what is measured would make a reading that is too large by chance count
+   less than one that is too small. While it is blanked, whatever noise it has is nothing. */
+static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, lanes y, int j)
 {
     const given declared = OUTPUT_VARIANCE[j] * sample[SAMPLE_SCALE + j];
+    lanes noise = EACH(declared);
+    if (NOISE_GROWS) noise *= 1.0 + OUTPUT_GROWTH[j] * y * y;
 #if N_SLOT > 0
-    if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return declared * lane[ROLE_NOISE + j];
+    if (sample[SAMPLE_SCALE + j] < BLANK_FACTOR) return noise * lane[ROLE_NOISE + j];
 #else
     (void)lane;
+    (void)y;
 #endif
-    return EACH(declared);
+    return noise;
 }
 
 /* Slope of sensor j along a vector. */
@@ -306,7 +312,7 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
             continue;
         }
 #endif
-        const lanes variance = noise_of(lane, sample, j) + along(found->slope[j], cross, j);
+        const lanes variance = noise_of(lane, sample, found->y[j], j) + along(found->slope[j], cross, j);
         const lanes innovation = sample[SAMPLE_Y + j] - found->y[j] - along(found->slope[j], shift, j);
         const lanes inverse = 1.0 / variance, most = bound * v_sqrt(variance);
         const lanes step = v_fmin(v_fmax(innovation, -most), most);
@@ -341,7 +347,7 @@ static mask innovate(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT sam
 {
     lanes foretold = broadcast(0.0);
     for (int j = 0; j < N_OUTPUTS; j++) {
-        const lanes noise = noise_of(lane, sample, j), variance = along(found->slope[j], found->cross[j], j) + noise;
+        const lanes noise = noise_of(lane, sample, found->y[j], j), variance = along(found->slope[j], found->cross[j], j) + noise;
         innovations[j] = sample[SAMPLE_Y + j] - found->y[j];
         innovations[N_OUTPUTS + j] = variance;
         foretold = v_fmax(sample[SAMPLE_USE + j] * (variance - (1.0 + SAYS_MUCH) * noise), foretold);

@@ -99,6 +99,10 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define has_value SIDE(has_value)
 #define move_inputs SIDE(move_inputs)
 #define learn_inputs SIDE(learn_inputs)
+#define follow_record SIDE(follow_record)
+#define begin_trend SIDE(begin_trend)
+#define smooth_input SIDE(smooth_input)
+#define smooth_inputs SIDE(smooth_inputs)
 #define is_blanked SIDE(is_blanked)
 #define gap_before SIDE(gap_before)
 #define kick SIDE(kick)
@@ -182,22 +186,33 @@ static mask are_ready(const Watched *watched, const Sample *sample)
     for (int k = 0; k < N_INPUTS; k++) {
         const lanes u = sample->u[k];
         ready &= is_finite(u) & is_finite(inputs->held[k]) & (inputs->guessed[k] == 0.0) & opposite(is_finite(inputs->odd[k]));
-        ready &= (u >= inputs->lowest[k]) & (u <= inputs->highest[k]);
     }
     for (int i = 0; i < N_STATES; i++) ready &= watched->healthy.astray[i] == 0.0;
     if (N_CONDITIONS > 0) ready &= (clock->outside == 0) & (clock->doubt == 0.0) & all_hold(inputs, sample);
     return ready;
 }
 
+/* For which assets no input goes beyond all that was seen. */
+static mask are_within(const Inputs *inputs, const Sample *sample)
+{
+    mask found = broadcast(0.0) == 0.0;
+    for (int k = 0; k < N_INPUTS; k++) found &= (sample->u[k] >= inputs->lowest[k]) & (sample->u[k] <= inputs->highest[k]);
+    return found;
+}
+
 /* Take a sample the usual way; gives the assets, among those that `may`, for which all was as usual. What the others are then
    means nothing. */
-static mask watch_usually(Watched *watched, const Sample *sample, int64_t index, mask may, LanesMemory *memory)
+static mask watch_usually(Watched *watched, const Sample *told, int64_t index, mask may, LanesMemory *memory)
 {
+    Sample smooth = *told;
+    const Sample *sample = &smooth;
     Clock *clock = &watched->clock;
     Inputs *inputs = &watched->inputs;
     Sensors *sensors = &watched->sensors;
     lanes noise[N_OUTPUTS], *packed = memory->packed, *innovations = memory->innovations;
     for (int j = 0; j < N_OUTPUTS; j++) noise[j] = broadcast(1.0);
+    smooth_inputs(inputs, &smooth);
+    may &= are_within(inputs, sample);
     const lanes gap = pack_values(sample, 0, sensors, noise, clock, inputs, packed);
     packed[SAMPLE_BOUND] = broadcast(LEARNING_BOUND);
     learn_inputs(inputs, sample, gap != 0.0, opposite(has_value(sample)));
@@ -332,6 +347,10 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef move_inputs
 #undef learn_inputs
 #undef is_blanked
+#undef follow_record
+#undef begin_trend
+#undef smooth_input
+#undef smooth_inputs
 #undef gap_before
 #undef kick
 #undef pack_values

@@ -61,7 +61,9 @@
 #define SAMPLE_RUN (SAMPLE_NIS + N_OUTPUTS)       /* and their variance over long runs, for likelihoods; less counts as that */
 #define SAMPLE_HELD (SAMPLE_RUN + N_OUTPUTS)      /* 1: what lags before a sensor is not followed, see `hold_lags` */
 #define SAMPLE_STILL (SAMPLE_HELD + N_HELD)       /* 1: the states stay, since the model did not hold before it; 2: it does not now */
-#define N_SAMPLE (SAMPLE_STILL + 1)
+#define SAMPLE_FADE (SAMPLE_STILL + 1)            /* part of the error of a noisy input that is still there, */
+#define SAMPLE_FRESH (SAMPLE_FADE + N_NOISY)      /* and variance that it gains */
+#define N_SAMPLE (SAMPLE_FRESH + N_NOISY)
 #define IS_OUTSIDE(packed) ((packed)[SAMPLE_STILL] > 1.0)
 
 #endif

@@ -20,12 +20,24 @@
 #define WALK_MOST 16.0       /* part of the usual square that one window may add */
 #define WALK_LEAST 0.02      /* part of its variance that a parameter may walk in any case */
 #define WALK_SETTLES 200     /* samples after the start, or a diagnosis that was accepted, from which on lanes are kept */
+#define TREND_JUMP 9.0      /* square of what a trend missed lately, in its variance, from which on it begins anew where the record is; */
+#define TREND_SHARE 0.5     /* part of the last miss in that */
+#define TREND_MOST 25.0     /* square of a miss, in the noise, that counts, */
+#define TREND_MEMORY 200.0  /* samples over which it is a mean, */
+#define TREND_DOUBLINGS 6   /* and 2 to this the power of their ratio that is a weight: half as many as the samples it is a mean of */
+#define TREND_STEEPEST 1e4  /* variance of a slope of which nothing is known, in that of the noise, per sample squared */
+#define TREND_LEAST 1e-6    /* part of a variance that is fresh in any case */
 #define NIS_TRUST 1000    /* samples for which the declared noise counts, */
 #define NIS_MEMORY 10000  /* and over which squares are a mean */
 #define NIS_LEAST 0.25
 #define NIS_MOST 4.0
 #define RUN_LENGTH 100.0    /* samples over which innovations that go together are told, */
 #define RUN_MOST 100.0      /* and what their variance is at most */
+
+/* By how much the level, or the slope, of each trend wanders: variance per sample, in that of the noise. That of 100 is the record
+   itself. */
+static const double TREND_WANDERS[TRENDS] = {1e-6, 1e-4, 1e-2, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+static const double TREND_TURNS[TRENDS] = {0.0, 0.0, 0.0, 0.0, 1e-8, 1e-6, 1e-4, 1e-2, 1.0};
 
 /* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
 static double scale_of_fast(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0; }

@@ -108,7 +108,7 @@ static void take_first(double (*samples)[N_SAMPLE], int64_t count, const double 
         memcpy(memory->off[t], samples[t], sizeof memory->off[t]);
         for (int j = 0; j < N_OUTPUTS; j++) {
             const double used = samples[t][SAMPLE_USE + j], scale = samples[t][SAMPLE_SCALE + j];
-            memory->weight[t * N_OUTPUTS + j] = used / sqrt(scale) / OUTPUT_NOISE[j];
+            memory->weight[t * N_OUTPUTS + j] = used / sqrt(scale * noise_at(j, used * samples[t][SAMPLE_Y + j]));
             memory->off[t][SAMPLE_USE + j] = 0.0;
         }
     }

@@ -6,6 +6,9 @@
 #include "filters.h"
 
 #define LAGS 4            /* innovations with which each new one is compared */
+#define TRENDS 9          /* that follow a record which scatters, see smooth.h; the numbers of each: level and slope, SI, */
+enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_LATELY, TREND_MISS, TREND_NUMBERS }; /* how sure these are
+                             (of the level, both, the slope), what was not foretold lately, and its square over longer; in the noise */
 #define WALK_EVERY 100    /* samples after which it is judged how far the parameters have walked, */
 #define WALKS 6           /* over so many windows: the first is as long as that, */
 #define WALK_RATIO 3      /* and each so many times as long as the one before */

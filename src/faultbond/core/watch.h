@@ -102,8 +102,8 @@ static void report_filter(const State *state, int64_t status, const double *pack
     report_nothing(report, status);
     for (int j = 0; j < N_OUTPUTS; j++) {
         const double measured = packed[SAMPLE_USE + j] > 0.0 ? packed[SAMPLE_Y + j] : 0.0, scale = packed[SAMPLE_SCALE + j];
-        const double blank = scale >= BLANK_FACTOR ? (scale - 1.0) * OUTPUT_NOISE[j] * OUTPUT_NOISE[j] : 0.0;
         report->expected[j] = measured - innovations[j];
+        const double blank = scale >= BLANK_FACTOR ? (scale - 1.0) * noise_at(j, report->expected[j]) : 0.0;
         report->variance[j] = innovations[N_OUTPUTS + j] - blank;
         report->cusum[j] = statistic(&state->sensors, j);
     }
@@ -388,6 +388,7 @@ static void watch(State *state, const Sample *told, Report *report, Diagnosis *f
     Sample sample = *told;
     int64_t left_out[N_OUTPUTS] = {0};
     correct(&state->normal, &sample);
+    smooth_inputs(&state->inputs, &sample);
     if (!has_inputs(&state->inputs, &sample)) {
         state->clock.time = sample.time;
         report_nothing(report, WAITING);

@@ -30,6 +30,8 @@ typedef struct {
     real change[FB_ROOM(N_INPUTS)];     /* change that is still felt */
     real odd[FB_ROOM(N_INPUTS)];        /* value that was refused at the last sample; nan: none was */
     real true_for[FB_ROOM(N_CONDITIONS)]; /* s since each condition became true again; -1: it is not, inf: it has settled */
+    real trends[FB_ROOM(N_SMOOTH)][TRENDS][TREND_NUMBERS]; /* what follows records that scatter, see smooth.h, */
+    real rough[FB_ROOM(N_SMOOTH)];      /* and the variance of what is left of their noise, in that; 0: not told yet */
     real inside[FB_ROOM(N_INPUTS)];     /* where the model does not hold: last values for which it did; nan: none */
     whole odd_since;                    /* sample at which the first of these was refused */
     real rival[PLAIN_NUMBERS];          /* the healthy filter as it is if they are real, */
@@ -76,4 +78,5 @@ typedef struct {
 typedef struct {
     double time, dt;
     real u[FB_ROOM(N_INPUTS)], y[N_OUTPUTS];
+    real fade[FB_ROOM(N_NOISY)], fresh[FB_ROOM(N_NOISY)]; /* of the errors of noisy inputs, see `smooth_inputs` */
 } Sample;

@@ -14,6 +14,8 @@ static inline real greater(real a, real b) { return PICK(a > b, a, b); }
 static inline flag is_finite(real a) { return a - a == 0.0; }
 static inline real positive(real sum) { return PICK(sum > 0.0, sum, SAME(0.0)); }
 
+#include "smooth.h"
+
 /* Largest size of input k, SI; 0 where none was seen. */
 static inline real peak_of(const Inputs *inputs, int k)
 {
@@ -154,6 +156,10 @@ static inline real pack_values(const Sample *sample, int first, const Sensors *s
     }
     for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = SAME(0.0);
     for (int h = 0; h < N_HELD; h++) packed[SAMPLE_HELD + h] = SAME(0.0);
+    for (int k = 0; k < N_NOISY; k++) {
+        packed[SAMPLE_FADE + k] = sample->fade[k];
+        packed[SAMPLE_FRESH + k] = sample->fresh[k];
+    }
     kick(inputs, dt, packed + SAMPLE_KICK);
     return gap_before(clock, dt, NOT(has_value(sample)));
 }

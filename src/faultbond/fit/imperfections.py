@@ -102,7 +102,8 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
         for kind in (Kind.RELATIVE, Kind.ABSOLUTE)
         if name not in taken
     ]
-    noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in graph.inputs]
+    scattering = [item for item in graph.inputs if not item.smooth]
+    noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in scattering]
     wanders = [Imperfection(kind=Kind.WANDER, place=name) for name in _unseen(graph) if name not in taken]
     return (*found, *[*sensors, *laws, *wanders][: max(most - len(found), 0)], *noises)
 

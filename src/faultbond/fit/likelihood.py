@@ -65,9 +65,10 @@ class Layout:
 
     @property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, kick (variance added to slow errors).
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, fade, fresh, kick (variance of slow errors).
 
-        held: 1 of each sensor with a condition of its own that does not read as stated.
+        held: 1 of each sensor with a condition of its own that does not read as stated. Of the noise of an input `fade`
+        is left from the sample before, and `fresh` times its variance is new. kick is added.
         """
         return sample_fields(self.n_u, self.n_y, self.n_b, self.n_held)
 
@@ -80,7 +81,7 @@ class Layout:
 def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int, n_held: int) -> dict[str, slice]:
     """Give the layout of a sample: see `Layout.sample_fields`."""
     sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs}
-    sizes |= {"held": n_held, "kick": n_slow_errors}
+    sizes |= {"held": n_held, "fade": n_inputs, "fresh": n_inputs, "kick": n_slow_errors}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
@@ -201,16 +202,22 @@ def _sample(
         decay, place = ca.exp(-fields["dt"] * ca.exp(-memories[k])), size.n_x + k
         transition[place, place] = decay
         added[place, place] = ca.exp(2 * slow_noise[k]) * (1 - decay * decay) + fields["kick"][k]
-    for k in range(size.n_w):
-        added[n - size.n_w + k, n - size.n_w + k] = ca.exp(2 * input_noise[k])
-    slow = [transition[k, k] * mean[k] for k in range(size.n_x, size.n_x + size.n_b)]
-    mean = ca.vertcat(x_next, *slow, ca.SX.zeros(size.n_w, 1))
+    for k, number in enumerate(model.noisy):
+        place = n - size.n_w + k
+        transition[place, place] = fields["fade"][number]
+        added[place, place] = ca.exp(2 * input_noise[k]) * fields["fresh"][number]
+    lasting = [transition[k, k] * mean[k] for k in range(size.n_x, n)]
+    mean = ca.vertcat(x_next, *lasting)
     covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
     expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
     slope = slope[:, kept]
     for j in _conditional(model):
         slope[j, :] = known.where(fields["use"][j], slope[j, :])
-    shift, covariance, seen = _update(fields, covariance, expected, slope, sensor_noise, _conditional(model), known)
+    judged = _conditional(model)
+    told = [known.where(fields["use"][j], expected[j]) if j in judged else expected[j] for j in range(size.n_y)]
+    growth = [1.0 + (item.growth * told[j]) ** 2 for j, item in enumerate(model.plant.graph.sensors)]
+    noise = ca.exp(2 * sensor_noise) * ca.vertcat(*growth)
+    shift, covariance, seen = _update(fields, covariance, expected, slope, noise, _conditional(model), known)
     return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
 
 
@@ -226,7 +233,7 @@ def _update(
     covariance: ca.SX,
     expected: ca.SX,
     slope: ca.SX,
-    log_noise: ca.SX,
+    noise: ca.SX,
     conditional: Collection[int],
     known: _Known,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -236,7 +243,7 @@ def _update(
     for j in range(expected.numel()):
         row = slope[j, :]
         cross = covariance @ row.T
-        variance = row @ cross + ca.exp(2 * log_noise[j])
+        variance = row @ cross + noise[j]
         innovation = fields["y"][j] - expected[j] - row @ shift
         weight = cross * (fields["use"][j] / variance)
         shift = shift + weight * (known.where(fields["use"][j], innovation) if j in conditional else innovation)

@@ -94,6 +94,16 @@ def judged_parts(name: str, points: Sequence[Sample], core: Core) -> tuple[tuple
     return tuple((f"{name}, part {k}", part) for k, part in enumerate(kept, start=1))
 
 
+def _take_noise(spec: EngineSpec, packed: FloatArray, fade: FloatArray, fresh: FloatArray) -> None:
+    """Fill in how the noise of each input goes on, (n, n_inputs) each: white, but for smooth inputs."""
+    fresh[:] = 1.0
+    place = spec.sample_fields
+    for k in spec.smooth_inputs:
+        number = spec.noisy_inputs[k]
+        fade[:, number] = packed[:, place["fade"].start + k]
+        fresh[:, number] = packed[:, place["fresh"].start + k] / spec.inputs[number].noise ** 2
+
+
 def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> HealthyRecording:
     """Give a recording on the grid of samples, from the first one with a value of every input.
 
@@ -124,7 +134,10 @@ def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> Health
     use = trusted(spec, packed)
     samples = np.zeros((len(rows), fields["kick"].stop))
     for field, place in fields.items():
-        samples[:, place] = use if field == "use" else packed[:, spec.sample_fields[field]]
+        if field not in ("use", "fade", "fresh"):
+            samples[:, place] = packed[:, spec.sample_fields[field]]
+    samples[:, fields["use"]] = use
+    _take_noise(spec, packed, samples[:, fields["fade"]], samples[:, fields["fresh"]])
     return HealthyRecording(
         name=name,
         points=tuple(points),

@@ -101,6 +101,7 @@ class ModelBuilder:
         unit: str | None = None,
         column: str | None = None,
         noise: Scalar | None = None,
+        noise_of: str | None = None,
         settling: Scalar | None = None,
         hold: str | None = None,
         lag: Scalar | Fields | None = None,
@@ -111,7 +112,7 @@ class ModelBuilder:
     ) -> Self:
         """Add a measured or commanded input, or one that nobody measures: `unknown`."""
         fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
-        fields = {**fields, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
+        fields = {**fields, "noise_of": noise_of, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
         return self._add("inputs", name, {**fields, "suspect": suspect})
 
     def component(

@@ -142,6 +142,7 @@ class _Writer:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
         usual = self.graph.row_time is not None  # a mean stands in the middle of what it is of
+        texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
         texts["hold"] = "" if item.linear == usual else keys.HOLDS[item.linear]
         return _flow(texts, keys.INPUT_KEYS)
 
@@ -175,7 +176,9 @@ class _Writer:
     def noise(self, item: Input | Sensor | Check) -> str:
         has_noise = item.unit != LOGIC_UNIT and self.stated("noise", item.name, is_default=item.noise == 0)
         rows = 1 if isinstance(item, Check) else self.graph.rows_per_sample
-        return _difference(item.noise * math.sqrt(rows), item.unit) if has_noise else ""
+        part = item.part * math.sqrt(rows) if isinstance(item, Sensor) else 0.0
+        beside = f" + {number_text(float(f'{100.0 * part:.12g}'))} %" if part else ""
+        return _difference(item.noise * math.sqrt(rows), item.unit) + beside if has_noise else ""
 
     def component(self, item: Component) -> str:
         own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS.get(item.type, ())}

@@ -109,6 +109,7 @@ class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
     linear: whether it goes linearly from row to row; else it is held
+    smooth: whether the noise is that of the record, and what acts is smooth; else what acts scatters
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
@@ -120,6 +121,7 @@ class Input:
     noise: float = 0.0
     settling: float = 0.0
     linear: bool = False
+    smooth: bool = False
     lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf
@@ -214,8 +216,9 @@ class Validity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """A measured output: `reads` gives its SI value, `noise` the SI standard deviation.
+    """A measured output: `reads` gives its SI value, `noise` the SI standard deviation of a reading of 0.
 
+    growth : by how much of that, per SI, it is larger at other readings; see `noise_at`
     lag : the parameter with which it follows what it reads, as a time constant; empty: at once
     lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
     valid_when : when it reads as stated, beside what holds of the whole model; None: always
@@ -227,12 +230,22 @@ class Sensor:
     unit: Unit
     reads: Expression
     noise: float
+    growth: float = 0.0
     lag: str = ""
     lower: float = -math.inf
     upper: float = math.inf
     valid_when: Validity | None = None
     suspect: bool = True
     line: int = 0
+
+    @property
+    def part(self) -> float:
+        """The noise as a part of the reading, beside that of a reading of 0; both are independent."""
+        return self.noise * self.growth
+
+    def noise_at(self, reading: float) -> float:
+        """Give the noise at a reading, SI."""
+        return math.hypot(self.noise, self.part * reading) if self.growth else self.noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,6 +21,7 @@ SENSOR_COST = 1.0
 BETWEEN = ("linear", "monotone")
 BEYOND = ("constant", "linear")
 HOLDS = ("last", "linear")
+NOISES_OF = ("input", "record")
 
 _NAME = f"^{NAME.pattern}$"
 _SIGNAL = rf"^{NAME.pattern}(\.{NAME.pattern})?$"
@@ -134,6 +135,10 @@ INPUT_KEYS = Keys(
         "unit": Key(TEXT, f"{_UNIT}, such as `percent`; `logic` for 0 and 1"),
         "column": _COLUMN,
         "noise": Key(VALUE, "standard deviation; default 0", default="0"),
+        "noise_of": Key(
+            {"description": "", "enum": list(NOISES_OF)},
+            "`record`: what acts is smooth, and its record scatters; default what acts scatters: `input`",
+        ),
         "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
         "hold": Key(
             {"description": "", "enum": list(HOLDS)},

@@ -10,7 +10,7 @@ from faultbond.model.graph import Check, Input, Sensor, SlowError, Unit
 from faultbond.model.head import Head
 from faultbond.model.keys import CHECK_COST, CHECK_KEYS, SENSOR_KEYS, SLOW_ERROR_KEYS
 from faultbond.model.laws import LawReader
-from faultbond.model.quantities import NO_UNIT, Spread, shared_factor, spread_over
+from faultbond.model.quantities import NO_UNIT, Spread, shared_factor, spread, spread_over
 from faultbond.model.source import closest, shown
 from faultbond.model.spot import Spot
 from faultbond.model.units import Measure
@@ -93,6 +93,7 @@ class MeasuredReader:
             unit=unit,
             reads=reads,
             noise=noise,
+            growth=self._part(place, fields, self.units[name]) / noise if noise else 0.0,
             lag=self.numbers.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
@@ -124,7 +125,7 @@ class MeasuredReader:
             if not self.head.logic:
                 self.head.defaults.missing(SENSOR_KEYS, "noise", name)
             return reads, unit, 0.0
-        spread = fields["noise"].spread(measure, sized=True, free=True)
+        spread = self._size(fields["noise"], measure)
         if measure is None and spread.quantity and spread.quantity.measure:
             self.stated[name] = spread.quantity.measure, "its noise"
         noise = spread.difference()
@@ -132,6 +133,34 @@ class MeasuredReader:
             raise fields["noise"].error(" must be above 0; state its standard deviation")
         fields["noise"].check_size(noise)
         return reads, unit, noise
+
+    def _size(self, place: Spot, measure: Measure | None) -> Spread:
+        """Give the noise of a reading of 0."""
+        size, plus, _ = place.text().partition(" + ")
+        if not plus:
+            return place.spread(measure, sized=True, free=True)
+        found = spread(size, place.where(), measure)
+        if found.is_relative:
+            raise place.error(" is a size and a part of the reading, in this order, such as `0.1 bar + 1 %`")
+        if found.quantity is not None and measure is not None:
+            place.check_unit(found.quantity, measure)
+        return found
+
+    def _part(self, place: Spot, fields: Mapping[str, Spot], measure: Measure | None) -> float:
+        """Give the part of the reading that the noise of a sensor is beside its size, 0 where none is stated."""
+        _, plus, part = fields["noise"].text().partition(" + ")
+        if not plus:
+            return 0.0
+        noise = fields["noise"]
+        if self.head.static:
+            raise noise.error(": with `sample_time: none` noise is a size; leave out what is behind `+`")
+        found = spread(part, noise.where(), measure)
+        if not found.is_relative:
+            raise noise.error(" is a size and a part of the reading, such as `0.1 bar + 1 %`")
+        if measure is not None and measure.unit.offset:
+            text = measure.unit.text
+            raise noise.error(f": a part of a reading in {text} depends on where {text} begins; state a size alone")
+        return found.ratio or 0.0
 
     def _slow_error(self, place: Spot) -> SlowError:
         target, default = place.name, self._target_measure(place)

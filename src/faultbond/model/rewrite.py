@@ -64,15 +64,18 @@ def rewrite(
     for size in sizes:
         node = _at(top, _size_path(graph, size), graph)
         node = _values(node).get("size", node)
-        old = str(node.value)
-        if match := _NUMBER.match(old):  # what follows the number stays: `2 % of 8.9 kPa over 600 s`
-            old = f"{float(match[0]) * size.times:.3g}{old[match.end() :]}"
-        edits.append(_put(node, old))
+        edits.append(_put(node, " + ".join(_scaled(part, size.times) for part in str(node.value).split(" + "))))
     for first, end, new in sorted(edits, reverse=True, key=lambda edit: edit[0]):
         text = text[:first] + new + text[end:]
     if text.startswith(_MARK):
         text = text.partition("\n")[2]
     return f"{_MARK}{remark}\n{text}" if remark else text
+
+
+def _scaled(text: str, times: float) -> str:
+    """Give a size that is so many times larger; what follows the number stays, as of `2 % of 8.9 kPa over 600 s`."""
+    match = _NUMBER.match(text)
+    return f"{float(match[0]) * times:.3g}{text[match.end() :]}" if match else text
 
 
 def _size_path(graph: BondGraph, size: NewSize) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from faultbond.model.defaults import default_range
 from faultbond.model.expression import FUNCTIONS, RATE
 from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter, SlowError
 from faultbond.model.head import Head
-from faultbond.model.keys import ACCURACY, CHANGE, HOLDS, INPUT_KEYS, LAG_KEYS, PARAMETER_KEYS, Keys
+from faultbond.model.keys import ACCURACY, CHANGE, HOLDS, INPUT_KEYS, LAG_KEYS, NOISES_OF, PARAMETER_KEYS, Keys
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity, spread_over
 from faultbond.model.source import Entry, shown
 from faultbond.model.spot import Spot, check_name
@@ -158,6 +158,7 @@ class ValueReader:
             unit=found.unit if found else NO_UNIT,
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
+            smooth=self._is_smooth(fields["noise_of"], noise) if "noise_of" in fields else False,
             linear=self._is_linear(fields),
             lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
@@ -165,6 +166,18 @@ class ValueReader:
             suspect=read_instrument(self.head, fields),
             line=place.line,
         )
+
+    def _is_smooth(self, place: Spot, noise: float) -> bool:
+        """Whether the noise of an input is that of its record."""
+        word = place.text()
+        if self.head.static:
+            raise place.error(": with `sample_time: none` each row stands by itself, and nothing is smooth; remove it")
+        if word not in NOISES_OF:
+            problem = f"`input`, what acts scatters, or `record`, the meter does, not `{shown(word)}`"
+            raise place.error(f" is {problem}")
+        if not noise:
+            raise place.error(": there is no `noise` beside it; state how much the record scatters, or remove it")
+        return word == NOISES_OF[1]
 
     def _is_linear(self, fields: Mapping[str, Spot]) -> bool:
         """Whether an input goes linearly from row to row.

@@ -325,7 +325,8 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
         elif not item.is_known:
             both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
         name = item.of.name if isinstance(item.of, Sensor) else item.of.words
-        yield name, declared, both, unit_text(unit.text), tests[item.name] if is_sensor else ""
+        at = ", at 0" if isinstance(item.of, Sensor) and item.of.part else ""
+        yield name, declared, both, unit_text(unit.text) + at, tests[item.name] if is_sensor else ""
 
 
 def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:

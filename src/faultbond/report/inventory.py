@@ -17,7 +17,7 @@ from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
-from faultbond.model.keys import BETWEEN, BEYOND, HOLDS
+from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
@@ -154,11 +154,12 @@ def check_record(seen: Inventory) -> Record:
             {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
             | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
             | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "hold": HOLDS[item.linear]}
+            | {"noise_of": NOISES_OF[item.smooth]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
-            | {"noise": item.noise, "range": [item.lower, item.upper], "suspect": item.suspect}
+            | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
             | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
             | {"valid_when": _condition_record(item.valid_when)}
             | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
@@ -408,6 +409,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         steps = [_spread(item.unit, known.step)] if known.step else []
         steps += [f"{100 * known.step_part:g} % of the largest value"] if known.step_part else []
         unit, noise = unit_text(item.unit.text), _spread(item.unit, item.noise)
+        noise += ", of the record" if item.smooth else ""
         inputs.append((item.name, item.column, unit, noise, duration_text(item.settling), " and ".join(steps)))
     if inputs:
         header = ("name", "column", "unit", _noise_title(graph), "settling", "a step is more than")
@@ -419,6 +421,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     sensors = []
     for sensor, output in zip(graph.sensors, spec.outputs, strict=True):
         unit, noise = unit_text(sensor.unit.text), _spread(sensor.unit, sensor.noise)
+        noise += f" + {100.0 * sensor.part:.3g} %" if sensor.part else ""
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", _noise_title(graph), "follows at once"), sensors)

@@ -21,12 +21,14 @@ class Instruments:
     """How sensors, or inputs, are at each row.
 
     gain, bias, noise : (n, n_items), SI
+    growth : (n_items,), by how much of its own the noise grows, per SI of what is shown without it
     held : (n, n_items), number of the row whose value stays, `FREE` where the instrument is not stuck
     """
 
     gain: FloatArray
     bias: FloatArray
     noise: FloatArray
+    growth: FloatArray
     held: IntArray
 
     def show(self, values: FloatArray, draws: FloatArray) -> FloatArray:
@@ -37,14 +39,16 @@ class Instruments:
         values : float array, shape (n, n_items), SI
         draws : float array, shape (n, n_items); standard normal, or 0 for no noise
         """
-        shown = self.gain * values + self.bias + self.noise * draws
+        shown = self.gain * values + self.bias
+        shown = shown + self.noise * np.hypot(1.0, self.growth * shown) * draws
         for row, k in np.argwhere(self.held != FREE):
             shown[row, k] = shown[self.held[row, k], k]
         return np.asarray(shown)
 
     def show_row(self, row: int, values: FloatArray, draws: FloatArray, before: FloatArray) -> FloatArray:
         """Give what is shown in one row, (n_items,), SI; `before`: what was shown up to it, (n, n_items)."""
-        shown = self.gain[row] * values + self.bias[row] + self.noise[row] * draws
+        shown = self.gain[row] * values + self.bias[row]
+        shown = shown + self.noise[row] * np.hypot(1.0, self.growth * shown) * draws
         for k in np.flatnonzero(self.held[row] != FREE):
             shown[k] = before[self.held[row, k], k]
         return np.asarray(shown)
@@ -63,6 +67,7 @@ def instruments(items: Sequence[Sensor | Input], faults: Sequence[Fault], time: 
     found = Instruments(
         gain=np.ones(shape),
         bias=np.zeros(shape),
+        growth=np.array([item.growth if isinstance(item, Sensor) else 0.0 for item in items]),
         noise=np.tile([item.noise for item in items], (time.size, 1)).reshape(shape),
         held=np.full(shape, FREE, dtype=np.intp),
     )

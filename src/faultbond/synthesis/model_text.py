@@ -78,6 +78,8 @@ def _sizes(
         "N_OUTPUTS": len(spec.outputs),
         "N_IMPLICIT": len(spec.loops),
         "N_NOISY": len(spec.noisy_inputs),
+        "NOISE_GROWS": int(any(item.growth for item in spec.outputs)),
+        "N_SMOOTH": len(spec.smooth_inputs),
         "N_CONDITIONS": len(spec.settlings),
         "MODEL_CONDITION": f"({spec.condition})" if spec.condition < 0 else spec.condition,
         "N_HELD": len(spec.held),
@@ -106,10 +108,12 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("LOWER", (item.lower for item in spec.parameters))
     yield numbers("UPPER", (item.upper for item in spec.parameters))
     yield numbers("OUTPUT_VARIANCE", (item.noise**2 for item in spec.outputs))
+    yield numbers("OUTPUT_GROWTH", (item.growth**2 for item in spec.outputs))
     yield numbers("INPUT_VARIANCE", (spec.inputs[k].noise ** 2 for k in spec.noisy_inputs))
     yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
     yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))
+    yield integers("SMOOTH_NOISE", spec.smooth_inputs)
     yield numbers("CONDITION_SETTLING", spec.settlings)
     yield integers("OUTPUT_CONDITION", (item.condition for item in spec.outputs))
     yield integers("HELD_OUTPUT", spec.held)

@@ -230,6 +230,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         unit_offset=item.unit.offset,
         ranged=not acts or bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         linear=item.linear,
+        smooth=item.smooth,
     )
 
 
@@ -247,4 +248,5 @@ def _output(
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         condition=_place(item.valid_when, conditions),
         lag_state=stores.index(f"{item.name}.lagged") if item.lag else -1,
+        growth=item.growth,
     )

@@ -45,6 +45,9 @@ class Built:
         inputs = generator.uniform(0.3, 0.9, (rows + 1, len(self.spec.inputs)))
         samples[:, place["u_before"]], samples[:, place["u"]] = inputs[:-1], inputs[1:]
         samples[:, place["y"]] = generator.normal(2.0, 0.5, (rows, len(self.spec.outputs)))
+        n_noisy = len(self.spec.noisy_inputs)
+        samples[:, place["fade"]] = generator.uniform(0.0, 0.9, (rows, n_noisy))
+        samples[:, place["fresh"]] = generator.uniform(0.0, 0.03, (rows, n_noisy))
         samples[:, place["use"]] = generator.random((rows, len(self.spec.outputs))) > 0.2
         return samples
 
