@@ -2,6 +2,6 @@
 
 import os
 
-# Cores of tests run for moments. What runs for every lane, the filters, is compiled as for users all the same; and
-# tests/unit/synthesis/test_compile.py compares the one with the other.
+# Cores of tests run for moments, and are compiled in half the time; tests/unit/synthesis/test_compile.py compares them
+# with those of users.
 os.environ["FAULTBOND_HASTY"] = "1"

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from benchmarks.shared.page import arguments, note, publish, seeds_of, selected
@@ -160,15 +161,13 @@ def draw(
     factors = np.tile(np.array(healthy), (n, 1))
     if fault is not None:
         factors[round(ONSET * n) :, [item.name for item in spec.parameters].index(fault[0])] *= fault[1]
-    errors = np.zeros((n, len(spec.slow_errors)))
-    now = spec.slow_sizes * generator.standard_normal(len(spec.slow_errors))
-    memories = np.array([item.memory for item in spec.slow_errors])
-    left = np.exp(-dt / memories)
+    begin = spec.slow_sizes * generator.standard_normal(len(spec.slow_errors))
+    left = np.exp(-dt / np.array([item.memory for item in spec.slow_errors]))  # 1 at the first sample, then all alike
     gained = np.sqrt(spec.slow_sizes**2 * (1.0 - left**2) + stand.samples[:, place["kick"]])
-    pushed = gained * generator.standard_normal(errors.shape)
-    for row in range(n if memories.size else 0):
-        now = left[row] * now + pushed[row]
-        errors[row] = slow * now
+    pushed = gained * generator.standard_normal(gained.shape)
+    errors = np.zeros_like(pushed)
+    for k, part in enumerate(left[-1]):
+        errors[:, k] = slow * lfilter([1.0], [1.0, -part], pushed[:, k], zi=begin[k : k + 1])[0]
     sizes = np.array([spec.inputs[k].noise for k in spec.noisy_inputs])
     rest = np.hstack([errors, factors, sizes * generator.standard_normal((n, len(sizes)))])
     unknown = np.array([item.noise for item in spec.states]) * generator.standard_normal((n, len(spec.states)))

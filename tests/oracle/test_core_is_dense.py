@@ -135,8 +135,8 @@ def innovations_apart(spec: EngineSpec, one: FloatArray, two: FloatArray) -> flo
 PLAIN = {"tank": 400, "dc_motor": 400, "dc_motor_current": 400, "rlc": 400, "rc": 1000, "cascaded_tanks": 400}
 PLAIN |= {"three_tank": 400, "lamp": 150, "ladder": 150, "pipe": 300, "skab": 400, "nine": 150, "linear lamp": 150}
 NEAR = {"ladder": 1e-8, "nine": 1e-9}  # their starts are a thousand times as wide as what the sensors leave
-SLOTTED = {"tank": 200, "dc_motor_current": 200, "rlc": 200, "rc": 200, "cascaded_tanks": 100, "lamp": 50}
-SLOTTED |= {"linear lamp": 50}
+SLOTTED = {"tank": 200, "dc_motor_current": 200, "rlc": 200, "rc": 200, "cascaded_tanks": 100, "lamp": 35}
+SLOTTED |= {"linear lamp": 35}
 
 
 @pytest.mark.parametrize("name", PLAIN)

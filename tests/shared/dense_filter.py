@@ -7,7 +7,9 @@ Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2, ROS2. What a lane and
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from faultbond.arrays import FloatArray
@@ -18,7 +20,8 @@ from faultbond.model.graph import BondGraph
 from faultbond.synthesis.specify import build_spec
 
 SAYS_MUCH = 0.1  # variance of what is expected of a sensor, in that of its noise, from which a sample says much
-MOST_STEPS = 60  # of Newton's method
+MOST_STEPS = 200  # of Newton's method, halved ones too
+SMALL = 1e-9  # step of an implicit signal after which it is solved, in its size
 
 Fields = dict[str, FloatArray]
 
@@ -242,17 +245,46 @@ class DenseFilter:
         """Solve the implicit signals by Newton's method, from where they were; a step that does not help is halved."""
         if not len(implicit):
             return implicit
+        step, misfit = self.newton(v, u, implicit)
         for _ in range(MOST_STEPS):
-            step, misfit = self.model.newton_step(v, u, implicit)
-            part, move = 1.0, step.full()[:, 0]
-            if np.all(np.abs(move) <= 1e-15 * np.abs(implicit)):
-                break
-            while part > 1e-12 and not float(self.model.newton_step(v, u, implicit + part * move)[1]) < float(misfit):
-                part *= 0.5
-            if part <= 1e-12:  # as good as numbers can be
-                break
-            implicit = implicit + part * move
+            if np.all(np.abs(step) <= SMALL * np.abs(implicit)):  # what is left after it is in the order of its square
+                return implicit + step
+            then, left = self.newton(v, u, implicit + step)
+            if left < misfit:
+                implicit, step, misfit = implicit + step, then, left
+            else:
+                step = 0.5 * step
         return implicit
+
+    def newton(self, v: FloatArray, u: FloatArray, implicit: FloatArray) -> tuple[FloatArray, float]:
+        """Give Newton's step of the implicit signals, and how far they are from solving their equations."""
+        step, misfit = self.in_place(v, u, implicit)
+        return step.copy(), float(misfit[0])
+
+    @cached_property
+    def in_place(self) -> "InPlace":
+        """What works out `newton`."""
+        return InPlace(self.model.newton_step)
+
+
+class InPlace:
+    """A function of casadi whose results, which are not sparse, are filled in place: ten times as fast as its own call."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self.memory, self.run = function.buffer()  # which is lost with the memory
+        self.arguments = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
+        self.results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+        for k, item in enumerate(self.arguments):
+            self.memory.set_arg(k, memoryview(item))
+        for k, item in enumerate(self.results):
+            self.memory.set_res(k, memoryview(item))
+
+    def __call__(self, *values: FloatArray) -> list[FloatArray]:
+        """Give the results; the next call changes them."""
+        for argument, value in zip(self.arguments, values, strict=True):
+            argument[:] = value
+        self.run()
+        return self.results
 
 
 def dense_filter(graph: BondGraph) -> tuple[EngineSpec, DenseFilter]:

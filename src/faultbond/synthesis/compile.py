@@ -20,11 +20,11 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-# What runs for every lane and sample; what takes longer to compile than it saves; and that in half the time, with which
-# a healthy sample takes a tenth longer. Only in the bank sums are contracted: the healthy filter gives the same digits
-# alone and in a fleet.
+# What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted: the
+# healthy filter gives the same digits alone and in a fleet.
 FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
-QUICK, HASTY = ("-O1", "-ffp-contract=off"), ("-Og", "-ffp-contract=off")
+QUICK = ("-O1", "-ffp-contract=off")
+HASTY = {FAST: ("-O1",), SAME: QUICK, QUICK: ("-Og", "-ffp-contract=off")}  # all in half the time
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
@@ -85,10 +85,10 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
     parts = {
         "bank": ('#include "filters.c"\n', FAST),
         "lane": ('#include "one.c"\n', SAME),
-        "rest": (f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', _quick()),
+        "rest": (f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', QUICK),
     }
     if fleets:
-        parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', _quick())}
+        parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', QUICK)}
     texts = (model, *(text for text, _ in parts.values()), *files)
     return _kept(texts, compiler, partial(_compile, {"model.h": model}, parts))
 
@@ -107,14 +107,14 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
     return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, FAST)}))
 
 
-def _quick() -> tuple[str, ...]:
-    """Give how far all but the filters is optimised: less where `FAULTBOND_HASTY` is 1."""
-    return HASTY if os.environ.get("FAULTBOND_HASTY") == "1" else QUICK
+def _options(level: tuple[str, ...]) -> tuple[str, ...]:
+    """Give how far a text is optimised: less where `FAULTBOND_HASTY` is 1."""
+    return HASTY[level] if os.environ.get("FAULTBOND_HASTY") == "1" else level
 
 
 def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
     """Give a library of some texts, built if the cache does not hold it."""
-    told = (*texts, *FLAGS, *FAST, *SAME, compiler_identity(compiler), processor())
+    told = (*texts, *FLAGS, compiler_identity(compiler), processor())
     name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
     kept = read_kept(name)
     if kept is not None:
@@ -134,8 +134,8 @@ def _compile(
         (work / name).write_text(text, encoding="utf-8")
     place = (f"-I{work}", f"-I{CORE}")
     commands = [
-        (*compiler, *FLAGS, *options, *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
-        for name, (_, options) in parts.items()
+        (*compiler, *FLAGS, *_options(level), *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
+        for name, (_, level) in parts.items()
     ]
     with ThreadPoolExecutor() as pool:
         list(pool.map(partial(_run, compiler, work), commands))
@@ -171,7 +171,7 @@ def compiler_identity(compiler: tuple[str, ...]) -> str:
     if compiler[1:2] == ("-m",):  # a package of Python
         package = find_spec(compiler[2])
         files.append(package.origin if package is not None else None)
-    found = [*compiler, *_quick()]
+    found = [*compiler, *_options(FAST), *_options(SAME), *_options(QUICK)]
     for file in files:
         with suppress(OSError):
             real = Path(file or "").resolve()
