@@ -3,13 +3,15 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
+from faultbond.app.quiet_fit import put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
@@ -17,10 +19,11 @@ from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.samples import healthy_recording
-from faultbond.fit.trial import enough, on_trial
+from faultbond.fit.trial import ROOM, enough, on_trial
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.text import load_model, parse_model
+from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import amended_text, raised_text
 from faultbond.report.verdict import unexplained_sentence
@@ -42,16 +45,19 @@ sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
 R, L, NOISE, STEP = 3.3, 2.2, 0.02, 0.02
 
 
-def write(path: Path, *, seed: int, rows: int = 1200, lag: float = 0.0, wander: float = 0.0) -> Path:
-    """Write a recording of the winding: its sensor lags by `lag` s; its voltage wanders by a part, over a second."""
+def write(path: Path, *, seed: int, rows: int = 1200, lag: float = 0.0, wander: float = 0.0, warm: float = 1.0) -> Path:
+    """Write a recording of the winding: its sensor lags by `lag` s; its voltage wanders by a part, over a second.
+
+    warm: times its resistance
+    """
     rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.choice([-4.0, -1.0, 2.0, 5.0], rows // 40 + 1), 40)[:rows]
     current, seen, slow, values = 0.0, 0.0, 0.0, []
     for k in range(rows):
         values.append((seen if lag else current) + NOISE * rng.standard_normal())
         slow = slow * np.exp(-STEP) + wander * np.sqrt(1 - np.exp(-2 * STEP)) * rng.standard_normal()
-        decay = np.exp(-R / L * STEP)
-        after = decay * current + (1 - decay) * voltage[k] * (1 + slow) / R
+        decay = np.exp(-R * warm / L * STEP)
+        after = decay * current + (1 - decay) * voltage[k] * (1 + slow) / (R * warm)
         if lag:
             seen += (1 - np.exp(-STEP / lag)) * (0.5 * (current + after) - seen)
         current = after
@@ -200,6 +206,31 @@ def test_one_recording_is_parted(model: Path, tmp_path: Path, capsys: pytest.Cap
     said = capsys.readouterr()
     assert f"the last third of {recording}" in " ".join(said.out.split()).replace(" a.csv", "a.csv")
     assert "putting the model on trial" in said.err
+
+
+def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path) -> None:
+    """A winding is warm or cold: the accuracy of its resistance is declared as large as that takes, and nothing else.
+
+    What strays farther than three times its accuracy is no constant, and stays as it was.
+    """
+    text = MODEL.replace("R: 3 ohm", "R: {nominal: 3.3 ohm, accuracy: 1 %}").replace("nominal: 2.5 H", "nominal: 2.2 H")
+    graph = parse_model(text.replace("50 mA", "20 mA"), file="m.yaml")
+    for far, times in ((0.034, pytest.approx(1.27, abs=0.15)), (0.12, None)):
+        days = [write(tmp_path / f"{k}.csv", seed=k, warm=1.0 + side * far) for k, side in enumerate((1, -1))]
+        read = [(day.name, read_points(graph, str(day))) for day in days]
+        fitted = cast("Fitted", SimpleNamespace(graph=graph))  # of which the file is asked alone
+        attempt = put_on_trial(text.replace("50 mA", "20 mA"), fitted, read, lambda _: None)
+        assert attempt.health.walk > ROOM
+        assert list(attempt.health.strayed) == ["R"]
+        wider = widened(attempt, lambda _: None)
+        if times is None:
+            assert wider is attempt
+            continue
+        assert wider.health.walk <= ROOM
+        assert wider.widened == {"R": times}
+        now = {item.name: item.accuracy / item.nominal for item in wider.graph.parameters}
+        assert now == {"R": pytest.approx(0.01 * wider.widened["R"], rel=0.1), "L": pytest.approx(0.05)}
+        assert [item.noise for item in wider.graph.sensors] == [NOISE]
 
 
 def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
@@ -20,12 +20,14 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.fit_result import Fitted, fitted_model
-from faultbond.report.quiet_result import Quieted, Raised, amended_text, raised_text
+from faultbond.report.quiet_result import Quieted, Raised, amended_text, raised_text, widened_text
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
+WIDEST = 3.0  # times an accuracy; what strays farther is no constant
+SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]
@@ -33,7 +35,10 @@ Smallest = tuple[SmallestFault, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Attempt:
-    """A model with what the search has found, fitted to all recordings and put on trial."""
+    """A model with what the search has found, fitted to all recordings and put on trial.
+
+    widened : how many times as large the accuracies of parameters are declared as the data say, by name
+    """
 
     text: str
     graph: BondGraph
@@ -42,6 +47,7 @@ class Attempt:
     fitted: Fitted
     health: Health
     alarms: dict[str, float]
+    widened: dict[str, float] = field(default_factory=dict)
 
     @property
     def quiet(self) -> bool:
@@ -87,6 +93,7 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     if not attempt.quiet:
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
+    raised = (*raised, *(Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items()))
     tell("working out the smallest faults before and after")
     smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     return Quieted(
@@ -152,10 +159,11 @@ def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wish
     prior = Prior(wishes.prior)
     found = fit_plant(plant, records, begin, prior=prior, starts=1, settled=SETTLED, seed=wishes.seed)
     fitted = fitted_model(first, found, core.spec.version)
-    return _on_trial(fitted.model_text(with_added), fitted, read, tell)
+    return widened(put_on_trial(fitted.model_text(with_added), fitted, read, tell), tell)
 
 
-def _on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:
+def put_on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:
+    """Put a model text on trial."""
     tell("putting the model on trial")
     graph = parse_model(text, file=fitted.graph.file)
     core = build_watcher(graph)
@@ -172,6 +180,25 @@ def _on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attemp
     )
 
 
+def widened(attempt: Attempt, tell: Tell) -> Attempt:
+    """Declare the accuracy of parameters larger that stray from where they start, as little as it takes.
+
+    What a fit says of a parameter is how well all recordings together tell one value of it; how far it is from that in
+    each of them, or under other inputs, is what `run` has to be told. As it was where that is more than WIDEST times.
+    """
+    times: dict[str, float] = {}
+    wider = attempt
+    while far := {name: part / ROOM for name, part in wider.health.strayed.items() if part > ROOM}:
+        times = {name: times.get(name, 1.0) * far.get(name, 1.0) for name in (*times, *far)}
+        times = {name: x * SPARE if name in far else x for name, x in times.items()}
+        if any(x * attempt.widened.get(name, 1.0) > WIDEST for name, x in times.items()):
+            return attempt
+        text = widened_text(attempt.text, attempt.graph, times)
+        wider = put_on_trial(text, attempt.fitted, [(item.name, item.points) for item in attempt.records], tell)
+    before = attempt.widened
+    return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
+
+
 def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Raised, ...]]:
     """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough."""
     variant = enough(attempt.core, attempt.records, promise)
@@ -179,7 +206,8 @@ def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tupl
         return attempt, ()
     text, raised = raised_text(attempt.text, attempt.graph, variant)
     read = [(item.name, item.points) for item in attempt.records]
-    return _on_trial(text, attempt.fitted, read, tell), raised
+    wider = replace(put_on_trial(text, attempt.fitted, read, tell), widened=attempt.widened)
+    return widened(wider, tell), raised
 
 
 def _smallest(plants: Sequence[tuple[BondGraph, Core]], records: Sequence[HealthyRecording]) -> list[Smallest]:

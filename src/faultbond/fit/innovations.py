@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.spec import covariance_place
 from faultbond.fit.cusum import added, height_of, no_sums
 from faultbond.fit.samples import HealthyRecording, trusted
@@ -33,7 +34,8 @@ class Watch:
     scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; cusum (2, N,
     n_outputs): up, down; height (N, n_outputs): the largest sum, see `runtime.cusum`; slow (N, n_slow): slow errors in
     their declared sizes. walk: how far a parameter walked at most, with everything as declared; 1: an alarm; walker:
-    the parameter, -1: none was judged. alone (N, n_outputs): what the plant alone shows under the inputs, SI.
+    the parameter, -1: none was judged; strayed (n_parameters,): how far each was from where it started, where none had
+    walked farther. alone (N, n_outputs): what the plant alone shows under the inputs, SI.
     """
 
     scores: FloatArray
@@ -42,6 +44,7 @@ class Watch:
     slow: FloatArray
     walk: float
     walker: int
+    strayed: FloatArray
     alone: FloatArray
 
 
@@ -50,8 +53,8 @@ class Taken:
     """What the monitor's filter took of a recording of `count` samples: of the n from its start on.
 
     rows: (n, n_sample), packed; started: how many of them it gathered for its start. use, settling: (n, n_outputs),
-    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. walk, walker: see
-    `Watch`.
+    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. walk, walker,
+    strayed: see `Watch`.
     """
 
     count: int
@@ -62,6 +65,7 @@ class Taken:
     astray: BoolArray
     walk: float
     walker: int
+    strayed: FloatArray
 
 
 def watch_recording(
@@ -107,6 +111,7 @@ def watch_taken(core: Core, taken: Taken, variants: Sequence[Variant] = (Variant
             slow=slow[k],
             walk=taken.walk,
             walker=taken.walker,
+            strayed=taken.strayed,
             alone=alone,
         )
         for k in range(len(variants))
@@ -117,7 +122,7 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
     """Run the monitor with its alarms off."""
     spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
     running, rows, known, astray = False, list[FloatArray](), list[bool](), list[bool]()
-    walk, walker = 0.0, -1
+    walk, walker, strayed, since_start = 0.0, -1, np.zeros(len(spec.parameters)), core_settings()["WALKS"]
     for number, point in enumerate(record.points):
         before = running
         monitor.step(point)
@@ -130,8 +135,10 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         new = len(rows) - len(known)
         known += [monitor.knows_inputs] * new
         astray += [bool(monitor.numbers("healthy.astray").any())] * new
-        if (walked := monitor.number("healthy.walk")) > walk:
-            walk, walker = walked, int(monitor.number("healthy.walker")) % max(len(spec.parameters), 1)
+        if (walked := monitor.number("healthy.walk")) > 0.0:
+            window, who = divmod(int(monitor.number("healthy.walker")), len(spec.parameters))
+            walk, walker = (walked, who) if walked > walk else (walk, walker)
+            strayed[who] = max(strayed[who], walked) if window == since_start else strayed[who]
     packed = np.array(rows).reshape(-1, spec.n_sample)
     use = trusted(spec, packed)
     return Taken(
@@ -143,6 +150,7 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         astray=np.array(astray, dtype=bool),
         walk=walk,
         walker=walker,
+        strayed=strayed,
     )
 
 

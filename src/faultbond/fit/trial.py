@@ -38,8 +38,9 @@ class DeclarationTrial:
 class Health:
     """A model on healthy recordings. needed: smallest factor of each kind that keeps the promise; None: none does.
 
-    walk: how far a parameter walked at most as a part of its limit, and walker, which; empty: none was judged; late:
-    sensors that come later than the model says; mirrored: those that move the other way round
+    walk: how far a parameter walked at most as a part of its limit, and walker, which; empty: none was judged;
+    strayed: the same from where it started, of each that was ever the farthest; late: sensors that come later than the
+    model says; mirrored: those that move the other way round
     """
 
     promise: float
@@ -52,6 +53,7 @@ class Health:
     trials: tuple[DeclarationTrial, ...]
     walk: float
     walker: str
+    strayed: dict[str, float]
     late: tuple[Late, ...]
     mirrored: tuple[str, ...]
 
@@ -116,6 +118,7 @@ def on_trial(
         peak = max((item.peak for item in statistics), default=0.0)
         trials.append(DeclarationTrial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
     farthest = max(seen[0], key=lambda item: item.walk)
+    strayed = np.max([item.strayed for item in seen[0]], axis=0)
     return Health(
         promise=promise,
         step=step,
@@ -127,6 +130,7 @@ def on_trial(
         trials=tuple(trials),
         walk=farthest.walk,
         walker=spec.parameters[farthest.walker].name if farthest.walker >= 0 else "",
+        strayed={item.name: x for item, x in zip(spec.parameters, strayed.tolist(), strict=True) if x > 0.0},
         late=late_sensors(spec, records, seen[0]),
         mirrored=mirrored_sensors(spec, records, seen[0]),
     )

@@ -1,7 +1,7 @@
 """A model that was made quiet: what was added and raised, what it cost, what was not mended; text, record, file."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console
@@ -112,7 +112,7 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
         sizes += [NewSize(name=item.target, times=variant.slow, kind=item.kind) for item in graph.slow_errors]
     text = rewrite(text, graph, (), sizes)
     if variant.accuracy != 1.0:
-        text = amended(text, list(_accuracies(graph, variant.accuracy)), graph.file)
+        text = widened_text(text, graph, {item.name: variant.accuracy for item in graph.parameters})
     told = (
         *raised,
         Raised(what="slow errors", times=variant.slow),
@@ -121,10 +121,15 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     return text, tuple(item for item in told if item.times != 1.0)
 
 
-def _accuracies(graph: BondGraph, times: float) -> Iterator[tuple[Path, str]]:
+def widened_text(text: str, graph: BondGraph, times: Mapping[str, float]) -> str:
+    """Give a model text in which accuracies are so many times as large, by the name of the parameter."""
+    return amended(text, list(_accuracies(graph, times)), graph.file)
+
+
+def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[Path, str]]:
     for item in graph.parameters:
-        if item.accuracy > 0.0:
-            wider = times * item.accuracy
+        if item.accuracy > 0.0 and item.name in times:
+            wider = times[item.name] * item.accuracy
             part = f"{_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
             yield (
                 (*parameter_path(graph, item.name), "accuracy"),

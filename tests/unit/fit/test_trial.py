@@ -100,7 +100,14 @@ def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
     nothing = np.zeros_like(scores)
     slow = np.zeros((len(scores), len(built.slow_errors)))
     seen = Watch(
-        scores=scores, cusum=np.array([nothing, nothing]), height=nothing, slow=slow, walk=0.0, walker=-1, alone=scores
+        scores=scores,
+        cusum=np.array([nothing, nothing]),
+        height=nothing,
+        slow=slow,
+        walk=0.0,
+        walker=-1,
+        strayed=np.zeros(len(built.parameters)),
+        alone=scores,
     )
     rate = alarm_rates(built, [seen], 2.0)[0]
     told = max(scatter_time(built.thresholds, [scores[:, 0]], lag) for lag in range(1, LAGS + 1))

@@ -21,6 +21,7 @@ def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Hea
         trials=(),
         walk=walk,
         walker="R",
+        strayed={},
         late=(),
         mirrored=(),
     )
