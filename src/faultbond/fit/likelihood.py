@@ -210,14 +210,13 @@ def _sample(
     mean = ca.vertcat(x_next, *lasting)
     covariance = ca.triu2symm(ca.triu(transition @ covariance @ transition.T + added))
     expected, slope, implicit = model.measure(_joint(size, mean, factors), fields["u"], implicit)
-    slope = slope[:, kept]
-    for j in _conditional(model):
+    slope, judged = slope[:, kept], _conditional(model)
+    for j in judged:
         slope[j, :] = known.where(fields["use"][j], slope[j, :])
-    judged = _conditional(model)
     told = [known.where(fields["use"][j], expected[j]) if j in judged else expected[j] for j in range(size.n_y)]
     growth = [1.0 + (item.growth * told[j]) ** 2 for j, item in enumerate(model.plant.graph.sensors)]
     noise = ca.exp(2 * sensor_noise) * ca.vertcat(*growth)
-    shift, covariance, seen = _update(fields, covariance, expected, slope, noise, _conditional(model), known)
+    shift, covariance, seen = _update(fields, covariance, expected, slope, noise, judged, known)
     return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
 
 
