@@ -20,8 +20,8 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-# What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted: the
-# healthy filter gives the same digits alone and in a fleet.
+# What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted:
+# the healthy filter gives the same digits alone and in a fleet.
 FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
 QUICK = ("-O1", "-ffp-contract=off")
 HASTY = {FAST: ("-O1",), SAME: QUICK, QUICK: ("-Og", "-ffp-contract=off")}  # all in half the time

@@ -124,7 +124,7 @@ class Core:
 
     def __init__(self, width: int) -> None:
         text = core_text(SPEC, build_step_model(PLANT, all_inputs=True)) + in_c(CALLS)
-        self.library = compiled(text, f"-DFB_LANES={width}", *(IN_CPP if width == 1 else ()))
+        self.library = compiled(text, "-Og", f"-DFB_LANES={width}", *(IN_CPP if width == 1 else ()))
         self.library.t_numbers.restype = self.library.t_onsets.restype = ctypes.c_void_p
         self.library.fb_work_size.restype = ctypes.c_int64
         n_rows = SPEC.thresholds.history_samples + 2 + int(core_settings()["SPREAD"])
