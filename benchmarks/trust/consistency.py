@@ -29,7 +29,7 @@ from benchmarks.shared.told import relinearised, told_lane, without_slow_errors
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.samples import Sample
-from faultbond.contract.spec import EngineSpec, unpack
+from faultbond.contract.spec import EngineSpec, root_of, unpack
 from faultbond.equations.step import StepModel
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
@@ -154,10 +154,9 @@ def draw(
     """
     spec, generator, n = stand.core.spec, np.random.default_rng(seed), len(stand.samples)
     place, dt = spec.sample_fields, stand.samples[:, spec.sample_fields["dt"]]
-    healthy = [
-        np.clip(item.healthy + item.accuracy * generator.standard_normal(), item.lower, item.upper)
-        for item in spec.parameters
-    ]
+    root = root_of(np.array([item.accuracy for item in spec.parameters]), spec.correlations)
+    off = root @ generator.standard_normal(len(spec.parameters))
+    healthy = [np.clip(item.healthy + x, item.lower, item.upper) for item, x in zip(spec.parameters, off, strict=True)]
     factors = np.tile(np.array(healthy), (n, 1))
     if fault is not None:
         factors[round(ONSET * n) :, [item.name for item in spec.parameters].index(fault[0])] *= fault[1]

@@ -10,13 +10,17 @@ from bare_core import Bare, bare
 from dense_filter import dense_filter
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
-from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.contract.spec import EngineSpec, pack, root_of, unpack
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.fit.innovations import Variant, _declared
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.specify import build_spec
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 MODEL = (Path(__file__).parents[2] / "examples" / "dc_motor" / "model.yaml").read_text()
@@ -166,6 +170,27 @@ int64_t t_suspect(State *state, const int64_t *members, const int64_t *n, const 
     return 0;
 }
 """
+
+
+def test_what_the_analysis_takes_is_the_same() -> None:
+    """The specification's covariance, and its root, which a plant may be drawn with; negative values turn."""
+    graph, spec, _ = engine()
+    assert spec.prior == pytest.approx(stated(spec))
+    root = root_of(np.full(len(spec.parameters), 0.03), graph.correlated)
+    assert root @ root.T == pytest.approx(stated(spec))
+    other = build_spec(build_step_model(build_plant(parse_model(TEXT.replace("K: 2 V*s/rad", "K: -2 V*s/rad")))))
+    turned = [-1.0 if item.name == "K" else 1.0 for item in spec.parameters]
+    assert other.prior == pytest.approx(stated(spec) * np.outer(turned, turned))
+
+
+@pytest.mark.parametrize("times", [0.25, 3.0])
+def test_a_trial_of_other_accuracies_keeps_what_goes_together(times: float) -> None:
+    """Accuracies so many times as large have the whole covariance times the square."""
+    _, spec, core = engine()
+    P = unpack(spec, _declared(core, Variant(accuracy=times))[spec.covariance_slice, 0])
+    assert P[spec.parameter_slice, spec.parameter_slice] == pytest.approx(times**2 * stated(spec))
+
+
 SETS = [[0], [3], [2, 3], [3, 2], [1, 3], [0, 4], [4]]
 
 

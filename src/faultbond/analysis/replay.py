@@ -26,10 +26,9 @@ from faultbond.analysis.sensitivity import (
     still,
 )
 from faultbond.arrays import BoolArray, FloatArray, IntArray
-from faultbond.contract.spec import covariance_of
+from faultbond.contract.spec import root_of
 from faultbond.equations.step import StepModel
 from faultbond.errors import NoVerdictError, RecordingError
-from faultbond.model.graph import BondGraph
 
 MOST_SAMPLES = 600
 _FITS = 3  # steps of least squares towards the start
@@ -147,7 +146,8 @@ def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[
     graph = recursion.plant.graph
     noise = usual_noise(graph.sensors, (run,))
     noise = np.where(noise > 0, noise, _EXACT * np.sqrt(np.mean(run.y**2, axis=0)) + 1e-300)
-    parts = _roots(graph) / run.steps[:, None]
+    accuracies = np.array([item.accuracy for item in graph.parameters])
+    parts = root_of(accuracies, graph.correlated) / run.steps[:, None]
     here = np.isfinite(readings)
     off = ((readings - run.y) / noise)[here]
     by_theta = ((run.by_theta / noise[:, None]) @ parts)[here]
@@ -161,13 +161,6 @@ def _fit(recursion: Recursion, run: Sensitivity, readings: FloatArray) -> tuple[
     columns = np.hstack([np.vstack([by_start / scales, free]), known])
     move = np.linalg.lstsq(columns, off, rcond=None)[0][: len(scales)] / scales
     return np.asarray(move), float(left @ left)
-
-
-def _roots(graph: BondGraph) -> FloatArray:
-    """Give L with L L' the covariance of the healthy parameters (n_parameters, n_parameters), SI."""
-    accuracies = np.array([item.accuracy for item in graph.parameters])
-    together = covariance_of(np.ones(len(accuracies)), graph.correlated)
-    return np.asarray(accuracies[:, None] * np.linalg.cholesky(together))
 
 
 def _experiment(model: StepModel, times: FloatArray, inputs: FloatArray, start: FloatArray) -> Experiment:

@@ -474,6 +474,11 @@ def covariance_of(sds: FloatArray, correlations: Iterable[tuple[int, int, float]
     return np.asarray(together * np.outer(sds, sds))
 
 
+def root_of(sds: FloatArray, correlations: Iterable[tuple[int, int, float]]) -> FloatArray:
+    """Give a lower triangle L (n, n) whose L L' is that covariance; a standard deviation may be 0."""
+    return np.asarray(sds[:, None] * np.linalg.cholesky(covariance_of(np.ones(len(sds)), correlations)))
+
+
 def _still(array: FloatArray) -> FloatArray:
     """Make an array read-only: a frozen class does not freeze what it holds."""
     array.setflags(write=False)

@@ -66,4 +66,11 @@
 #define N_SAMPLE (SAMPLE_FRESH + N_NOISY)
 #define IS_OUTSIDE(packed) ((packed)[SAMPLE_STILL] > 1.0)
 
+/* Parameters whose accuracies go together, see given.h; a model without any says nothing of it. */
+#ifndef TIED
+static const int TIE_ROW[N_PARAMETERS + 1] = {0}, TIE_PARAMETER[] = {0};
+static const double OWN_PRECISION[FB_ROOM(N_PARAMETERS)] = {0.0};
+static const double TIE_COVARIANCE[] = {0.0}, TIE_PRECISION[] = {0.0}, TIE_WEIGHT[] = {0.0};
+#endif
+
 #endif

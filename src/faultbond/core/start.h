@@ -159,10 +159,12 @@ static void stated_sds(double *sd)
 {
     for (int i = 0; i < N_STATES; i++) {
         double sum = isnan(START_SD[i]) ? 0.0 : START_SD[i] * START_SD[i];
-        for (int e = JUMP_ROW[i]; e < JUMP_ROW[i + 1]; e++)
-            for (int f = JUMP_ROW[i]; f < JUMP_ROW[i + 1]; f++)
-                sum += START_MEAN[i] * JUMP_EXPONENT[e] * START_MEAN[i] * JUMP_EXPONENT[f] *
-                       declared_covariance(JUMP_PARAMETER[e], JUMP_PARAMETER[f]);
+        for (int e = JUMP_ROW[i]; e < JUMP_ROW[i + 1]; e++) {
+            const double slope = START_MEAN[i] * JUMP_EXPONENT[e], off = slope * ACCURACY[JUMP_PARAMETER[e]];
+            sum += off * off;
+            for (int f = JUMP_ROW[i]; f < e; f++)
+                sum += 2.0 * slope * START_MEAN[i] * JUMP_EXPONENT[f] * declared_covariance(JUMP_PARAMETER[e], JUMP_PARAMETER[f]);
+        }
         sd[i] = sqrt(sum);
     }
 }

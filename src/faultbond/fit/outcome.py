@@ -133,6 +133,7 @@ def correlations_of(found: Fit, estimates: Sequence[Estimate]) -> dict[tuple[str
 
     Parameters
     ----------
+    found : the fit
     estimates : of all parameters that were fitted, in their order
     """
     unknowns, n = found.plant.unknowns, len(estimates)

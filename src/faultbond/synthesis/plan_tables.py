@@ -67,6 +67,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "MAX_CANDIDATES": MAX_CANDIDATES,
         "MOST_RIVALS": MOST_RIVALS,
         "SURE": literal(SURE),
+        **({"TIED": 1} if spec.correlations else {}),
     }
 
 
@@ -99,7 +100,8 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
         yield numbers(name.upper(), (getattr(item, name) for item in spec.parameters))
     for name in ("least", "most"):
         yield numbers(f"RANGE_{name.upper()}", (getattr(item, name) for item in spec.parameters))
-    yield from _tie_tables(spec)
+    if spec.correlations:
+        yield from _tie_tables(spec)
     yield from ragged_table("LIMIT", [item.limits for item in spec.parameters], None)
     yield numbers("LIMIT", (limit for item in spec.parameters for limit in item.limits))
     yield numbers("INPUT_NOISE", (item.noise for item in spec.inputs))
