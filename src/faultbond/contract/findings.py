@@ -86,12 +86,14 @@ class Walk:
     """A parameter that the healthy filter has moved farther than its variance allows.
 
     sd: by how much, in standard deviations of what is usual. from_start: since the first sample, in what the declared
-    accuracy allows; else since the onset of the alarm.
+    accuracy allows; else since the onset of the alarm. together: it and others, of
+    which it the farthest; sd is that of all.
     """
 
     parameter: str
     sd: float
     from_start: bool
+    together: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

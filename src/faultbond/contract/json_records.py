@@ -1,6 +1,7 @@
 """The records of a run: what a program reads, as plain mappings ready for JSON; SI units, percent stays percent."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from faultbond.contract.findings import (
     Advice,
@@ -56,7 +57,7 @@ def detection_record(detection: Detection) -> Record:
     }
     walk = detection.walk
     if walk is not None:
-        record["walk"] = {"parameter": walk.parameter, "sd": walk.sd, "from_start": walk.from_start}
+        record["walk"] = asdict(walk)
     return record
 
 

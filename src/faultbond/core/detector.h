@@ -41,13 +41,15 @@ static int64_t note_walk(const State *state, Alarm *found)
 {
     const Clock *clock = &state->clock;
     const Healthy *healthy = &state->healthy;
-    const int64_t walker = (int64_t)healthy->walker, window = walker / (N_PARAMETERS > 0 ? N_PARAMETERS : 1);
+    const int64_t walker = (int64_t)healthy->walker, kind = walker / (N_PARAMETERS > 0 ? N_PARAMETERS : 1);
+    const int64_t window = kind > WALKS ? kind - WALKS - 1 : kind; /* of all together, or of one */
+    const double limit = kind > WALKS ? limit_together(n_together(state->normal.rates)) : kind == WALKS ? START_LIMIT : WALK_LIMIT;
     const int64_t length = length_of_walk((int)window), number = compared_with(clock->index, length);
     const int64_t slot = window == WALKS ? AT_START : kept_at((int)window, number);
     const int64_t began = window == WALKS ? clock->begun : number * length;
-    found->walker = walker - window * N_PARAMETERS;
-    found->window = window;
-    found->walk = healthy->walk * (window == WALKS ? START_LIMIT : WALK_LIMIT);
+    found->walker = walker - kind * N_PARAMETERS;
+    found->window = kind;
+    found->walk = healthy->walk * limit;
     found->change_time = healthy->snapshots[slot][KEPT_TIME];
     if (began <= clock->index - DEPTH + 1 || window == WALKS) found->old = slot;
     return began;

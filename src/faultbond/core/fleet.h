@@ -128,6 +128,9 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define usual_walk SIDE(usual_walk)
 #define take_walk SIDE(take_walk)
 #define judge_walk SIDE(judge_walk)
+#define learn_walk SIDE(learn_walk)
+#define walk_together SIDE(walk_together)
+#define judge_window SIDE(judge_window)
 #define judge_start SIDE(judge_start)
 #define judge_walks SIDE(judge_walks)
 #define keep_for_long SIDE(keep_for_long)
@@ -157,6 +160,7 @@ typedef struct {
     Filter_beside filter;
     Watched before; /* but the lanes kept for long */
     lanes packed[N_SAMPLE], innovations[2 * N_OUTPUTS];
+    lanes walks[FB_ROOM(TRIANGLE(N_PARAMETERS))];
 } LanesMemory;
 
 FB_OF_FLEETS int64_t lanes_memory_size(void) { return (int64_t)sizeof(LanesMemory); }
@@ -222,7 +226,7 @@ static mask watch_usually(Watched *watched, const Sample *told, int64_t index, m
     see(sensors, packed);
     accumulate(clock, inputs, &watched->healthy, sensors, packed, innovations);
     learn_travel(&watched->healthy);
-    judge_walks(index, clock, inputs, NULL, &watched->healthy);
+    judge_walks(index, clock, inputs, NULL, &watched->healthy, memory->walks);
     done &= opposite(is_alarming(clock, sensors, &watched->healthy) & (clock->quiet == 0));
     keep_for_long(index, clock, done, &watched->healthy);
     clock->index += 1;
@@ -375,6 +379,9 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef usual_walk
 #undef take_walk
 #undef judge_walk
+#undef learn_walk
+#undef walk_together
+#undef judge_window
 #undef judge_start
 #undef judge_walks
 #undef keep_for_long

@@ -20,9 +20,11 @@
 #define PLAIN_NUMBERS (PLAIN_LIKELIHOOD + 1)
 #define PLAIN_PLACE(i, j) (PLAIN_COVARIANCE + IN_TRIANGLE(PLAIN_JOINT, i, j)) /* in a lane, of i <= j */
 
-/* What is kept for long of a healthy lane: all of it, the usual squares of walks over its window, and its time. */
+/* What is kept for long of a healthy lane: all of it, the usual squares of walks over its window, the last of which is that of
+   all parameters together, and its time. */
 #define KEPT_USUAL PLAIN_NUMBERS
-#define KEPT_TIME (KEPT_USUAL + N_PARAMETERS)
+#define TOGETHER N_PARAMETERS
+#define KEPT_TIME (KEPT_USUAL + N_PARAMETERS + 1)
 #define KEPT_NUMBERS (KEPT_TIME + 1)
 
 #define WIDE_JOINT (PLAIN_JOINT + 2)

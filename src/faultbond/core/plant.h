@@ -14,11 +14,13 @@
 #define RARELY 0.5          /* presence of an input that is logged when it changes */
 #define SPIKE 4.0           /* sd of an innovation that may be due to one; */
 #define WALK_LIMIT 7.0       /* sd of what is usual, that a parameter may walk over a window, */
+#define WALK_DEGREES 8       /* number of parameters, at most, that count as walking each for itself */
 #define START_LIMIT 3.5      /* and of what its accuracy allows, since the start */
 #define WALK_USUAL 4.0       /* square of a walk over the first window that counts as usual before any was seen, */
 #define WALK_TRUST 10.0      /* for as much as so many windows; the same of what one window says for the next */
 #define WALK_MOST 16.0       /* part of the usual square that one window may add */
 #define WALK_LEAST 0.02      /* part of its variance that a parameter may walk in any case */
+#define WALK_PIVOT 1e-3      /* part of its variance that of a parameter beside the others has to be for it to be judged there */
 #define WALK_SETTLES 200     /* samples after the start, or a diagnosis that was accepted, from which on lanes are kept */
 #define TREND_JUMP 9.0      /* square of what a trend missed lately, in its variance, from which on it begins anew where the record is; */
 #define TREND_SHARE 0.5     /* part of the last miss in that */
@@ -53,6 +55,26 @@ static inline int64_t length_of_walk(int window)
 
 /* Number of the lane of a window with which that after sample `index` is compared; below 0: none. */
 static inline int64_t compared_with(int64_t index, int64_t length) { return (index + length - 1) / length - 2; }
+
+/* The walk of n parameters together, root of the mean of squares, that is as rare as one of WALK_LIMIT sd: models err in few
+   directions, so no more than some degrees of freedom count. Source: Wilson and Hilferty, Proc. National Academy of Sciences 17
+   (1931) 684. */
+static inline double limit_together(int n)
+{
+    const double ninth = 2.0 / (9.0 * (double)(n < 1 ? 1 : n < WALK_DEGREES ? n : WALK_DEGREES));
+    return pow(1.0 - ninth + WALK_LIMIT * sqrt(ninth), 1.5);
+}
+
+/* Whether a parameter moves by itself; rates: NULL: none does. */
+static inline int is_moving(const double *rates, int k) { return rates && rates[k] != 0.0; }
+
+/* How many parameters are judged together: that can move, and do not by themselves. */
+static inline int n_together(const double *rates)
+{
+    int n = 0;
+    for (int k = 0; k < N_PARAMETERS; k++) n += ACCURACY[k] > 0.0 && !is_moving(rates, k);
+    return n;
+}
 
 /* Where lane number `number` of a window is kept. */
 static inline int64_t kept_at(int window, int64_t number) { return 2 * window + number % 2; }

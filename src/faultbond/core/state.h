@@ -140,7 +140,8 @@ typedef struct {
 typedef struct {
     double time, change_time;   /* s: when it was raised, and the estimated onset */
     int64_t crossed[N_OUTPUTS]; /* 1: the sensors whose sums crossed */
-    int64_t walker, window;     /* the parameter that has walked too far, and over which window, WALKS: since the start;
+    int64_t walker, window;     /* the parameter that has walked too far, and over which window, WALKS: since the start,
+                                   WALKS + 1 and more: it and others together;
                                    -1: it was not raised by that */
     double walk;                /* how far, in standard deviations of what is usual */
     int64_t old;                /* the snapshot from before a walk that began before the trail; -1: it did not */

@@ -2,6 +2,9 @@
    window from s to t var(theta_t - theta_s) = P_s - P_t. A slow fault, which the filter follows so that no innovation tells of
    it, moves it farther, and so does one that was there from the first sample, in what the declared accuracy allows.
 
+   What one parameter has to make up for is shared among all that resemble it, so they are judged together, too: by
+   d' (P_s - P_t)^-1 d, with d = theta_t - theta_s.
+
    Models are never perfect, and their parameters walk somewhat farther: by how much is learned, for each window as it was
    before that began, and what one window says counts for the next longer one until that has been seen often enough.
 
@@ -50,24 +53,78 @@ static inline real usual_walk(const Healthy *healthy, int window, int k)
 }
 
 /* Note a walk, in its limit, if it is the largest so far and counts. */
-static inline void take_walk(Healthy *healthy, int window, int k, real part, flag counts)
+static inline void take_walk(Healthy *healthy, int window, real k, real part, flag counts)
 {
     const flag larger_one = counts & (part > healthy->walk);
     healthy->walk = PICK(larger_one, part, healthy->walk);
-    healthy->walker = PICK(larger_one, SAME((double)(k + N_PARAMETERS * window)), healthy->walker);
+    healthy->walker = PICK(larger_one, k + (double)(N_PARAMETERS * window), healthy->walker);
+}
+
+/* Learn the square of a walk, in what its variances allow, as that of parameter k, TOGETHER: of all. */
+static inline void learn_walk(Healthy *healthy, int window, int k, real square, real weight, flag counts)
+{
+    const real usual = greater(usual_walk(healthy, window, k), SAME(1.0));
+    healthy->walks[window][k] += PICK(counts, weight * lesser(square, WALK_MOST * usual), SAME(0.0));
 }
 
 /* Judge how far parameter k has walked over a window, since a lane that was kept `weight` windows of the shortest ago; learn
-   from it where it `counts`. */
-static inline void judge_walk(Healthy *healthy, int window, int k, const real *old, real weight, flag counts)
+   from it where it `counts`. Gives the walk in what is usual. */
+static inline real judge_walk(Healthy *healthy, int window, int k, const real *old, real weight, flag counts)
 {
     const real left = own_variance(healthy->lane, k), moved = own_value(healthy->lane, k) - own_value(old, k);
     const real allowed = greater(own_variance(old, k) - left, WALK_LEAST * left);
     const flag judged = counts & (allowed > 0.0);
     const real square = moved * moved / PICK(judged, allowed, SAME(1.0));
-    const real usual = greater(usual_walk(healthy, window, k), SAME(1.0));
-    take_walk(healthy, window, k, ROOT(square / greater(old[KEPT_USUAL + k], SAME(1.0))) / WALK_LIMIT, judged);
-    healthy->walks[window][k] += PICK(judged, weight * lesser(square, WALK_MOST * usual), SAME(0.0));
+    const real walk = ROOT(square / greater(old[KEPT_USUAL + k], SAME(1.0)));
+    take_walk(healthy, window, SAME((double)k), walk / WALK_LIMIT, judged);
+    learn_walk(healthy, window, k, square, weight, judged);
+    return walk;
+}
+
+/* The mean square of the walk of all parameters together since an old lane, in what their variances allow: L D L' of the
+   matrix. Of what the others tell all but the whole there is nothing to judge. matrix: of TRIANGLE(N_PARAMETERS), memory. */
+static inline real walk_together(const Healthy *healthy, const real *old, const double *rates, int n, real *matrix)
+{
+    real moved[FB_ROOM(N_PARAMETERS)], total = SAME(0.0);
+    for (int i = 0; i < N_PARAMETERS; i++) {
+        moved[i] = healthy->lane[AT_PARAMETERS + i] - old[AT_PARAMETERS + i];
+        for (int j = i; j < N_PARAMETERS; j++) {
+            const int at = PLAIN_PLACE(AT_PARAMETERS + i, AT_PARAMETERS + j);
+            matrix[IN_TRIANGLE(N_PARAMETERS, i, j)] = old[at] - (1.0 - WALK_LEAST) * healthy->lane[at];
+        }
+    }
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        if (is_moving(rates, k)) continue;
+        const real *row = &matrix[IN_TRIANGLE(N_PARAMETERS, k, 0)];
+        const flag judged = row[k] > WALK_PIVOT * healthy->lane[PLAIN_PLACE(AT_PARAMETERS + k, AT_PARAMETERS + k)];
+        const real inverse = PICK(judged, 1.0 / PICK(judged, row[k], SAME(1.0)), SAME(0.0));
+        total += moved[k] * moved[k] * inverse;
+        for (int i = k + 1; i < N_PARAMETERS; i++) {
+            const real factor = row[i] * inverse;
+            moved[i] -= factor * moved[k];
+            for (int j = i; j < N_PARAMETERS; j++) matrix[IN_TRIANGLE(N_PARAMETERS, i, j)] -= factor * row[j];
+        }
+    }
+    return total / (double)n;
+}
+
+/* Judge how far all parameters have walked over a window, each for itself and together, and learn from it; see `judge_walk`. */
+static inline void judge_window(Healthy *healthy, int window, const real *old, const double *rates, real weight, flag counts,
+                                real *matrix)
+{
+    real most = SAME(0.0), farthest = SAME(0.0);
+    const int n = n_together(rates);
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        if (is_moving(rates, k)) continue;
+        const real walk = judge_walk(healthy, window, k, old, weight, counts);
+        farthest = PICK(walk > most, SAME((double)k), farthest);
+        most = greater(most, walk);
+    }
+    if (n < 2) return;
+    const real square = walk_together(healthy, old, rates, n, matrix);
+    const real walk = ROOT(square / greater(old[KEPT_USUAL + TOGETHER], SAME(1.0)));
+    take_walk(healthy, WALKS + 1 + window, farthest, walk / limit_together(n), counts);
+    learn_walk(healthy, window, TOGETHER, square, weight, counts);
 }
 
 /* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
@@ -81,13 +138,14 @@ static inline void judge_start(Healthy *healthy, int k, flag counts)
     const real r = left / PICK(judged, before, SAME(1.0)), found = greater(1.0 - r, SAME(WALK_LEAST));
     const real usual = greater(usual_walk(healthy, WALKS - 1, k), SAME(1.0));
     const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r));
-    take_walk(healthy, WALKS, k, SIZE(moved) / (sd * START_LIMIT), judged);
+    take_walk(healthy, WALKS, SAME((double)k), SIZE(moved) / (sd * START_LIMIT), judged);
 }
 
 /* Judge how far the parameters have walked up to sample `index`, where it is time to, and learn how far is usual. rates: of
    parameters that move by themselves, which are not judged; NULL: none does. After an alarm nothing is judged. Once an input was
-   unknown, what parameters have learned since the start is not only of the plant. */
-static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *inputs, const double *rates, Healthy *healthy)
+   unknown, what parameters have learned since the start is not only of the plant. matrix: of TRIANGLE(N_PARAMETERS), memory. */
+static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *inputs, const double *rates, Healthy *healthy,
+                               real *matrix)
 {
     const flag watched = clock->alarm < 0;
     healthy->blind = PICK(watched & any_unknown(inputs), SAME((double)index), healthy->blind);
@@ -101,22 +159,22 @@ static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *
         const real weight = SAME((double)WALK_EVERY / (double)(index - number * length));
         const flag counts = watched & (SAME((double)(number * length)) >= from);
         healthy->windows[window] += PICK(counts, weight, SAME(0.0));
-        for (int k = 0; k < N_PARAMETERS; k++)
-            if (!rates || rates[k] == 0.0)
-                judge_walk(healthy, window, k, healthy->snapshots[kept_at(window, number)], weight, counts);
+        judge_window(healthy, window, healthy->snapshots[kept_at(window, number)], rates, weight, counts, matrix);
     }
     for (int k = 0; k < N_PARAMETERS; k++)
         judge_start(healthy, k, watched & from_start & (SAME((double)index) >= from));
 }
 
-/* Keep the healthy lane for long, where it is time to, of plants that `may`. */
+/* Keep the healthy lane for long, where it is time to, of plants that `may`. At an alarm by a walk the lane with which it was
+   compared stays. */
 static inline void keep_for_long(int64_t index, const Clock *clock, flag may, Healthy *healthy)
 {
-    const flag kept = may & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock, healthy));
+    const flag goes_on = (healthy->walk <= 1.0) | (clock->quiet != 0);
+    const flag kept = may & goes_on & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock, healthy));
     for (int window = 0; window < WALKS && index % length_of_walk(window) == 0; window++) {
         real *to = healthy->snapshots[kept_at(window, index / length_of_walk(window))];
         for (int64_t i = 0; i < PLAIN_NUMBERS; i++) to[i] = PICK(kept, healthy->lane[i], to[i]);
-        for (int k = 0; k < N_PARAMETERS; k++)
+        for (int k = 0; k <= N_PARAMETERS; k++)
             to[KEPT_USUAL + k] = PICK(kept, usual_walk(healthy, window, k), to[KEPT_USUAL + k]);
         to[KEPT_TIME] = PICK(kept, clock->time, to[KEPT_TIME]);
     }

@@ -38,6 +38,7 @@ typedef struct {
     Normal normal; /* where nothing was accepted */
     double known[PLAIN_NUMBERS]; /* one whose parameters hold, as they were accepted */
     double earlier[FB_ROOM(N_INPUTS)], packed[N_SAMPLE];
+    double walks[FB_ROOM(TRIANGLE(N_PARAMETERS))];
     double gathered[MOST_FIRST][N_SAMPLE], mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)];
 } Work;
 
@@ -137,13 +138,13 @@ static void keep(State *state, const double *packed, const double *lane, double 
     work_on(state, &work->bank, &work->filters);
 }
 
-/* Take the healthy lane after a sample, with what is kept of it for long. */
-static void remember(State *state, const double *lane)
+/* Take the healthy lane after a sample, with what is kept of it for long. walks: of TRIANGLE(N_PARAMETERS), memory. */
+static void remember(State *state, const double *lane, double *walks)
 {
     Healthy *healthy = &state->healthy;
     memcpy(healthy->lane, lane, sizeof healthy->lane);
     learn_travel(healthy);
-    judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy);
+    judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy, walks);
     keep_for_long(state->clock.index, &state->clock, 1, healthy);
 }
 
@@ -285,7 +286,7 @@ static void judge_sample(State *state, const double *innovations, Report *report
     const int warm = clock->index - clock->begun >= WARM_UP_SAMPLES, diagnosing = clock->alarm >= 0;
     const double *packed = work->packed;
     if (warm) accumulate(clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
-    remember(state, work->lane);
+    remember(state, work->lane, work->walks);
     report_filter(state, diagnosing ? DIAGNOSING : warm ? WATCHING : WARMING, packed, innovations, report);
     if (diagnosing && state->job.kind == IDLE && clock->alarm <= clock->index - DEPTH)
         state->job.renewals = N_RENEWALS; /* the samples about the alarm are not kept any more */

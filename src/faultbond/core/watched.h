@@ -59,9 +59,11 @@ typedef struct {
     real travel[2][FB_ROOM(N_STATES)];      /* least and greatest value of each state, */
     real astray[FB_ROOM(N_STATES)];         /* and the sd that is left of a gap */
     real windows[WALKS];                    /* windows over which parameters were seen to walk, of each length, */
-    real walks[WALKS][FB_ROOM(N_PARAMETERS)]; /* and the sums of the squares of how far, in what their variances allow */
+    real walks[WALKS][N_PARAMETERS + 1];    /* and the sums of the squares of how far, in what their variances allow: of each, and
+                                               the mean of all together */
     real walk;                              /* the largest walk at this sample, in its limit; 0: none is judged, */
-    real walker;                            /* and whose it is: parameter + N_PARAMETERS * window, WALKS: since the start */
+    real walker;                            /* and whose it is: parameter + N_PARAMETERS * window, WALKS: since the start,
+                                               WALKS + 1 and more: of all together over a window, of which it walked farthest */
     real blind;                             /* the last sample at which some input was unknown, see `any_unknown` */
     real snapshots[SNAPSHOTS][KEPT_NUMBERS]; /* the lane now and then, see walking.h */
 } Healthy;

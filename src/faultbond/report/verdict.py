@@ -196,7 +196,8 @@ def detection_sentence(detection: Detection) -> str:
 
 def _walk_sentence(detection: Detection, walk: Walk) -> str:
     """Say that the healthy filter had to follow a parameter too far."""
-    told = f"Fault detected at {clock_text(detection.time)}, by {walk.parameter}, which the healthy model had to move"
+    named = f"{walk.parameter} and others, which" if walk.together else f"{walk.parameter}, which"
+    told = f"Fault detected at {clock_text(detection.time)}, by {named} the healthy model had to move"
     if walk.from_start:
         return f"{told} {walk.sd:.1f} times as far as its accuracy: it was there from the first sample."
     return (

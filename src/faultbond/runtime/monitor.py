@@ -255,9 +255,8 @@ class Monitor:
         walker = int(self.number("alarm.walker"))
         if walker < 0:
             return None
-        from_start = int(self.number("alarm.window")) == core_settings()["WALKS"]
-        name = self.spec.parameters[walker].name
-        return Walk(parameter=name, sd=self.number("alarm.walk"), from_start=from_start)
+        window, name = int(self.number("alarm.window")) - core_settings()["WALKS"], self.spec.parameters[walker].name
+        return Walk(parameter=name, sd=self.number("alarm.walk"), from_start=window == 0, together=window > 0)
 
     def _decided(self, call: Any, hypothesis: int) -> Candidate:
         refused = call(at(self._state), at(self._work), hypothesis, at(self._candidate))

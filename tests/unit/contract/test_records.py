@@ -42,7 +42,7 @@ def test_a_detection() -> None:
         "signals": ["V_C"],
     }
     walked = replace(detection, walk=Walk(parameter="R", sd=3.6, from_start=True))
-    assert detection_record(walked)["walk"] == {"parameter": "R", "sd": 3.6, "from_start": True}
+    assert detection_record(walked)["walk"] == {"parameter": "R", "sd": 3.6, "from_start": True, "together": False}
 
 
 def test_a_diagnosis() -> None:

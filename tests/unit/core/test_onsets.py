@@ -374,7 +374,7 @@ def numbered(**clock: int) -> Bare:
     """The same with lanes that are kept for long, each with its number."""
     core = running(**clock)
     core["healthy.snapshots"] = np.repeat(
-        np.arange(2.0 * WALKS + 1.0), core.spec.n_numbers + len(core.spec.parameters) + 1
+        np.arange(2.0 * WALKS + 1.0), core.spec.n_numbers + len(core.spec.parameters) + 2
     )
     return core
 

@@ -1,6 +1,7 @@
 """How far the parameters of the healthy filter walk: against the same written down plainly, and what alarms."""
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 import pytest
@@ -14,14 +15,25 @@ from faultbond.synthesis.compile import find_compiler
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 SETTINGS = core_settings()
 EVERY, WALKS, RATIO, SETTLES = (int(SETTINGS[name]) for name in ("WALK_EVERY", "WALKS", "WALK_RATIO", "WALK_SETTLES"))
-LIMIT, START_LIMIT, USUAL, TRUST, MOST, LEAST = (
-    SETTINGS[name] for name in ("WALK_LIMIT", "START_LIMIT", "WALK_USUAL", "WALK_TRUST", "WALK_MOST", "WALK_LEAST")
+LIMIT, START_LIMIT, USUAL, TRUST, MOST, LEAST, DEGREES = (
+    SETTINGS[name]
+    for name in ("WALK_LIMIT", "START_LIMIT", "WALK_USUAL", "WALK_TRUST", "WALK_MOST", "WALK_LEAST", "WALK_DEGREES")
 )
 CALLS = """
-void t_remember(State *state, const double *lane) { remember(state, lane); }
+void t_remember(State *state, const double *lane)
+{
+    double walks[FB_ROOM(TRIANGLE(N_PARAMETERS))];
+    remember(state, lane, walks);
+}
 void t_start(State *state, const double *lane)
 {
     memcpy(state->healthy.snapshots[AT_START], lane, PLAIN_NUMBERS * sizeof *lane);
+}
+int64_t t_together(State *state, const double *old, const double *rates, double *found)
+{
+    double matrix[FB_ROOM(TRIANGLE(N_PARAMETERS))];
+    *found = walk_together(&state->healthy, old, rates, n_together(rates), matrix);
+    return n_together(rates);
 }
 int64_t t_detect(State *state) { return detect(state); }
 int64_t t_is_alarming(State *state) { return is_alarming(&state->clock, &state->sensors, &state->healthy); }
@@ -56,33 +68,43 @@ def walked(core: Bare, values: FloatArray, variances: FloatArray) -> list[tuple[
     return found
 
 
+def limit_together(n: int) -> float:
+    """The root of a mean of n squares that is as rare as a normal number of LIMIT."""
+    degrees = min(n, DEGREES)
+    return float((1.0 - 2.0 / (9.0 * degrees) + LIMIT * sqrt(2.0 / (9.0 * degrees))) ** 1.5)
+
+
 def plainly(values: FloatArray, variances: FloatArray) -> list[tuple[float, int]]:
     """The same, written down plainly from the definition."""
     rows, n = values.shape
-    sums, windows, found = np.zeros((WALKS, n)), np.zeros(WALKS), []
-    usuals = np.full((rows, WALKS, n), np.nan)
+    sums, windows, found = np.zeros((WALKS, n + 1)), np.zeros(WALKS), []
+    usuals = np.full((rows, WALKS, n + 1), np.nan)
 
     def usual(window: int) -> FloatArray:
-        told = np.full(n, USUAL)
+        told = np.full(n + 1, USUAL)
         for w in range(window + 1):
             told = (TRUST * told + sums[w]) / (TRUST + windows[w])
         return told
 
     for row in range(rows):
-        scores = np.zeros((WALKS + 1, n))
+        scores = np.zeros((2 * WALKS + 1, n))
         for window in range(WALKS):
             length = RATIO**window
             before = (-(-row // length) - 2) * length
             if before * EVERY < SETTLES:
                 continue
             shrunk = np.maximum(variances[before] - variances[row], LEAST * variances[row])
-            square = (values[row] - values[before]) ** 2 / shrunk
-            scores[window] = np.sqrt(square / np.maximum(usuals[before, window], 1.0)) / LIMIT
+            moved = (values[row] - values[before]) ** 2
+            together = np.mean(moved / (variances[before] - (1.0 - LEAST) * variances[row]))
+            square = np.append(moved / shrunk, together)
+            walks = np.sqrt(square / np.maximum(usuals[before, window], 1.0))
+            scores[window] = walks[:n] / LIMIT
+            scores[WALKS + 1 + window, int(np.argmax(walks[:n]))] = walks[n] / limit_together(n)
             windows[window] += 1.0 / (row - before)
             sums[window] += np.minimum(square, MOST * np.maximum(usual(window), 1.0)) / (row - before)
         if row * EVERY >= SETTLES:
             left = variances[row]
-            gone, most = np.maximum(1.0 - left, LEAST), np.maximum(usual(WALKS - 1), 1.0)
+            gone, most = np.maximum(1.0 - left, LEAST), np.maximum(usual(WALKS - 1)[:n], 1.0)
             scores[WALKS] = np.abs(values[row] - 1.0) / np.sqrt(gone * (gone + most * left)) / START_LIMIT
         for window in range(WALKS):
             usuals[row, window] = usual(window)
@@ -101,7 +123,7 @@ def steady(rows: int, n: int, seed: int = 1, learned: float = 0.02) -> tuple[Flo
 
 def test_walks_are_judged_as_written_down_plainly() -> None:
     """Over all windows and since the start, with what is usual as it was before each window."""
-    core = begun()
+    core = begun(quiet=1)
     n = len(core.spec.parameters)
     values, variances = steady(700, n)
     values[400:, 0] += 0.002 * np.arange(300)
@@ -109,6 +131,60 @@ def test_walks_are_judged_as_written_down_plainly() -> None:
     assert [walk for walk, _ in found] == pytest.approx([walk for walk, _ in expected], rel=1e-9)
     assert [walker for _, walker in found] == [walker for _, walker in expected]
     assert {walker // n for _, walker in found} >= {0, 1, 2, 3, 4}
+
+
+def test_what_parameters_walk_together_is_that_of_dense_algebra() -> None:
+    """d' (P_s - P_t)^-1 d by their number, of those that can move and do not by themselves."""
+    core, generator = begun(), np.random.default_rng(5)
+    n, where = len(core.spec.parameters), core.spec.parameter_slice
+    places = [
+        [covariance_place(core.spec, *sorted((i, j))) for j in range(where.start, where.stop)]
+        for i in range(where.start, where.stop)
+    ]
+    for moving in (None, 0, n - 1):
+        root, loss = (generator.standard_normal((n, n)) for _ in range(2))
+        left, values = root @ root.T, generator.standard_normal((2, n))
+        before = left + 0.3 * loss @ loss.T
+        old, now, found = np.zeros(core.spec.n_numbers), np.zeros(core.spec.n_numbers), np.zeros(1)
+        old[where], now[where] = values
+        old[places], now[places] = before, left
+        core["healthy.lane"] = now
+        rates = np.zeros(n)
+        if moving is not None:
+            rates[moving] = 1e-3
+        kept = np.flatnonzero(rates == 0.0)
+        count = core.call("t_together", old, rates, found)
+        moved, matrix = (values[1] - values[0])[kept], (before - (1.0 - LEAST) * left)[np.ix_(kept, kept)]
+        assert count == len(kept)
+        assert found[0] == pytest.approx(moved @ np.linalg.solve(matrix, moved) / count, rel=1e-8)
+
+
+def test_parameters_that_are_not_parted_count_once() -> None:
+    """Of two that the data know as one, and have not learned, what their walks differ by says nothing."""
+    core = begun()
+    n, where = len(core.spec.parameters), core.spec.parameter_slice
+    old, now, found = np.zeros(core.spec.n_numbers), np.zeros(core.spec.n_numbers), np.zeros(1)
+    for lane, variance in ((old, 2.0), (now, 1.0)):
+        for i in range(where.start, where.stop):
+            for j in range(i, where.stop):
+                lane[covariance_place(core.spec, i, j)] = variance
+    now[where] = 1.0 + 1e-3 * np.arange(n)
+    core["healthy.lane"] = now
+    core.call("t_together", old, np.zeros(n), found)
+    assert found[0] == pytest.approx(1.0 / (1.0 + LEAST) / n)
+
+
+def test_a_walk_that_parameters_share_alarms_where_none_does_alone() -> None:
+    """Each moves by less than its limit; the alarm knows that it was by all, and over which window."""
+    core = begun()
+    n = len(core.spec.parameters)
+    values, variances = steady(400, n)
+    values = 1.0 + 0.1 * (values - 1.0)
+    values[20:] += 0.003 * np.arange(380)[:, None]
+    found = walked(core, values, variances)
+    first = next(k for k, (walk, _) in enumerate(found) if walk > 1.0)
+    assert first > 20
+    assert found[first][1] // n > WALKS
 
 
 def test_a_constant_that_is_learned_raises_no_alarm() -> None:
@@ -145,7 +221,7 @@ def test_what_walks_by_nature_is_let_walk() -> None:
 @pytest.mark.parametrize(("off", "alarms"), [(3.0, False), (5.0, True)])
 def test_what_was_off_from_the_first_sample_is_found(off: float, alarms: bool) -> None:
     """Where a parameter turns out to lie so many accuracies off, and has walked no more since it was found."""
-    core = begun()
+    core = begun(quiet=1)
     n = len(core.spec.parameters)
     values, variances = steady(60, n)
     values[:, 0] += off
@@ -169,6 +245,7 @@ def test_the_alarm_knows_which_parameter_walked_and_since_when() -> None:
     assert alarm_at(begun(), 0.9, 0)[0] == -1
     assert alarm_at(begun(), 1.2, 1) == [4800 if history >= 200 else oldest, 1, 0, -1]
     assert alarm_at(begun(), 1.2, 2 * n) == [oldest, 0, 2, 4 + 4 % 2]
+    assert alarm_at(begun(), 1.2, (WALKS + 1 + 2) * n) == [oldest, 0, WALKS + 1 + 2, 4 + 4 % 2]
     assert alarm_at(begun(), 1.2, WALKS * n + 1) == [oldest, 1, WALKS, 2 * WALKS]
 
 
@@ -188,8 +265,23 @@ def kept_by(core: Bare, samples: Sequence[int]) -> FloatArray:
     for index in samples:
         core["clock.index"], core["clock.time"] = index, 1000.0 + index
         core.call("t_remember", np.full(core.spec.n_numbers, 0.5))
-    width = core.spec.n_numbers + len(core.spec.parameters) + 1
+    width = core.spec.n_numbers + len(core.spec.parameters) + 2
     return np.array(core["healthy.snapshots"]).reshape(-1, width)[:, -1]
+
+
+def test_at_an_alarm_the_lane_stays_with_which_it_was_compared() -> None:
+    """It is that from which lanes begin, and its time that of the onset."""
+    kept = []
+    for far in (0.0, 9.0):
+        core = begun()
+        values, variances = steady(10, len(core.spec.parameters))
+        values[9] += far
+        for row in range(10):
+            core["clock.time"] = 1000.0 + row * EVERY
+            walked_one = walked(core, values[row : row + 1], variances[row : row + 1])
+        width = core.spec.n_numbers + len(core.spec.parameters) + 2
+        kept.append((walked_one[0][0] > 1.0, np.array(core["healthy.snapshots"]).reshape(-1, width)[:2, -1].tolist()))
+    assert kept == [(False, [1800.0, 1900.0]), (True, [1800.0, 1700.0])]
 
 
 def test_two_lanes_of_each_window_are_kept() -> None:

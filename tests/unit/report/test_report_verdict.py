@@ -190,6 +190,8 @@ def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
     assert "it began after 609 s" in text
     first = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
     assert first.endswith("3.6 times as far as its accuracy: it was there from the first sample.")
+    all_ = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
+    assert "by K1 and others, which the healthy model had to move 3.4 times as far as is usual;" in all_
 
 
 def test_a_value_that_still_moves_is_told_as_such(history: History) -> None:
