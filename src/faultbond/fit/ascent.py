@@ -4,7 +4,7 @@ Each step solves (information + prior + damping) step = slope; the damping rises
 Levenberg 1944, Marquardt 1963; Ljung 1999, section 10.2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,6 +55,7 @@ def ascend(
     anchor: FloatArray | None = None,
     turns: int | None = None,
     settled: float = SETTLED,
+    tell: Callable[[int], None] = lambda calls: None,
 ) -> Summit:
     """Climb from a point.
 
@@ -69,8 +70,9 @@ def ascend(
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
     settled : nats that the next step would still bring where a climb ends
+    tell : takes how many evaluations there were
     """
-    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
+    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
     now = _straight(hill, hill.at(begin), TURNS if turns is None else turns, settled)
     if turns is not None:
         return replace(now, steps=hill.calls)
@@ -121,8 +123,14 @@ class _Hill:
     """The posterior over the unknowns and what recordings have for themselves."""
 
     def __init__(
-        self, plant: FittedPlant, records: Sequence[HealthyRecording], anchor: FloatArray, prior: FloatArray
+        self,
+        plant: FittedPlant,
+        records: Sequence[HealthyRecording],
+        anchor: FloatArray,
+        prior: FloatArray,
+        tell: Callable[[int], None],
     ) -> None:
+        self.tell = tell
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -138,6 +146,7 @@ class _Hill:
 
     def at(self, point: FitPoint) -> Summit:
         self.calls += 1
+        self.tell(self.calls)
         found = evaluate_likelihood(self.plant, self.records, point)
         return Summit(
             point=point,
