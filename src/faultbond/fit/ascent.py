@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.objective import (
+    Evaluation,
+    FitPoint,
+    FittedPlant,
+    evaluate_likelihood,
+    likelihood_value,
+    score_recording,
+)
 from faultbond.fit.samples import HealthyRecording
 
 TURNS = 60  # steps at most
@@ -99,14 +106,16 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float) -> Summit:
             break
         slope, damping = hill.slope(now), min(damping, STIFF)
         free = ~hill.held(now, slope)
-        for _ in range(PATIENCE):
+        for attempt in range(PATIENCE):
             move, promise = hill.move(now, slope, free, damping)
             if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True)
-            trial = hill.at(hill.moved(now.point, move))
-            gain = trial.posterior - now.posterior
-            if gain > 0.0:
-                break
+            point = hill.moved(now.point, move)
+            if attempt == 0 or hill.height(point) > now.posterior:  # slopes cost several times as much as the height
+                trial = hill.at(point)
+                gain = trial.posterior - now.posterior
+                if gain > 0.0:
+                    break
             damping *= 8.0
         else:
             break
@@ -143,6 +152,12 @@ class _Hill:
         """Give how far a point lies from what was known, in units of the unknowns."""
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
+
+    def height(self, point: FitPoint) -> float:
+        """Give the posterior alone."""
+        return likelihood_value(self.plant, self.records, point) - 0.5 * float(
+            np.sum(self.weight * self.away(point) ** 2)
+        )
 
     def at(self, point: FitPoint) -> Summit:
         self.calls += 1
