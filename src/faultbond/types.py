@@ -84,3 +84,6 @@ class FaultKind(Enum):
     STUCK = "stuck"  # of a sensor: the reading no longer follows the plant; of an input: what acts no longer follows it
     NOISE = "noise"  # of a sensor: it scatters more than declared
     RAMP = "ramp"  # another value, reached over a while, that stays
+
+
+STEP = ", step "  # between what is being done and the number of its step, where progress is told

@@ -1,6 +1,8 @@
 """`fit` and `check --data`: from the command line to the file, the record and the report."""
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faultbond.app.identification import _lines
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT, USER_MISTAKE
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model
+from faultbond.types import STEP
 
 MODEL = """# a motor
 name: motor
@@ -226,3 +230,28 @@ def test_a_right_model_keeps_its_promise(model: Path, tmp_path: Path) -> None:
     assert bad["peak"] > 1.0
     assert bad["regions"]
     assert bad["moments"][0]["sensor"] == "i"
+
+
+def test_a_fit_tells_how_far_it_is(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a terminal each step of each start is told; what is told in lines leaves the steps out."""
+    told: list[str] = []
+
+    @contextmanager
+    def spinning(_: object) -> Iterator[Callable[[str], None]]:
+        yield told.append
+
+    monkeypatch.setattr("faultbond.app.identification._spinning", spinning)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    recording = write_current(tmp_path / "a.csv", rows=300)
+    assert main(["fit", str(model), str(recording), "--starts", "2"]) == DONE
+    assert [text for text in told if STEP not in text][:2] == ["start 1 of 2", "start 2 of 2"]
+    steps = [text for text in told if text.startswith(f"start 2 of 2{STEP}")]
+    assert steps == [f"start 2 of 2{STEP}{k}" for k in range(1, len(steps) + 1)]
+    assert len(steps) > 2
+    capsys.readouterr()
+    tell = _lines()
+    for text in told[:10]:
+        tell(text)
+    assert capsys.readouterr().err == "faultbond: start 1 of 2 ...\n"

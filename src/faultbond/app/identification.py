@@ -18,7 +18,7 @@ from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
-from faultbond.types import TimeGrid
+from faultbond.types import STEP, TimeGrid
 
 
 def fit(
@@ -170,14 +170,24 @@ def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
 def _waiting(*, long: bool = False) -> AbstractContextManager[Callable[[str], None]]:
     """Say what is being done: on a terminal in a line that moves, else, if it takes long, in a line each."""
     if not sys.stderr.isatty():
-        return nullcontext(_tell if long else lambda text: None)
+        return nullcontext(_lines() if long else lambda text: None)
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     return _spinning(Console(stderr=True))
 
 
-def _tell(text: str) -> None:
-    sys.stderr.write(f"faultbond: {text} ...\n")
+def _lines() -> Callable[[str], None]:
+    """Give what says in a line each what is being done, without the steps of it."""
+    last = ""
+
+    def tell(text: str) -> None:
+        nonlocal last
+        what = text.partition(STEP)[0]
+        if what != last:
+            sys.stderr.write(f"faultbond: {what} ...\n")
+        last = what
+
+    return tell
 
 
 @contextmanager

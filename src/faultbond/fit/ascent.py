@@ -4,13 +4,20 @@ Each step solves (information + prior + damping) step = slope; the damping rises
 Levenberg 1944, Marquardt 1963; Ljung 1999, section 10.2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.objective import (
+    Evaluation,
+    FitPoint,
+    FittedPlant,
+    evaluate_likelihood,
+    likelihood_value,
+    score_recording,
+)
 from faultbond.fit.samples import HealthyRecording
 
 TURNS = 60  # steps at most
@@ -55,6 +62,7 @@ def ascend(
     anchor: FloatArray | None = None,
     turns: int | None = None,
     settled: float = SETTLED,
+    tell: Callable[[int], None] = lambda calls: None,
 ) -> Summit:
     """Climb from a point.
 
@@ -69,8 +77,9 @@ def ascend(
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
     settled : nats that the next step would still bring where a climb ends
+    tell : takes how many evaluations there were
     """
-    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior)
+    hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
     now = _straight(hill, hill.at(begin), TURNS if turns is None else turns, settled)
     if turns is not None:
         return replace(now, steps=hill.calls)
@@ -97,14 +106,16 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float) -> Summit:
             break
         slope, damping = hill.slope(now), min(damping, STIFF)
         free = ~hill.held(now, slope)
-        for _ in range(PATIENCE):
+        for attempt in range(PATIENCE):
             move, promise = hill.move(now, slope, free, damping)
             if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True)
-            trial = hill.at(hill.moved(now.point, move))
-            gain = trial.posterior - now.posterior
-            if gain > 0.0:
-                break
+            point = hill.moved(now.point, move)
+            if attempt == 0 or hill.height(point) > now.posterior:  # slopes cost several times as much as the height
+                trial = hill.at(point)
+                gain = trial.posterior - now.posterior
+                if gain > 0.0:
+                    break
             damping *= 8.0
         else:
             break
@@ -121,8 +132,14 @@ class _Hill:
     """The posterior over the unknowns and what recordings have for themselves."""
 
     def __init__(
-        self, plant: FittedPlant, records: Sequence[HealthyRecording], anchor: FloatArray, prior: FloatArray
+        self,
+        plant: FittedPlant,
+        records: Sequence[HealthyRecording],
+        anchor: FloatArray,
+        prior: FloatArray,
+        tell: Callable[[int], None],
     ) -> None:
+        self.tell = tell
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -136,8 +153,15 @@ class _Hill:
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
 
+    def height(self, point: FitPoint) -> float:
+        """Give the posterior alone."""
+        return likelihood_value(self.plant, self.records, point) - 0.5 * float(
+            np.sum(self.weight * self.away(point) ** 2)
+        )
+
     def at(self, point: FitPoint) -> Summit:
         self.calls += 1
+        self.tell(self.calls)
         found = evaluate_likelihood(self.plant, self.records, point)
         return Summit(
             point=point,

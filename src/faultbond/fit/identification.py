@@ -22,6 +22,7 @@ from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.whiteness import Whiteness, test_whiteness
+from faultbond.types import STEP
 
 WIDE = 30.0  # accuracies: the prior of the search from several starts
 ROUNDS = 8  # of the width of the prior
@@ -123,7 +124,9 @@ def fit_plant(
     best, reached, starts = _search(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
     records, best = _without_wild(plant, records, best, settled)
     tell("weighing the declared accuracies")
-    best, widths = _weigh(plant, records, begin, best, prior, settled)
+    told = _steps(tell, "weighing the declared accuracies")
+    best, widths = _weigh(plant, records, begin, best, prior, settled, told)
+    tell("asking how sure they are")
     widths = np.maximum(widths, 1.0)
     courses, found = _certainty(plant, records, best, widths)
     return Fit(
@@ -143,6 +146,11 @@ def fit_plant(
         ),
         changes=changes_of(plant, records, courses),
     )
+
+
+def _steps(tell: Callable[[str], None], what: str) -> Callable[[int], None]:
+    """Give what tells the steps of a search, where each of them is told."""
+    return lambda calls: tell(f"{what}{STEP}{calls}")
 
 
 def _certainty(
@@ -171,11 +179,13 @@ def _search(
     unknowns, summits = plant.unknowns, []
     prior = unknowns.widened(WIDE)
     for k in range(starts):
-        tell(f"start {k + 1} of {starts}")
+        start = f"start {k + 1} of {starts}"
+        tell(start)
         values = begin.values.copy()
         values[: unknowns.n_theta] += START_SPREAD * rng.standard_normal(unknowns.n_theta) if k else 0.0
         point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
-        summits.append(ascend(plant, records, spread_noise(plant, records, point), prior, settled=settled))
+        point = spread_noise(plant, records, point)
+        summits.append(ascend(plant, records, point, prior, settled=settled, tell=_steps(tell, start)))
         best = max(summits, key=lambda item: item.posterior)
         reached = sum(item.posterior > best.posterior - ALIKE for item in summits)
         if reached >= agreeing:
@@ -229,6 +239,7 @@ def _weigh(
     best: Summit,
     prior: Prior,
     settled: float,
+    tell: Callable[[int], None],
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -251,7 +262,7 @@ def _weigh(
         widths = np.minimum(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE), most)
     for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
         wide = unknowns.widened(widths)
-        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled)
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=tell)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)

@@ -159,7 +159,7 @@ class _Known:
 
 def _column(matrix: ca.SX) -> ca.SX:
     """Give the entries of a matrix that are not zero by its structure."""
-    return ca.vertcat(*map(ca.SX, matrix.nonzeros())) if matrix.nnz() else ca.SX(0, 1)
+    return ca.vec(matrix.nz[:])
 
 
 def _where(counts: ca.SX, values: ca.SX) -> ca.SX:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import Engine
 from faultbond.fit.likelihood import Layout
 from faultbond.fit.samples import HealthyRecording
@@ -106,6 +106,27 @@ def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording],
     return Evaluation(value=value if sane else -np.inf, score=score, information=information)
 
 
+def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
+    """Give the logarithm of the likelihood of all recordings alone; -inf where the plant has no finite course."""
+    value = 0.0
+    for r, record in enumerate(records):
+        lane = _lanes(plant, point, r)[:, :1]
+        with np.errstate(all="ignore"):
+            for first in range(0, len(record.time), BLOCK):
+                part = slice(first, first + BLOCK)
+                lane, found = plant.engine.advance(lane, record.samples[part])
+                value += _value_of(found, record.use[part], plant.layout.n_y)
+        if not np.isfinite(value):
+            return -np.inf
+    return value
+
+
+def _value_of(found: FloatArray, use: BoolArray, n_y: int) -> float:
+    """Give what innovations, and their variances, of a block say."""
+    e, s = np.where(use, found[:, :n_y, 0], 0.0), np.where(use, found[:, n_y : 2 * n_y, 0], 1.0)
+    return -0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum()) if np.all(s > 0.0) else -np.inf
+
+
 def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> Scored:
     """Give what one recording, the `number`th of the point, says sample by sample."""
     return _run(plant, record, point, number, keep=True)
@@ -137,8 +158,8 @@ def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: 
             use = record.use[part][:, :, None]
             e, s = np.where(use, found[:, :n_y, :1], 0.0), np.where(use, found[:, n_y : 2 * n_y, :1], 1.0)
             e_by, s_by = (np.where(use, item, 0.0) for item in np.split(found[:, 2 * n_y :], 2, axis=1))
-            value -= 0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum())
-            if not (np.isfinite(value) and np.all(s > 0.0)):
+            value += _value_of(found, record.use[part], n_y)
+            if not np.isfinite(value):
                 value = -np.inf
                 break
             by_e, by_s = (e_by / np.sqrt(s)).reshape(-1, count), (s_by / s).reshape(-1, count)

@@ -8,7 +8,7 @@ import pytest
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
-from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, score_recording
+from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
@@ -108,6 +108,14 @@ def test_slopes_are_exact() -> None:
             )
             values.append(evaluate_likelihood(plant, records, there).value)
         assert found.score[k] == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5, abs=1e-4)
+
+
+def test_the_height_alone_is_that_with_slopes() -> None:
+    """A search that asks for it first takes the same way; a plant that runs away has none."""
+    plant, records, begin = prepared(RC, recording())
+    assert likelihood_value(plant, records, begin) == evaluate_likelihood(plant, records, begin).value
+    away = replace(begin, values=np.full_like(begin.values, np.nan))
+    assert likelihood_value(plant, records, away) == -np.inf
 
 
 def test_scores_of_samples_add_up() -> None:
