@@ -210,6 +210,32 @@ def test_the_healthy_plant_is_quiet() -> None:
     assert not any(report.detection for report in reports)
 
 
+@pytest.mark.parametrize(
+    ("stated", "healthy"),
+    [
+        ("value: 2 s, accuracy: 10 %", "2 s"),
+        ("value: 0.1 s, accuracy: 0.1 s, change: 5 s, range: [0 s, 60 s]", "0.01 s"),  # it follows at once
+    ],
+)
+def test_a_fast_actuator_that_has_become_slow(stated: str, healthy: str) -> None:
+    """A valve that lags by 6 s from some time on is named and valued, whether it had a lag before or hardly any."""
+    fast = TANK.replace(", lag: 4 s", "")
+    true = parse_model(fast.replace("value: 8 s, accuracy: 10 %", f"value: {healthy}"))
+    graph = parse_model(fast.replace("value: 8 s, accuracy: 10 %", stated))
+    core = build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
+    values = np.random.default_rng(101).uniform(30.0, 70.0, 10)
+    inputs = Inputs(time=np.arange(600.0), values=np.repeat(values, 60)[:, None])
+    start = {"tank.q": 5.0 * (0.01 * values[0] / 0.35) ** 2}
+    for faults in ((), (Fault(parameter="u_lag", value=6.0, start=200.0),)):
+        made = simulate(true, inputs, faults, seed=101, start=start)
+        monitor, _ = run(core, samples_of(made.time, made.inputs, made.outputs))
+        assert (monitor.number("clock.alarm") >= 0) == bool(faults)
+    assert 240.0 < monitor.number("alarm.time") < 260.0  # after its next move
+    best = monitor.conclude().candidates[0]
+    assert best.parameters == ("u_lag",)
+    assert best.suspects[0].estimate == pytest.approx(6.0, abs=0.3)
+
+
 def test_a_slow_actuator_is_found() -> None:
     """A valve that lags twice as long from some time on is named, with its time constant."""
     made = recorded(Fault(parameter="u_lag", value=20.0, start=110.0))

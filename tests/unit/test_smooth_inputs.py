@@ -1,5 +1,6 @@
 """Inputs whose record scatters while what acts does not: the trends that follow it, the filter, and a fit."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +19,8 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Effects, Fault, Inputs, Simulation, simulate
-from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.engine import build_core, build_engine
+from faultbond.synthesis.specify import build_spec
 from made import run, samples_of
 
 COILS = """\
@@ -192,9 +194,12 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     text = certain.replace("C1: 470 uF}", "C1: 470 uF}, start: {q: 0.1453 C, sd: 1e-4 C}").replace(
         "L1: 5 mH}", "L1: 5 mH}, start: {p: 0.0774 Wb, sd: 1e-4 Wb}"
     )
-    core, made = engine(text), recorded(PLAIN, 3)
+    plant = build_plant(parse_model(text))
+    usual = build_spec(build_step_model(plant))
+    core = build_core(plant, replace(usual, states=tuple(replace(item, noise=0.0) for item in usual.states)))
+    made = recorded(PLAIN, 3)
     record = healthy_recording("made", samples_of(made.time, made.inputs, made.outputs)[:300], core)
-    model, spec = build_step_model(build_plant(parse_model(text))), core.spec
+    model, spec = build_step_model(plant), core.spec
     begin, step, q = build_begin(model), build_likelihood(model, slopes=False), nominal_q(model)
     start = begin(q, np.zeros(2))[0].full()[:, 0]
     lane = np.concatenate([start, q, np.zeros(step.size_in(0)[0] - len(start) - len(q))])
@@ -211,9 +216,9 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     _, seen = core.advance(own, rows_packed)
     for k, sample in enumerate(record.samples):
         lane, found = (item.full()[:, 0] for item in step(lane, sample))
-        # Of the first sensor, nothing was told before it; the engine has a little process noise beside.
-        assert found[2] == pytest.approx(seen[k, 2, 0], rel=0.01)
-        assert found[0] == pytest.approx(seen[k, 0, 0], abs=0.05 * np.sqrt(found[2]))
+        # Of the first sensor: nothing was told before it.
+        assert found[2] == pytest.approx(seen[k, 2, 0], rel=1e-5)
+        assert found[0] == pytest.approx(seen[k, 0, 0], abs=1e-4 * np.sqrt(found[2]))
 
 
 def test_nobody_adds_noise_to_it() -> None:

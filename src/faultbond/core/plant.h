@@ -26,7 +26,7 @@
 #define TREND_SHARE 0.5     /* part of the last miss in that */
 #define TREND_MOST 25.0     /* square of a miss, in the noise, that counts, */
 #define TREND_MEMORY 200.0  /* samples over which it is a mean, */
-#define TREND_DOUBLINGS 6   /* and 2 to this the power of their ratio that is a weight: half as many as the samples it is a mean of */
+#define TREND_DOUBLINGS 6   /* and 2 to this the power of their ratio that is a weight: a third of those samples */
 #define TREND_STEEPEST 1e4  /* variance of a slope of which nothing is known, in that of the noise, per sample squared */
 #define TREND_LEAST 1e-6    /* part of a variance that is fresh in any case */
 #define NIS_TRUST 1000    /* samples for which the declared noise counts, */
