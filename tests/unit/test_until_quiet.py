@@ -15,11 +15,12 @@ from faultbond.app.quiet_fit import put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
-from faultbond.fit.foothold import Added
+from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
+from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import healthy_recording
-from faultbond.fit.trial import ROOM, enough, on_trial
+from faultbond.fit.trial import ROOM, enough, on_trial, stays_below
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.text import load_model, parse_model
@@ -182,6 +183,25 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     assert "i moves the other way round than expected" in said
 
 
+@pytest.mark.parametrize("gain", [4.0, 2.0])
+def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a few recordings call for is kept where it foretells what was held back also as fitted to all of them."""
+    graph, item = parse_model(MODEL, file="m.yaml"), Imperfection(kind=Kind.ABSOLUTE, place="R.e", memory=2.0)
+    stand = Footing(graph=graph, values={}, starts={})
+
+    def climbed(stand: Footing, *_: object, few: bool = False) -> Footing:
+        held = 50.0 if few else gain
+        return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
+
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    ground = SimpleNamespace(climbed=climbed)
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item)])
+    monkeypatch.setattr(Search, "_ground_with", lambda *_: ground)
+    better = search.better(stand)
+    assert (better is not None) == (gain >= WORTH)
+
+
 def test_an_interval_has_a_length() -> None:
     """No text names an interval that ends where it begins."""
     item = Unexplained(signal="i", sd=3.0, since=7.0, until=7.0)
@@ -222,6 +242,8 @@ def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path)
         attempt = put_on_trial(text.replace("50 mA", "20 mA"), fitted, read, lambda _: None)
         assert attempt.health.walk > ROOM
         assert list(attempt.health.strayed) == ["R"]
+        # The search need not go on for what a wider accuracy mends.
+        assert stays_below(attempt.core, attempt.records, 0.9) == (times is not None)
         wider = widened(attempt, lambda _: None)
         if times is None:
             assert wider is attempt

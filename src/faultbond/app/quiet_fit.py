@@ -15,7 +15,7 @@ from faultbond.fit.identification import Prior, fit_plant
 from faultbond.fit.quiet_search import ROUNDS, Recordings, Search, Tell, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below
+from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
@@ -26,7 +26,6 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
-WIDEST = 3.0  # times an accuracy; what strays farther is no constant
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
