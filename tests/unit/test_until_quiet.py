@@ -1,6 +1,7 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,11 +16,13 @@ from faultbond.app.quiet_fit import put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
+from faultbond.fit import trial
+from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.quiet_search import WORTH, Search
-from faultbond.fit.samples import healthy_recording
+from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
@@ -28,6 +31,7 @@ from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import amended_text, raised_text
 from faultbond.report.verdict import unexplained_sentence
+from faultbond.runtime.core import Core
 
 MODEL = """# a motor
 name: motor
@@ -324,9 +328,41 @@ def test_noise_is_raised_as_far_as_it_takes(model: Path, tmp_path: Path) -> None
     assert [item.what for item in raised] == ["noise of i"]
     louder = parse_model(text)
     assert louder.sensors[0].noise == pytest.approx(0.01 * found.noise[0], rel=0.01)
-    assert enough(build_watcher(louder), [record], 3600.0) in (Variant(accuracy=1.5), Variant(noise=(1.0,)))
+    assert enough(build_watcher(louder), [record], 3600.0) in (Variant(accuracy=1.5), Variant(noise=(1.0,), slow=()))
     wider = parse_model(raised_text(truth, parse_model(truth), Variant(accuracy=2.0))[0])
     assert [item.accuracy / item.nominal for item in wider.parameters] == pytest.approx([0.06, 0.1])
+
+
+@pytest.mark.parametrize(("takes", "times"), [(3.0, 1.25**5), (9.0, None)])
+def test_a_slow_error_is_raised_by_itself_and_not_without_end(
+    takes: float, times: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one that alarms is declared larger, no other; where that would take more than five times, nothing is."""
+
+    def rates(_: object, seen: Sequence[Variant], __: float) -> tuple[Rate, ...]:
+        quiet = Rate(name="i", kind="sensor", peak=0.1, between=1e9, mean=0.0, spread=1.0, memory=1.0)
+        ((_, near, far),) = [variant.slow for variant in seen if isinstance(variant.slow, tuple)]
+        slow = replace(quiet, kind="slow error", name="R.e", peak=0.5 / near)
+        return quiet, slow, replace(slow, name="L.e", peak=ROOM * takes / far)
+
+    monkeypatch.setattr(trial, "take_recording", lambda _, item: item)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: variants)
+    monkeypatch.setattr(trial, "alarm_rates", rates)
+    errors = tuple(SimpleNamespace(alarms=alarms) for alarms in (False, True, True))
+    core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=("i",), slow_errors=errors)))
+    record = cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))
+    found = enough(core, [record], 3600.0)
+    assert found == (None if times is None else Variant(noise=(1.0,), slow=(1.0, 1.0, times)))
+
+
+def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:
+    """The others stay as they are, and it is told by its name."""
+    text = f"{MODEL}slow_error: {{source.e: 3 % over 1 s, L.e: 0.5 % over 1 s}}\n"
+    graph = parse_model(text, file="m.yaml")
+    again, raised = raised_text(text, graph, Variant(noise=(1.0,), slow=(1.0, 2.0)))
+    before, after = graph.slow_errors, parse_model(again).slow_errors
+    assert [y.sd / x.sd for x, y in zip(before, after, strict=True)] == pytest.approx([1.0, 2.0])
+    assert [(item.what, item.times) for item in raised] == [("slow error of L.e", 2.0)]
 
 
 def test_what_is_added_is_read_back(model: Path) -> None:

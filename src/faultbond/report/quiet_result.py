@@ -108,14 +108,15 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     noise = variant.noise if isinstance(variant.noise, tuple) else (variant.noise,) * len(graph.sensors)
     raised = [Raised(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
     sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
-    if variant.slow != 1.0:
-        sizes += [NewSize(name=item.target, times=variant.slow, kind=item.kind) for item in graph.slow_errors]
+    slow = variant.slow if isinstance(variant.slow, tuple) else (variant.slow,) * len(graph.slow_errors)
+    larger = [(item, x) for item, x in zip(graph.slow_errors, slow, strict=True) if x != 1.0]
+    sizes += [NewSize(name=item.target, times=x, kind=item.kind) for item, x in larger]
     text = rewrite(text, graph, (), sizes)
     if variant.accuracy != 1.0:
         text = widened_text(text, graph, {item.name: variant.accuracy for item in graph.parameters})
     told = (
         *raised,
-        Raised(what="slow errors", times=variant.slow),
+        *(Raised(what=f"{'wander' if item.wanders else 'slow error'} of {item.target}", times=x) for item, x in larger),
         Raised(what="accuracies of the parameters", times=variant.accuracy),
     )
     return text, tuple(item for item in told if item.times != 1.0)
