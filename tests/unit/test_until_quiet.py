@@ -12,7 +12,7 @@ import pytest
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import put_on_trial, widened
+from faultbond.app.quiet_fit import promising, put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
@@ -214,9 +214,16 @@ def test_an_interval_has_a_length() -> None:
 
 
 def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
-    """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller."""
+    """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller.
+
+    The promise by which it is judged is written where none was stated; without it limits would be others.
+    """
     recordings = [write(tmp_path / f"{k}.csv", seed=k) for k in (1, 2)]
-    found = records(tmp_path, model, *recordings)
+    promise = "time_between_false_alarms: 1 h\n"
+    model.write_text(MODEL.replace(promise, ""), encoding="utf-8")
+    assert promising(MODEL, parse_model(MODEL))[0] == MODEL
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "quiet.yaml")
+    assert load_model(tmp_path / "quiet.yaml").time_between_false_alarms == found["quiet"]["promise"] == 30 * 86400.0
     assert found["quiet"]["added"] == []
     assert found["quiet"]["raised"] == []
     assert found["quiet"]["quiet"]

@@ -38,7 +38,8 @@ class Raised:
 class Quieted:
     """What came of a fit until quiet.
 
-    text : of the model file; held : recordings, or parts, that were held back; before, health : the model as given and
+    text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
+    promises a time between false alarms; before, health : the model as given and
     as it is now, on trial; alarms : when the monitor itself alarms still, by recording; left : what the last round
     would have added, with what it would gain on the recordings that are fitted
     """
@@ -46,6 +47,7 @@ class Quieted:
     fitted: Fitted
     text: str
     held: tuple[str, ...]
+    stated: bool
     added: tuple[Added, ...]
     raised: tuple[Raised, ...]
     before: Health
@@ -187,6 +189,9 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     if found.raised:
         texts = [f"{item.what} {item.times:.2g} times as large" for item in found.raised]
         lines(console, under("raised", texts))
+    if not found.stated:
+        promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
+        lines(console, [("promise", promise)])
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
         table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
