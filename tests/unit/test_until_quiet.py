@@ -1,6 +1,7 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,15 +12,18 @@ import pytest
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import put_on_trial, widened
+from faultbond.app.quiet_fit import promising, put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
-from faultbond.fit.foothold import Added
+from faultbond.fit import trial
+from faultbond.fit.false_alarms import Rate
+from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
-from faultbond.fit.samples import healthy_recording
-from faultbond.fit.trial import ROOM, enough, on_trial
+from faultbond.fit.quiet_search import WORTH, Search
+from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.trial import ROOM, enough, on_trial, stays_below
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.text import load_model, parse_model
@@ -27,6 +31,7 @@ from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import amended_text, raised_text
 from faultbond.report.verdict import unexplained_sentence
+from faultbond.runtime.core import Core
 
 MODEL = """# a motor
 name: motor
@@ -182,6 +187,25 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     assert "i moves the other way round than expected" in said
 
 
+@pytest.mark.parametrize("gain", [4.0, 2.0])
+def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a few recordings call for is kept where it foretells what was held back also as fitted to all of them."""
+    graph, item = parse_model(MODEL, file="m.yaml"), Imperfection(kind=Kind.ABSOLUTE, place="R.e", memory=2.0)
+    stand = Footing(graph=graph, values={}, starts={})
+
+    def climbed(stand: Footing, *_: object, few: bool = False) -> Footing:
+        held = 50.0 if few else gain
+        return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
+
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    ground = SimpleNamespace(climbed=climbed)
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item)])
+    monkeypatch.setattr(Search, "_ground_with", lambda *_: ground)
+    better = search.better(stand)
+    assert (better is not None) == (gain >= WORTH)
+
+
 def test_an_interval_has_a_length() -> None:
     """No text names an interval that ends where it begins."""
     item = Unexplained(signal="i", sd=3.0, since=7.0, until=7.0)
@@ -190,9 +214,16 @@ def test_an_interval_has_a_length() -> None:
 
 
 def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
-    """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller."""
+    """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller.
+
+    The promise by which it is judged is written where none was stated; without it limits would be others.
+    """
     recordings = [write(tmp_path / f"{k}.csv", seed=k) for k in (1, 2)]
-    found = records(tmp_path, model, *recordings)
+    promise = "time_between_false_alarms: 1 h\n"
+    model.write_text(MODEL.replace(promise, ""), encoding="utf-8")
+    assert promising(MODEL, parse_model(MODEL))[0] == MODEL
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "quiet.yaml")
+    assert load_model(tmp_path / "quiet.yaml").time_between_false_alarms == found["quiet"]["promise"] == 30 * 86400.0
     assert found["quiet"]["added"] == []
     assert found["quiet"]["raised"] == []
     assert found["quiet"]["quiet"]
@@ -222,6 +253,8 @@ def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path)
         attempt = put_on_trial(text.replace("50 mA", "20 mA"), fitted, read, lambda _: None)
         assert attempt.health.walk > ROOM
         assert list(attempt.health.strayed) == ["R"]
+        # The search need not go on for what a wider accuracy mends.
+        assert stays_below(attempt.core, attempt.records, 0.9) == (times is not None)
         wider = widened(attempt, lambda _: None)
         if times is None:
             assert wider is attempt
@@ -302,9 +335,41 @@ def test_noise_is_raised_as_far_as_it_takes(model: Path, tmp_path: Path) -> None
     assert [item.what for item in raised] == ["noise of i"]
     louder = parse_model(text)
     assert louder.sensors[0].noise == pytest.approx(0.01 * found.noise[0], rel=0.01)
-    assert enough(build_watcher(louder), [record], 3600.0) in (Variant(accuracy=1.5), Variant(noise=(1.0,)))
+    assert enough(build_watcher(louder), [record], 3600.0) in (Variant(accuracy=1.5), Variant(noise=(1.0,), slow=()))
     wider = parse_model(raised_text(truth, parse_model(truth), Variant(accuracy=2.0))[0])
     assert [item.accuracy / item.nominal for item in wider.parameters] == pytest.approx([0.06, 0.1])
+
+
+@pytest.mark.parametrize(("takes", "times"), [(3.0, 1.25**5), (9.0, None)])
+def test_a_slow_error_is_raised_by_itself_and_not_without_end(
+    takes: float, times: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one that alarms is declared larger, no other; where that would take more than five times, nothing is."""
+
+    def rates(_: object, seen: Sequence[Variant], __: float) -> tuple[Rate, ...]:
+        quiet = Rate(name="i", kind="sensor", peak=0.1, between=1e9, mean=0.0, spread=1.0, memory=1.0)
+        ((_, near, far),) = [variant.slow for variant in seen if isinstance(variant.slow, tuple)]
+        slow = replace(quiet, kind="slow error", name="R.e", peak=0.5 / near)
+        return quiet, slow, replace(slow, name="L.e", peak=ROOM * takes / far)
+
+    monkeypatch.setattr(trial, "take_recording", lambda _, item: item)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: variants)
+    monkeypatch.setattr(trial, "alarm_rates", rates)
+    errors = tuple(SimpleNamespace(alarms=alarms) for alarms in (False, True, True))
+    core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=("i",), slow_errors=errors)))
+    record = cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))
+    found = enough(core, [record], 3600.0)
+    assert found == (None if times is None else Variant(noise=(1.0,), slow=(1.0, 1.0, times)))
+
+
+def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:
+    """The others stay as they are, and it is told by its name."""
+    text = f"{MODEL}slow_error: {{source.e: 3 % over 1 s, L.e: 0.5 % over 1 s}}\n"
+    graph = parse_model(text, file="m.yaml")
+    again, raised = raised_text(text, graph, Variant(noise=(1.0,), slow=(1.0, 2.0)))
+    before, after = graph.slow_errors, parse_model(again).slow_errors
+    assert [y.sd / x.sd for x, y in zip(before, after, strict=True)] == pytest.approx([1.0, 2.0])
+    assert [(item.what, item.times) for item in raised] == [("slow error of L.e", 2.0)]
 
 
 def test_what_is_added_is_read_back(model: Path) -> None:

@@ -15,7 +15,8 @@ from faultbond.fit.identification import Prior, fit_plant
 from faultbond.fit.quiet_search import ROUNDS, Recordings, Search, Tell, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below
+from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below
+from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
@@ -26,7 +27,6 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
-WIDEST = 3.0  # times an accuracy; what strays farther is no constant
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
@@ -63,6 +63,8 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     NoVerdictError
         Where the recordings are too short for a part of them to be held back.
     """
+    stated = graph.time_between_false_alarms is not None
+    text, graph = promising(text, graph)
     promise = graph.time_between_false_alarms or MONTH
     fitted, held = parted(read, LEAST)
     tell("building the engine")
@@ -100,6 +102,7 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         fitted=attempt.fitted,
         text=attempt.text,
         held=tuple(name for name, _ in held),
+        stated=stated,
         added=stand.added,
         raised=raised,
         before=before,
@@ -110,6 +113,18 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         smallest_before=smallest[0],
         smallest_after=smallest[1],
     )
+
+
+def promising(text: str, graph: BondGraph) -> tuple[str, BondGraph]:
+    """Give a model that promises a time between false alarms: its own, else a month.
+
+    A model that promises none has limits for slow errors that stay much as they are, and none could keep the promise by
+    which it is judged here.
+    """
+    if graph.time_between_false_alarms is not None:
+        return text, graph
+    text = amended(text, [(("time_between_false_alarms",), f"{MONTH / 86400.0:.0f} d")], graph.file)
+    return text, parse_model(text, file=graph.file)
 
 
 def _searched(

@@ -6,6 +6,7 @@ errors enter as data, so that none of the variants needs another core, and each 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -20,11 +21,11 @@ from faultbond.runtime.monitor import Monitor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """What is declared, in what the model declares: accuracies, noise of sensors (of each, if several), slow errors."""
+    """What is declared, in what the model declares: accuracies, noise of sensors, slow errors (of each, if several)."""
 
     accuracy: float = 1.0
     noise: float | tuple[float, ...] = 1.0
-    slow: float = 1.0
+    slow: float | tuple[float, ...] = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,14 +163,15 @@ def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, F
     if not len(rows):
         return np.zeros((0, n_y)), slow
     rows[:, place["scale"]] *= np.square(variant.noise)
+    times = np.broadcast_to(np.asarray(variant.slow, dtype=np.float64), len(spec.slow_errors))
     for k, error in enumerate(spec.slow_errors):
         decay = np.exp(-rows[:, place["dt"]][:, 0] / error.memory)
-        more = (variant.slow**2 - 1.0) * error.sd**2 * (1.0 - decay**2)
+        more = (times[k] ** 2 - 1.0) * error.sd**2 * (1.0 - decay**2)
         column = place["kick"].start + k
-        rows[:, column] = variant.slow**2 * rows[:, column] + more
+        rows[:, column] = times[k] ** 2 * rows[:, column] + more
     known = _declared(core, variant)
     lane = core.healthy_lane(*core.solve_start(rows[: taken.started], known), known)
-    sizes = variant.slow * spec.slow_sizes
+    sizes = times * spec.slow_sizes
     if not any(item.alarms for item in spec.slow_errors):  # no need to stop at each sample
         found = core.advance(lane, rows)[1][:, :, 0]
     else:
@@ -198,6 +200,8 @@ def _declared(core: Core, variant: Variant) -> FloatArray:
     spec, n_x = core.spec, len(core.spec.states)
     lane = core.healthy_lane(np.zeros(n_x), np.zeros((n_x, n_x)))
     for place, factor in ((spec.slow_slice, variant.slow), (spec.parameter_slice, variant.accuracy)):
-        own = range(place.start, place.stop)
-        lane[[covariance_place(spec, i, j) for i in own for j in range(i, place.stop)]] *= factor**2
+        own = list(combinations_with_replacement(range(place.start, place.stop), 2))
+        wider = np.broadcast_to(factor, place.stop - place.start)
+        scale = np.array([wider[i - place.start] * wider[j - place.start] for i, j in own])
+        lane[[covariance_place(spec, i, j) for i, j in own]] *= scale[:, None]
     return lane

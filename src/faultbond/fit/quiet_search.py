@@ -199,7 +199,8 @@ class Search:
         if joint is not None:
             return joint
         alike = tuple(item.added[-1].what for item in near if item is not best)
-        return self._together(stand, [replace(best.added[-1], alike=alike)])
+        alone = self._together(stand, [replace(best.added[-1], alike=alike)])
+        return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
     def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection]]:
         """Give what is worth to be fitted, each with a plant that may have it, by its gain with the rest as it is.

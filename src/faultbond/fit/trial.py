@@ -16,7 +16,9 @@ from faultbond.runtime.monitor import Monitor
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 MONTH = 30.0 * 86400.0  # s
 WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
+WIDEST = WIDER[-1]  # a parameter that needs more is no constant
 RISE, MOST_RISES = 1.25, 24  # by which noise or slow errors rise, and how often
+LARGEST = 5.0  # times a slow error; one that must be larger is none
 KINDS = ("accuracy", "noise", "slow")
 ROOM = 0.8  # of every limit: recordings that are as quiet are so on other days too
 
@@ -137,11 +139,16 @@ def on_trial(
 
 
 def stays_below(core: Core, records: Sequence[HealthyRecording], most: float) -> bool:
-    """Tell whether every statistic stays below a part of its limit on every recording."""
+    """Tell whether every statistic stays below a part of its limit on every recording, as far as accuracies let it.
+
+    How far a parameter strays from its start is in accuracies, which may be declared WIDEST times as large.
+    """
     step = _step(records)
     for record in records:
         (seen,) = watch_recording(core, record)
-        if max(seen.walk, *(item.peak for item in alarm_rates(core.spec, (seen,), step))) > most:
+        strayed = float(np.max(seen.strayed, initial=0.0))
+        walk = seen.walk if seen.walk > strayed else strayed / WIDEST
+        if max(walk, *(item.peak for item in alarm_rates(core.spec, (seen,), step))) > most:
             return False
     return True
 
@@ -167,7 +174,8 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     All statistics shall stay below `most` of their limits.
 
     First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
-    step the noise of the sensor that alarms most often, or the slow errors where one of them does.
+    step the noise of the sensor that alarms most often, or the slow error that does; this no more than LARGEST times,
+    since a plant that may do anything is quiet and deaf.
     """
     step, taken = _step(records), [take_recording(core, item) for item in records]
 
@@ -181,9 +189,10 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     for factor in WIDER if core.spec.parameters else ():
         if keeps(rates(Variant(accuracy=factor))):
             return Variant(accuracy=factor)
-    noise, slow = [1.0] * len(core.spec.outputs), 1.0
+    noise, slow = [1.0] * len(core.spec.outputs), [1.0] * len(core.spec.slow_errors)
+    alarming = [k for k, item in enumerate(core.spec.slow_errors) if item.alarms]
     for _ in range(MOST_RISES):
-        now = Variant(noise=tuple(noise), slow=slow)
+        now = Variant(noise=tuple(noise), slow=tuple(slow))
         found = rates(now)
         if keeps(found):
             return now
@@ -191,8 +200,10 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
         worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
         if found[worst].kind == SENSOR:
             noise[worst] *= RISE
-        else:
-            slow *= RISE
+            continue
+        slow[alarming[worst - len(noise)]] *= RISE
+        if max(slow) > LARGEST:
+            return None
     return None
 
 

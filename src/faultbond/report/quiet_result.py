@@ -38,7 +38,8 @@ class Raised:
 class Quieted:
     """What came of a fit until quiet.
 
-    text : of the model file; held : recordings, or parts, that were held back; before, health : the model as given and
+    text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
+    promises a time between false alarms; before, health : the model as given and
     as it is now, on trial; alarms : when the monitor itself alarms still, by recording; left : what the last round
     would have added, with what it would gain on the recordings that are fitted
     """
@@ -46,6 +47,7 @@ class Quieted:
     fitted: Fitted
     text: str
     held: tuple[str, ...]
+    stated: bool
     added: tuple[Added, ...]
     raised: tuple[Raised, ...]
     before: Health
@@ -108,14 +110,15 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     noise = variant.noise if isinstance(variant.noise, tuple) else (variant.noise,) * len(graph.sensors)
     raised = [Raised(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
     sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
-    if variant.slow != 1.0:
-        sizes += [NewSize(name=item.target, times=variant.slow, kind=item.kind) for item in graph.slow_errors]
+    slow = variant.slow if isinstance(variant.slow, tuple) else (variant.slow,) * len(graph.slow_errors)
+    larger = [(item, x) for item, x in zip(graph.slow_errors, slow, strict=True) if x != 1.0]
+    sizes += [NewSize(name=item.target, times=x, kind=item.kind) for item, x in larger]
     text = rewrite(text, graph, (), sizes)
     if variant.accuracy != 1.0:
         text = widened_text(text, graph, {item.name: variant.accuracy for item in graph.parameters})
     told = (
         *raised,
-        Raised(what="slow errors", times=variant.slow),
+        *(Raised(what=f"{'wander' if item.wanders else 'slow error'} of {item.target}", times=x) for item, x in larger),
         Raised(what="accuracies of the parameters", times=variant.accuracy),
     )
     return text, tuple(item for item in told if item.times != 1.0)
@@ -186,6 +189,9 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     if found.raised:
         texts = [f"{item.what} {item.times:.2g} times as large" for item in found.raised]
         lines(console, under("raised", texts))
+    if not found.stated:
+        promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
+        lines(console, [("promise", promise)])
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
         table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
