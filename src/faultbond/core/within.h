@@ -1,5 +1,6 @@
 /* What lies within the declared accuracy. That of a parameter says what is not known of it, so a change of less than that is
-   no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out.
+   no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out, and by what is found
+   of it on healthy data, if that is more.
 
    Each hypothesis says of its suspects that they are at fault. Of what it says, the part for which the change of a suspect is
    that of a healthy parameter goes to the hypothesis without it; where none is left, to none at all. Both are taken to be as
@@ -25,7 +26,7 @@ static double odds_within(const State *state, const Suspect *suspect)
     const double value = suspect->estimate / SCALE[k], sd = suspect->sd / SCALE[k];
     const double since = fabs(value - state->bank.healthy[AT_PARAMETERS + k]);
     const double off = state->clock.accepted < 0 ? fmax(since, fabs(value - HEALTHY[k])) : since;
-    const double healthy = MOVES_BY * ACCURACY[k], faulty = fmax(CHANGE[k], healthy);
+    const double healthy = fmax(MOVES_BY * ACCURACY[k], HEALTHY_CHANGE[k]), faulty = fmax(CHANGE[k], healthy);
     return log_density(off, healthy * healthy + sd * sd) - log_density(off, faulty * faulty + sd * sd);
 }
 
