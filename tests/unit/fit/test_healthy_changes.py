@@ -36,7 +36,9 @@ def core() -> Core:
     return build_watcher(parse_model(MODEL, file="winding.yaml"))
 
 
-def recorded(core: Core, resistances: Sequence[float], seed: int, noise: float = NOISE) -> HealthyRecording:
+def recorded(
+    core: Core, resistances: Sequence[float] | FloatArray, seed: int, noise: float = NOISE
+) -> HealthyRecording:
     """A recording in which the resistance, ohm, is another one every 500 samples."""
     rng = np.random.default_rng(seed)
     points, current = [], 0.0
