@@ -49,6 +49,8 @@ def parameters(draw: st.DrawFn, unit: str) -> str | Mapping:
     if draw(st.booleans()):
         found["change"] = draw(percents | sizes.map(lambda size: f"{size} {unit}"))
     if draw(st.booleans()):
+        found["healthy_change"] = draw(percents | sizes.map(lambda size: f"{size} {unit}"))
+    if draw(st.booleans()):
         ends = sorted([float(nominal), 2 * float(nominal)])
         found["range"] = draw(st.sampled_from(["any", ["-inf", f"{ends[1]!r}"], [f"{ends[0]!r} {unit}", "inf"]]))
     if unit and draw(st.booleans()):  # blocks may be static, where nothing drifts
@@ -172,7 +174,8 @@ def gates(draw: st.DrawFn) -> Mapping:
 @st.composite
 def lags(draw: st.DrawFn) -> object:
     """The time constant of an input or a sensor, as a number or as a table."""
-    optional: Mapping = {"accuracy": draw(percents), "change": draw(percents), "range": ["0 s", "inf"]}
+    optional: Mapping = {key: draw(percents) for key in ("accuracy", "change", "healthy_change")}
+    optional["range"] = ["0 s", "inf"]
     optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
     table = {"value": "250 ms"} | {key: value for key, value in optional.items() if draw(st.booleans())}
     return draw(st.sampled_from(["3", "0.25 min", table]))

@@ -98,6 +98,27 @@ def test_accuracies_that_do_not_count_are_not_called_wrong(
     assert ("contradict those declared" in capsys.readouterr().out) is told
 
 
+def test_how_far_a_value_seems_to_move_is_written(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A resistance that is another one in each recording has a healthy change; a steady one takes it back again."""
+    values = (3.2, 3.9, 3.4, 3.7)
+    moving = [write_current(tmp_path / f"{k}.csv", seed=k, resistance=value) for k, value in enumerate(values)]
+    new = tmp_path / "new.yaml"
+    record = call("fit", model, *moving, "-o", new)
+    found = {item["name"]: item for item in record["parameters"]}["R"]
+    spread = float(np.sqrt(np.mean(np.square(np.array(values) - found["estimate"]))))
+    assert found["healthy_change"] == pytest.approx(spread, rel=0.2)
+    assert load_model(new).parameter("R").healthy_change == pytest.approx(found["healthy_change"], rel=0.1)
+    assert "healthy data" in capsys.readouterr().out
+    steady = [write_current(tmp_path / f"{k}.csv", seed=k) for k in range(4)]
+    record = call("fit", new, *steady, "-o", tmp_path / "newer.yaml")
+    found = {item["name"]: item for item in record["parameters"]}["R"]
+    assert found["healthy_change"] < 0.5 * found["accuracy"]
+    back = load_model(tmp_path / "newer.yaml").parameter("R")
+    assert back.healthy_change == pytest.approx(0.5 * back.accuracy, rel=0.1)
+
+
 def test_the_new_file_holds_what_was_found(model: Path, tmp_path: Path) -> None:
     """Only numbers change, and they are those of the record; accuracies are not below 1 %."""
     new = tmp_path / "new.yaml"

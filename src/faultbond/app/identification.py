@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,7 @@ def _fitted(
     graph: BondGraph, read: tuple[tuple[str, list[Sample]], ...], wishes: FitWishes, tell: Callable[[str], None]
 ) -> Any:
     """Fit a model as it stands."""
+    from faultbond.fit.healthy_changes import healthy_changes  # noqa: PLC0415 - loads scipy
     from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
     from faultbond.fit.wander import wanders_of  # noqa: PLC0415 - loads casadi
@@ -89,7 +91,9 @@ def _fitted(
     plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
     prior = Prior(wishes.prior)
     found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
-    return fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
+    fitted = fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
+    tell("asking how far parameters seem to move while healthy")
+    return replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
 
 
 def _quieted(

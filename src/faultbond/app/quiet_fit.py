@@ -11,6 +11,7 @@ from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.foothold import Footing, as_found
+from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.identification import Prior, fit_plant
 from faultbond.fit.quiet_search import ROUNDS, Recordings, Search, Tell, parted, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
@@ -96,11 +97,13 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
     raised = (*raised, *(Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items()))
+    tell("asking how far parameters seem to move while healthy")
+    told = replace(attempt.fitted, healthy_changes=healthy_changes(attempt.core, attempt.records))
     tell("working out the smallest faults before and after")
     smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     return Quieted(
-        fitted=attempt.fitted,
-        text=attempt.text,
+        fitted=told,
+        text=told.with_healthy_changes(attempt.text, attempt.graph),
         held=tuple(name for name, _ in held),
         stated=stated,
         added=stand.added,

@@ -67,6 +67,7 @@ class ParameterSpec:
     limits: tuple[float, ...] = ()  # SI; forecasts say when a drift reaches them
     least: float = -inf  # what a fault may do, in factors; the filters let estimates scatter from lower to upper
     most: float = inf
+    healthy_change: float = 0.0  # in factors; 0: not known
 
     @property
     def healthy(self) -> float:

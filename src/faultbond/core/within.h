@@ -1,5 +1,6 @@
 /* What lies within the declared accuracy. That of a parameter says what is not known of it, so a change of less than that is
-   no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out.
+   no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out, and by what is found
+   of it on healthy data, if that is more.
 
    Each hypothesis says of its suspects that they are at fault. Of what it says, the part for which the change of a suspect is
    that of a healthy parameter goes to the hypothesis without it; where none is left, to none at all. Both are taken to be as
@@ -77,7 +78,7 @@ static double odds_within(const State *state, int64_t lane, const Suspect *suspe
     Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
     if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);
     const double off = state->clock.accepted < 0 ? fmax(fabs(is.since), fabs(is.from_nominal)) : fabs(is.since);
-    const double healthy = MOVES_BY * is.accuracy, faulty = fmax(CHANGE[k], healthy);
+    const double healthy = fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), faulty = fmax(CHANGE[k], healthy);
     return log_density(off, healthy * healthy + is.variance) - log_density(off, faulty * faulty + is.variance);
 }
 

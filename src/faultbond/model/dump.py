@@ -222,6 +222,7 @@ class _Writer:
         return {
             "accuracy": self.accuracies.get(item.name, ""),
             "change": _spread(item, item.change) if has_change else "",
+            "healthy_change": _spread(item, item.healthy_change) if item.healthy_change else "",
             "range": _range(item) if has_range else "",
         }
 

@@ -44,6 +44,7 @@ class Parameter:
 
     `owner` is the component, or of the lag of an input or a sensor that.
     `limits`, ascending, are the values at which a drift matters: none, one, or one on each side of the nominal.
+    `healthy_change`: standard deviation of the change that is found of it on healthy data; 0 where that is not known.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Parameter:
     upper: float  # range, may be inf
     limits: tuple[float, ...] = ()
     suspect: bool = True
+    healthy_change: float = 0.0
     line: int = 0
 
     @property

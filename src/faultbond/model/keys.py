@@ -97,6 +97,9 @@ PARAMETER_KEYS = Keys(
         "change": Key(
             VALUE, "standard deviation of a faulty value about the nominal; default `200 %`", default=f"{CHANGE:g} %"
         ),
+        "healthy_change": Key(
+            VALUE, "standard deviation of the change that is found of it on healthy data; `fit` writes it"
+        ),
         "range": Key(RANGE, "default: the sign of the nominal"),
         "limit": Key(
             {"description": "", "anyOf": [VALUE, {"type": "array", "items": VALUE, "minItems": 1, "maxItems": 2}]},
@@ -112,6 +115,7 @@ LAG_KEYS = Keys(
         "value": Key(VALUE, "time constant", required=True, missing="state the time constant, such as `value: 3 s`"),
         "accuracy": PARAMETER_KEYS.known["accuracy"],
         "change": PARAMETER_KEYS.known["change"],
+        "healthy_change": PARAMETER_KEYS.known["healthy_change"],
         "range": PARAMETER_KEYS.known["range"],
         "suspect": Key(YES_NO, "`yes` makes the lag a suspect; default `no`"),
     },

@@ -18,6 +18,7 @@ from faultbond.model.wiring import Part, Wiring
 
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
 RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
+_SPREADS = ("accuracy", "change", "healthy_change")
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,15 +240,14 @@ class ValueReader:
     ) -> Parameter:
         """Give a parameter whose nominal value is known, with its spreads and range."""
         bare_zero = nominal.measure is None and nominal.number == 0  # takes the unit of its spreads
-        spreads = {
-            key: fields[key].spread(nominal.measure, free=bare_zero) for key in ("accuracy", "change") if key in fields
-        }
+        spreads = {key: fields[key].spread(nominal.measure, free=bare_zero) for key in _SPREADS if key in fields}
         if bare_zero:
             units = [item.quantity.measure for item in spreads.values() if item.quantity]
             nominal = Quantity(0.0, next((unit for unit in units if unit and not unit.unit.offset), None))
         name = self._claim(place, what, nominal.measure)
         accuracy = spreads.get("accuracy") or self.head.accuracy
         lower, upper = self._range(place, fields, nominal)
+        moves = spreads.get("healthy_change")
         if "wander" in fields:
             self.wanders.append(self._wander(fields["wander"], name, nominal))
         return Parameter(
@@ -261,6 +261,7 @@ class ValueReader:
             upper=upper,
             limits=self._limits(fields["limit"], nominal, (lower, upper)) if "limit" in fields else (),
             suspect=suspect,
+            healthy_change=self._size("healthy_change", 0.0, moves, place, nominal) if moves else 0.0,
             line=place.line,
         )
 
@@ -291,7 +292,7 @@ class ValueReader:
         )
 
     def _size(self, key: str, percent: float, stated: Spread | None, place: Spot, nominal: Quantity) -> float:
-        """Give the SI standard deviation of a parameter, `accuracy` or `change`, by default a part of its nominal."""
+        """Give an SI standard deviation of a parameter, such as its `accuracy`, by default a part of its nominal."""
         chosen = stated or Spread(ratio=percent / 100)
         where = f"parameter {place.name}: "
         if chosen.is_relative and nominal.value == 0:

@@ -1,15 +1,17 @@
 """What a fit found: as records, as text for people, and as a model file."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
 
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.json_records import Record
 from faultbond.errors import ModelError
+from faultbond.fit.healthy_changes import Believed
 from faultbond.fit.identification import Fit
 from faultbond.fit.outcome import (
     Estimate,
@@ -23,11 +25,11 @@ from faultbond.fit.outcome import (
     silences_of,
 )
 from faultbond.fit.wander import Wander
-from faultbond.model.amend import with_correlations
+from faultbond.model.amend import amended, with_correlations
 from faultbond.model.correlations import correlation_rows
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph, Correlation, Sensor, SlowError, Unit
-from faultbond.model.rewrite import NewParameter, NewSize, rewrite
+from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
@@ -40,7 +42,10 @@ HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "a
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fitted:
-    """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell."""
+    """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell.
+
+    healthy_changes: standard deviations by which parameters seem to change while healthy, SI
+    """
 
     graph: BondGraph
     found: Fit
@@ -49,6 +54,7 @@ class Fitted:
     noises: tuple[NoiseFound, ...]
     silences: tuple[Silence, ...]
     wanders: tuple[Wander, ...] = ()
+    healthy_changes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def correlations(self) -> tuple[Correlation, ...]:
@@ -75,8 +81,35 @@ class Fitted:
         parameters = [_new_parameter(item) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
         written = with_correlations(written, correlation_rows(self.correlations))
-        self._compare(parse_model(written, file=self.graph.file))
-        return written
+        read = parse_model(written, file=self.graph.file)
+        self._compare(read)
+        return self.with_healthy_changes(written, read)
+
+    def with_healthy_changes(self, text: str, graph: BondGraph) -> str:
+        """Give the text of a fitted model with how far its parameters seem to change while healthy."""
+        path = {item.name: (*parameter_path(graph, item.name), "healthy_change") for item in graph.parameters}
+        return amended(text, [(path[name], size) for name, size in self.declared_changes], graph.file)
+
+    @property
+    def believed(self) -> Believed:
+        """What was found, beside what the model declares."""
+        return Believed(
+            values={item.parameter.name: item.value for item in self.estimates},
+            accuracies={item.parameter.name: item.accuracy for item in self.estimates},
+            noise={item.name: item.to_declare / item.declared for item in self.noises if isinstance(item.of, Sensor)},
+        )
+
+    @property
+    def declared_changes(self) -> tuple[tuple[str, str], ...]:
+        """The parameters that seem to change by more than their accuracy allows them to, and by how much."""
+        fitted = {item.parameter.name: (item.accuracy, item.value) for item in self.estimates}
+        told = []
+        for item in self.graph.parameters:
+            accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
+            found, least = self.healthy_changes.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
+            if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
+                told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
+        return tuple(told)
 
     def _compare(self, read: BondGraph) -> None:
         """Refuse a text that says anything but what was found."""
@@ -126,9 +159,13 @@ def _new_parameter(item: Estimate) -> NewParameter:
 
 def _accuracy_text(item: Estimate, *, in_unit: bool = False) -> str:
     """Give an accuracy in per cent of the value; in its unit where that is asked for, or nothing is known to be 0."""
-    if in_unit or item.parameter.nominal == 0.0:
-        return _joined(_up(item.accuracy / item.parameter.unit.factor), item.parameter.unit)
-    return f"{_up(100.0 * item.accuracy / abs(item.value))} %"
+    value = 0.0 if in_unit or item.parameter.nominal == 0.0 else item.value
+    return _spread_text(item.accuracy, value, item.parameter.unit)
+
+
+def _spread_text(size: float, value: float, unit: Unit) -> str:
+    """Give a standard deviation, SI, in per cent of a value; in a unit where that is 0."""
+    return f"{_up(100.0 * size / abs(value))} %" if value else _joined(_up(size / unit.factor), unit)
 
 
 def _up(value: float) -> str:
@@ -169,6 +206,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
             "accuracy": item.accuracy,
             "determined": item.determined,
             "at_end_of_range": item.at_end,
+            "healthy_change": fitted.healthy_changes.get(item.parameter.name),
         }
         for item in fitted.estimates
     ]
@@ -286,6 +324,9 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         about = f"about {clock_text(first.time)}. Is it healthy?"
         told.append(("not steady", f"{names}; most of all {first.parameter}, {about}"))
     told += under("wanders", [_wander_text(item) for item in fitted.wanders])
+    moves = [f"{name} {size}" for name, size in fitted.declared_changes]
+    if moves:
+        told.append(("seems to move", f"{join(moves)} (sd) on healthy data; a fault must change them by more"))
     most = max((item.inflation for item in fitted.estimates), default=0.0)
     if most > 1.1:
         wider = f"up to {most:.1f} times that of a right model: the data ask for other values at other times"

@@ -217,7 +217,7 @@ def _structure_record(seen: Inventory) -> Record:
         "parameters": [
             {"name": item.name, "component": item.owner, "unit": item.unit.text, "nominal": item.nominal}
             | {"accuracy": item.accuracy, "change": item.change, "range": [item.lower, item.upper]}
-            | {"limits": list(item.limits), "suspect": item.suspect}
+            | {"limits": list(item.limits), "suspect": item.suspect, "healthy_change": item.healthy_change or None}
             for item in graph.parameters
         ],
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in graph.correlations],

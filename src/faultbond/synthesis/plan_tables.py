@@ -96,7 +96,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield from ragged_table("AFTER", [[k for k, _ in item.after] for item in spec.slow_errors], "INPUT")
     yield numbers("AFTER_EACH", (each for item in spec.slow_errors for _, each in item.after))
     yield numbers("LOOP_GUESS", spec.loops)
-    for name in ("nominal", "scale", "healthy", "accuracy", "change"):
+    for name in ("nominal", "scale", "healthy", "accuracy", "change", "healthy_change"):
         yield numbers(name.upper(), (getattr(item, name) for item in spec.parameters))
     for name in ("least", "most"):
         yield numbers(f"RANGE_{name.upper()}", (getattr(item, name) for item in spec.parameters))

@@ -200,6 +200,7 @@ def _parameter(item: Parameter) -> ParameterSpec:
         limits=item.limits,
         least=least,
         most=most,
+        healthy_change=item.healthy_change / size,
     )
 
 

@@ -59,7 +59,7 @@ def told(state: Diagnosed) -> tuple[float, dict[tuple[int, ...], float]]:
     return float(found["within_accuracy"]), sets
 
 
-def part_within(index: int, change: float, sd: float = 1e-4) -> float:
+def part_within(index: int, change: float, sd: float = 1e-4, healthy_change: float = 0.0) -> float:
     """The part of a hypothesis that says no more than that a parameter is healthy, by its density."""
     item, variance = SPEC.parameters[index], sd**2 / SHARE
 
@@ -67,7 +67,7 @@ def part_within(index: int, change: float, sd: float = 1e-4) -> float:
         square = spread**2 + variance
         return exp(-0.5 * change**2 / square) / sqrt(2.0 * pi * square)
 
-    healthy, faulty = density(MOVES_BY * item.accuracy), density(item.change)
+    healthy, faulty = density(max(MOVES_BY * item.accuracy, healthy_change)), density(item.change)
     return healthy / (healthy + faulty)
 
 
@@ -121,6 +121,24 @@ def test_of_a_pair_the_part_within_the_accuracy_goes_to_the_other_alone() -> Non
     assert within < 1e-9
     found_at(state, lane, {one: -small, two: small})
     assert told(state)[0] == pytest.approx(part * part_within(one, small), rel=1e-6)
+
+
+@pytest.mark.parametrize("times", [0.4, 3.0])
+def test_what_is_found_of_it_on_healthy_data_is_no_fault(times: float) -> None:
+    """A second suspect must change by more than it seems to while healthy, if that is more than half its accuracy."""
+    k = len(SPEC.hypotheses) - 1
+    one, two = SPEC.hypotheses[k]
+    moves = times * SPEC.parameters[two].accuracy
+    moving = replace(SPEC.parameters[two], healthy_change=moves)
+    state = diagnosed(replace(SPEC, parameters=(*SPEC.parameters[:two], moving, *SPEC.parameters[two + 1 :])))
+    lane, change = int(np.flatnonzero(STEPS.hypothesis == k)[0]), 3.0 * SPEC.parameters[two].accuracy
+    state.only(lane)
+    found_at(state, lane, {one: 0.5, two: change})
+    sets = told(state)[1]
+    part = part_within(two, change, healthy_change=moves)
+    assert sets[(one,)] == pytest.approx(part, rel=1e-6)
+    assert sets[(one, two)] == pytest.approx(1.0 - part, rel=1e-6)
+    assert (part > 0.5) == (times > 1.0)
 
 
 def test_without_a_test_of_the_rest_a_set_keeps_its_share() -> None:
