@@ -36,7 +36,7 @@ def test_the_oldest_healthy_lane_is_from_before_the_drift() -> None:
     """Healthy lanes are kept at multiples of windows, two of each; that which counts has learned little."""
     monitor = drifting()
     spec, settings, place = monitor.spec, core_settings(), monitor.spec.parameter_slice
-    snapshots = monitor.numbers("healthy.snapshots").reshape(-1, spec.n_numbers + len(spec.parameters) + 1)
+    snapshots = monitor.numbers("healthy.snapshots").reshape(-1, spec.n_numbers + len(spec.parameters) + 2)
     alarm, walks, ratio = monitor.number("clock.alarm"), round(settings["WALKS"]), settings["WALK_RATIO"]
     assert monitor.number("alarm.old") < 0
     for window in range(walks):
