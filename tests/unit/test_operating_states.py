@@ -240,6 +240,8 @@ def test_a_law_without_a_value_does_no_harm_where_its_sensor_is_not_valid(*, lag
     healthy = heated.course(1400, lag=lag)
     blocks = watched(Monitor(heated.core(lag=lag)), healthy)
     assert alarm(blocks) is None
+    status = np.concatenate([block.status for block in blocks])
+    assert np.flatnonzero(status == STATUSES.index(Status.STARTING)).max() < 30  # it never lost the plant
     blocks = watched(Monitor(heated.core(lag=lag)), heated.course(1400, lag=lag, gain=0.8, begins=700))
     assert 700 <= (alarm(blocks) or 0.0) < 800
     assert first(blocks) == ("G",)

@@ -48,6 +48,10 @@
 #define WIDE_NUMBERS (WIDE_LIKELIHOOD + 1)
 #define WIDE_PLACE(i, j) (WIDE_COVARIANCE + IN_TRIANGLE(WIDE_JOINT, i, j))
 
+#ifndef N_HELD
+#define N_HELD 0 /* sensors that do not always read as stated */
+#endif
+
 /* A packed sample: what the filters take. */
 #define SAMPLE_DT 0                               /* s since the sample before */
 #define SAMPLE_U_BEFORE 1                         /* inputs at the sample before, held since or left, SI */

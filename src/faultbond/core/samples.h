@@ -86,19 +86,20 @@ static void doubt_readings(Clock *clock, double *packed)
     if (clock->doubt <= 1.0) clock->doubt = 0.0;
 }
 
-/* Whether condition c has settled. */
-static inline int has_settled(const Inputs *inputs, int c) { return c < 0 || isinf(inputs->true_for[c]); }
-
 /* A sensor that lags is behind what it reads, by a law that may have no value while the sensor does not read as stated. So then
    its state is not followed, and may be wherever it has been. */
 static void hold_lags(const Healthy *healthy, const Inputs *inputs, double *packed)
 {
+#if N_HELD > 0
     for (int h = 0; h < N_HELD; h++) {
-        if (has_settled(inputs, OUTPUT_CONDITION[HELD_OUTPUT[h]])) continue;
         const int i = HELD_STATE[h];
+        if (isinf(inputs->true_for[OUTPUT_CONDITION[HELD_OUTPUT[h]]])) continue; /* it has settled */
         packed[SAMPLE_HELD + h] = 1.0;
         if (i >= 0) packed[SAMPLE_GAP + i] = larger(packed[SAMPLE_GAP + i], travelled(healthy, i));
     }
+#else
+    (void)healthy, (void)inputs, (void)packed;
+#endif
 }
 
 /* Pack a sample: hold inputs, blank after steps, kick slow errors, switch off missing values. `clock`, `inputs` and `astray`,

@@ -82,7 +82,6 @@ def _sizes(
         "N_SMOOTH": len(spec.smooth_inputs),
         "N_CONDITIONS": len(spec.settlings),
         "MODEL_CONDITION": f"({spec.condition})" if spec.condition < 0 else spec.condition,
-        "N_HELD": len(spec.held),
         "N_LINEAR": sum(item.linear for item in spec.inputs),
         "N_V": model.v.numel(),
         "N_RATE_SLOPES": len(rates),
@@ -91,6 +90,7 @@ def _sizes(
         "RATES_ARE_LINEAR": int(linear),
         "READINGS_ARE_LINEAR": int(model.measure_is_linear),
         **plan_sizes(spec),
+        **({"N_HELD": len(spec.held)} if spec.held else {}),
     }
     return "\n".join(f"#define {name} {size}" for name, size in sizes.items())
 
@@ -116,8 +116,9 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("SMOOTH_NOISE", spec.smooth_inputs)
     yield numbers("CONDITION_SETTLING", spec.settlings)
     yield integers("OUTPUT_CONDITION", (item.condition for item in spec.outputs))
-    yield integers("HELD_OUTPUT", spec.held)
-    yield integers("HELD_STATE", (spec.outputs[k].lag_state for k in spec.held))
+    if spec.held:
+        yield integers("HELD_OUTPUT", spec.held)
+        yield integers("HELD_STATE", (spec.outputs[k].lag_state for k in spec.held))
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
     for layout, kind in _kinds(spec):
         n = layout.n_joint
