@@ -133,14 +133,14 @@ class Bare:
 
 
 @cache
-def _built(text: str, calls: str) -> tuple[EngineSpec, ctypes.CDLL]:
+def _built(text: str, calls: str, *options: str) -> tuple[EngineSpec, ctypes.CDLL]:
     spec, source = text_of(text, calls)
-    return spec, compiled(source)
+    return spec, compiled(source, *options)
 
 
-def bare(calls: str, text: str = CELL) -> Bare:
-    """The core of a model file with `calls`, functions in C, and a state before the first sample."""
-    spec, library = _built(text, calls)
+def bare(calls: str, text: str = CELL, *options: str) -> Bare:
+    """The core of a model file with `calls`, functions in C, and a state before the first sample; see `compiled`."""
+    spec, library = _built(text, calls, *options)
     name, found = ctypes.c_char_p(), [ctypes.c_int64() for _ in range(3)]
     places: dict[str, slice] = {}
     whole: set[str] = set()
