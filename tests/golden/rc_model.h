@@ -8,6 +8,8 @@
 #define N_OUTPUTS 1
 #define N_IMPLICIT 0
 #define N_NOISY 1
+#define NOISE_GROWS 0
+#define N_SMOOTH 0
 #define N_CONDITIONS 0
 #define MODEL_CONDITION (-1)
 #define N_LINEAR 0
@@ -70,16 +72,18 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xc4e7042c43368883ULL, 0x0445fff0b62b8ee8ULL, 0x570f6f0506acf3adULL, 0x1a7db27e565ea128ULL};
+static const uint64_t MODEL_HASH[] = {0xfbc34598c32de9ecULL, 0x98333890a4c60ae0ULL, 0x7648eca5802a9710ULL, 0x41d86386407e5d55ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
 static const double LOWER[] = {0.02, 0.02};
 static const double UPPER[] = {50.0, 50.0};
 static const double OUTPUT_VARIANCE[] = {0.010000000000000002};
+static const double OUTPUT_GROWTH[] = {0.0};
 static const double INPUT_VARIANCE[] = {0.010000000000000002};
 static const int NOISY[] = {0};
 static const int NOISE_OF_INPUT[] = {0};
+static const int SMOOTH_NOISE[] = {0};
 static const double CONDITION_SETTLING[] = {0.0};
 static const int OUTPUT_CONDITION[] = {-1};
 static const int INPUT_LINEAR[] = {0};
@@ -135,6 +139,7 @@ static const double SCALE[] = {10000.0, 9.999999999999999e-05};
 static const double HEALTHY[] = {1.0, 1.0};
 static const double ACCURACY[] = {0.03, 0.03};
 static const double CHANGE[] = {2.0, 2.0};
+static const double HEALTHY_CHANGE[] = {0.0, 0.0};
 static const double RANGE_LEAST[] = {0.0, 0.0};
 static const double RANGE_MOST[] = {INFINITY, INFINITY};
 static const int LIMIT_ROW[] = {0, 0, 0};
