@@ -279,6 +279,7 @@ def stand(name: str, slot: bool) -> tuple[EngineSpec, Engine, FloatArray, FloatA
         samples[k, place["u_before"]] = recorded(*MOTOR)[max(k - 1, 0)].u
     samples[:, place["use"]] = np.random.default_rng(1).random((40, len(spec.outputs))) > 0.2
     samples[:, place["scale"]] = 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     healthy = engines()[name].healthy_lane(np.zeros(n_x), np.eye(n_x))
     if not slot:
         lanes = np.concatenate([healthy, suspect_lanes(spec, plan_lanes(spec), healthy[:, 0])[:, :4]], axis=1)

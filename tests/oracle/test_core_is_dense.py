@@ -100,6 +100,7 @@ def recording(plant: Both, rows: int) -> FloatArray:
     samples[:, place["y"]] = made.outputs
     samples[:, place["use"]] = generator.random(size) > 0.05
     samples[:, place["scale"]] = np.where(generator.random(size) > 0.95, 1e4, 1.0)
+    samples[:, place["fresh"]] = spec.input_variance
     samples[:, place["again"]] = generator.random((rows, 1)) > 0.5
     samples[:, place["bound"]] = np.where(generator.random((rows, 1)) > 0.5, 6.0, 0.0)
     samples[:, place["nis"]] = generator.choice([0.0, 0.5, 3.0], size)

@@ -86,6 +86,7 @@ def recording(graph: BondGraph, spec: EngineSpec, rows: int) -> FloatArray:
     samples[1:, place["dt"]], samples[1:, place["u_before"]] = 0.02, made.inputs[:-1]
     samples[:, place["u"]], samples[:, place["y"]] = made.inputs, made.outputs
     samples[:, place["use"]] = samples[:, place["scale"]] = 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     return samples
 
 

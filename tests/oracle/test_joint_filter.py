@@ -88,6 +88,7 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
     samples[:, place["y"]] = made.outputs
     samples[:, place["use"]] = generator.random((rows, 2)) > 0.2
     samples[:, place["scale"]] = np.where(generator.random((rows, 2)) > 0.9, 1e4, 1.0)
+    samples[:, place["fresh"]] = spec.input_variance
     samples[60:, place["dt"]] = 0.03  # an irregular grid is allowed
     samples[70:71, place["gap"]] = [0.4, 0.7]
     samples[80:81, place["gap"]] = [0.0, 0.2]

@@ -122,6 +122,7 @@ def recording(spec: EngineSpec, rows: int) -> FloatArray:
     samples[:, place["y"]] = made.outputs
     samples[:, place["use"]] = generator.random((rows, 1)) > 0.2
     samples[:, place["scale"]] = 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     return relinearised(spec, samples)
 
 

@@ -142,7 +142,7 @@ class Core:
         samples[:, place["u"]], samples[:, place["y"]], samples[:, place["scale"]] = made.inputs, made.outputs, 1.0
         samples[:, place["use"]] = np.random.default_rng(1).random(made.outputs.shape) > 0.1
         samples[:, place["bound"]] = 6.0
-        samples[:, place["fresh"]] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
+        samples[:, place["fresh"]] = spec.input_variance
         lane = np.zeros(spec.n_numbers)
         lane[spec.parameter_slice] = 1.0
         lane[spec.covariance_slice] = pack(np.diag([1.0, 1.0, *[item.accuracy**2 for item in spec.parameters], 0.0]))

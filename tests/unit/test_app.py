@@ -326,6 +326,7 @@ def test_check_as_one_record(capsys: pytest.CaptureFixture[str]) -> None:
         "unit": "kohm",
         "nominal": 1e4,
         "accuracy": 300.0,
+        "healthy_change": None,
         "change": 2e4,
         "range": [0.0, None],
         "limits": [],

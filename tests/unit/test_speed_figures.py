@@ -85,6 +85,7 @@ def tank_samples() -> FloatArray:
     rows[:, place["dt"]], rows[:, place["u_before"]], rows[:, place["u"]] = 1.0, [20.0, 60.0], [25.0, 65.0]
     rows[:, place["y"]] = [1.3e-4, 8300.0]
     rows[:, place["use"]] = rows[:, place["scale"]] = rows[:, place["again"]] = 1.0
+    rows[:, place["fresh"]] = spec.input_variance
     rows[:, place["bound"]], rows[:, place["nis"]] = 20.0, [1.5, 0.0]
     rows[1, place["use"]] = [0.0, 1.0]
     rows[2, place["gap"]], rows[2, place["kick"]] = 50.0, 1e-5

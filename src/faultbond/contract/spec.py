@@ -297,6 +297,11 @@ class EngineSpec:
         return tuple(k for k, index in enumerate(self.noisy_inputs) if self.inputs[index].smooth)
 
     @cached_property
+    def input_variance(self) -> FloatArray:
+        """Variance of the noise of each input that has some, where it is white, shape (n_noisy,), SI."""
+        return _still(np.array([self.inputs[k].noise ** 2 for k in self.noisy_inputs]))
+
+    @cached_property
     def output_noise(self) -> FloatArray:
         """Noise sd of each output, shape (n_outputs,), SI."""
         return _still(np.array([output.noise for output in self.outputs]))

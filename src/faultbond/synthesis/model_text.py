@@ -109,7 +109,7 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("UPPER", (item.upper for item in spec.parameters))
     yield numbers("OUTPUT_VARIANCE", (item.noise**2 for item in spec.outputs))
     yield numbers("OUTPUT_GROWTH", (item.growth**2 for item in spec.outputs))
-    yield numbers("INPUT_VARIANCE", (spec.inputs[k].noise ** 2 for k in spec.noisy_inputs))
+    yield numbers("INPUT_VARIANCE", spec.input_variance)
     yield integers("NOISY", spec.noisy_inputs)
     noisy = {index: k for k, index in enumerate(spec.noisy_inputs)}
     yield integers("NOISE_OF_INPUT", (noisy.get(k, -1) for k in range(len(spec.inputs))))

@@ -268,6 +268,7 @@ def parted(monitor: Monitor, rivals: tuple[Candidate, ...], held: FloatArray) ->
     place, step = spec.sample_fields, spec.sample_time or 1.0
     samples = np.zeros((int(AHEAD), spec.n_sample))
     samples[:, place["dt"]], samples[:, place["scale"]], samples[:, place["again"]] = step, 1.0, 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     samples[:, place["u"]] = samples[:, place["u_before"]] = held
     samples[0, place["u_before"]] = now
     for j, output in enumerate(spec.outputs):

@@ -53,7 +53,7 @@ def samples_of(spec: EngineSpec, rows: int) -> FloatArray:
     samples[:, place["y"]] = generator.normal(0.1, 1.0, (rows, len(spec.outputs)))
     samples[:, place["use"]] = generator.random((rows, len(spec.outputs))) > 0.2
     samples[:, place["scale"]] = 1.0
-    samples[:, place["fresh"]] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
+    samples[:, place["fresh"]] = spec.input_variance
     return relinearised(spec, samples)
 
 

@@ -188,6 +188,7 @@ def trail(n: int) -> tuple[FloatArray, FloatArray]:
     generator, place = np.random.default_rng(n), SPEC.sample_fields
     samples = np.zeros((n, SPEC.n_sample))
     samples[:, place["dt"]], samples[:, place["scale"]] = 0.5, 1.0
+    samples[:, place["fresh"]] = SPEC.input_variance
     samples[:, place["u"]] = generator.uniform([2.9, -0.01], [3.1, 0.01], (n, 2))
     samples[1:, place["u_before"]] = samples[:-1, place["u"]]
     samples[:, place["y"]] = generator.normal([0.0, 3.0], [0.01, 0.05], (n, 2))

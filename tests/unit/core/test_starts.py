@@ -206,6 +206,7 @@ def test_no_time_passes_twice_at_the_onset() -> None:
     place, generator = spec.sample_fields, np.random.default_rng(4)
     samples, lanes = np.zeros((n, spec.n_sample)), np.array([wide_lane(spec, k) for k in range(n)])
     samples[:, place["dt"]], samples[:, place["use"]], samples[:, place["scale"]] = 0.5, 1.0, 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     samples[:, place["u"]] = samples[:, place["u_before"]] = [3.0, 0.1]
     samples[:, place["y"]] = generator.normal(0.5, 1.0, (n, 2))
     samples[onset, place["kick"]], samples[onset, place["gap"]] = 0.02, 0.3

@@ -84,6 +84,7 @@ def started(seed: int, off: float) -> tuple[EngineSpec, FloatArray, FloatArray, 
     samples = samples_of(time, made.inputs, made.outputs)
     rows, place = np.zeros((len(samples), spec.n_sample)), spec.sample_fields
     rows[1:, place["dt"]], rows[:, place["scale"]], rows[:, place["use"]] = 0.02, 1.0, 1.0
+    rows[:, place["fresh"]] = spec.input_variance
     rows[:, place["u"]] = made.inputs
     rows[:, place["u_before"]] = made.inputs[[0, *range(len(rows) - 1)]]
     rows[:, place["y"]] = made.outputs

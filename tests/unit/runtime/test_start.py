@@ -29,6 +29,7 @@ def packed(spec: EngineSpec, samples: tuple[Sample, ...]) -> FloatArray:
     u, y = (np.array([getattr(item, field) for item in samples]) for field in "uy")
     rows[1:, place["dt"]] = np.array([[item.dt] for item in samples[1:]])
     rows[:, place["u"]], rows[:, place["scale"]] = u, 1.0
+    rows[:, place["fresh"]] = spec.input_variance
     rows[:, place["u_before"]] = u[[0, *range(len(u) - 1)]]
     rows[:, place["y"]], rows[:, place["use"]] = np.nan_to_num(y), np.isfinite(y)
     return rows
@@ -150,6 +151,7 @@ def test_a_sensor_of_a_sum_that_is_far_too_precise() -> None:
     spec, core = build_engine(parse_model(text, file="two"))
     rows, place = np.zeros((START_SAMPLES, spec.n_sample)), spec.sample_fields
     rows[1:, place["dt"]] = rows[:, place["scale"]] = rows[:, place["use"]] = 1.0
+    rows[:, place["fresh"]] = spec.input_variance
     rows[:, place["u"]] = rows[:, place["u_before"]] = rows[:, place["y"]] = 3e6  # settled
     mean, covariance = solved(core, rows)
     assert mean.sum() == pytest.approx(3e6, rel=1e-3)

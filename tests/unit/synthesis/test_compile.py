@@ -56,6 +56,7 @@ def some_steps(spec: EngineSpec, engine: Core) -> FloatArray:
     lane = engine.healthy_lane(np.array([1.0]), np.array([[0.5]]))
     samples, place = np.zeros((50, spec.n_sample)), spec.sample_fields
     samples[:, place["dt"]], samples[:, place["scale"]], samples[:, place["use"]] = 0.02, 1.0, 1.0
+    samples[:, place["fresh"]] = spec.input_variance
     samples[:, place["u"]] = samples[:, place["u_before"]] = 5.0
     samples[:, place["y"]] = np.linspace(1.0, 1.5, 50)[:, None]
     return engine.advance(lane, samples)[0][:, 0]

@@ -30,7 +30,7 @@ def sample_of(spec: EngineSpec, **fields: float | list[float]) -> FloatArray:
     """One packed sample; scale is 1, noise of inputs white and the rest 0 where it is not given."""
     packed = np.zeros((1, spec.n_sample))
     packed[:, spec.sample_fields["scale"]] = 1.0
-    packed[:, spec.sample_fields["fresh"]] = [spec.inputs[k].noise ** 2 for k in spec.noisy_inputs]
+    packed[:, spec.sample_fields["fresh"]] = spec.input_variance
     for name, value in fields.items():
         packed[:, spec.sample_fields[name]] = value
     return packed
