@@ -21,6 +21,7 @@ IGNORANT = 1e3  # accuracies; as wide is the prior with which the data are asked
 INVOLVED = 0.05  # of the largest part in a combination
 LINKED = 0.15  # of the largest part; a smaller one does not tie a parameter to the others
 SHOWN = 0.1  # the largest change in a combination
+ALIKE = 1e-6  # part by which sizes of changes may differ by rounding
 PARTNER, SEVERAL = 0.3, 3  # of the largest part; parameters that only a scale in common moves together
 MOST_BANDWIDTH = 0.2  # of a recording
 
@@ -168,12 +169,15 @@ def _faint(covariance: FloatArray, accuracies: FloatArray) -> FloatArray:
 
 
 def _echelon(rows: FloatArray) -> FloatArray:
-    """Give other vectors of the same space, each with a column of its own; pivots are the largest entries left."""
+    """Give other vectors of the same space, each with a column of its own; pivots are the largest entries left.
+
+    Of entries that are as large but for rounding it is the first, so that a combination is told with the same sign.
+    """
     rows, used = rows.copy(), list[int]()
     for k in range(len(rows)):
         size = np.abs(rows[k:])
         size[:, used] = 0.0
-        place = np.unravel_index(int(np.argmax(size)), size.shape)
+        place = np.unravel_index(int(np.argmax(size >= (1.0 - ALIKE) * size.max())), size.shape)
         pick, column = k + int(place[0]), int(place[1])
         rows[[k, pick]] = rows[[pick, k]]
         rows[k] /= rows[k, column]

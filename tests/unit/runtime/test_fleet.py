@@ -107,11 +107,14 @@ def alone(name: str) -> tuple[tuple[bytes, ...], tuple[AssetEvent, ...]]:
 
 
 def remembered(monitor: Monitor) -> bytes:
-    """All that a monitor remembers of use: every field, and the samples of its trail; a fleet keeps no older ones."""
+    """All that a monitor remembers of use: every field, and the samples of its trail; a fleet keeps no older ones.
+
+    A sensor that does not count is left out of a sum in one and added with a weight of 0 in the other, so 0 may be -0.
+    """
     index = int(monitor.number("clock.index"))
     rows = range(max(0, index - monitor.spec.thresholds.history_samples - 2), index)
     parts = [*map(monitor.numbers, monitor.core.fields), *(part for k in rows for part in monitor.row(k))]
-    return b"".join(part.tobytes() for part in parts)
+    return b"".join((part + 0).tobytes() for part in parts)
 
 
 def in_order(events: Sequence[AssetEvent]) -> tuple[AssetEvent, ...]:
