@@ -1,5 +1,5 @@
-/* A sample as the filters take it: records smoothed (smooth.h), inputs held, steps blanked, missing values off, accepted faults corrected; and what
-   nobody saw: where states may have gone in a gap, and inputs while their values are missing.
+/* A sample as the filters take it: records smoothed (smooth.h), inputs held, steps blanked, missing values off, accepted
+   faults corrected; and what nobody saw: where states may have gone in a gap, and inputs while their values are missing.
 
    An input that is missing is held. If it usually is told, and moves, it may stand elsewhere, so the states are less
    certain. Formulas: docs/method.md, "The joint filter". */
