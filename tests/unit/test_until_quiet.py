@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,7 +12,7 @@ import pytest
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import promising, put_on_trial, widened
+from faultbond.app.quiet_fit import apart_if_quieter, promising, put_on_trial, widened
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
@@ -26,6 +26,7 @@ from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
+from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
@@ -264,6 +265,39 @@ def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path)
         now = {item.name: item.accuracy / item.nominal for item in wider.graph.parameters}
         assert now == {"R": pytest.approx(0.01 * wider.widened["R"], rel=0.1), "L": pytest.approx(0.05)}
         assert [item.noise for item in wider.graph.sensors] == [NOISE]
+
+
+@dataclass(frozen=True, slots=True)
+class Tied:
+    """A fit that says that R and L go together."""
+
+    graph: BondGraph
+    apart: bool = False
+
+    @property
+    def correlations(self) -> tuple[str, ...]:
+        """What is written of that."""
+        return () if self.apart else ("correlations: {R: {L: 0.98}}\n",)
+
+    def model_text(self, text: str) -> str:
+        """The text of the model with it."""
+        return text + "".join(self.correlations)
+
+
+@pytest.mark.parametrize("is_true", [False, True])
+def test_what_does_not_go_together_is_left_apart(tmp_path: Path, *, is_true: bool) -> None:
+    """Where the ratio of two parameters is off by more than their correlation says, they are declared without it."""
+    low = 1.07 if is_true else 0.93
+    text = MODEL.replace("R: 3 ohm", f"R: {{nominal: {1.07 * R} ohm, accuracy: 7 %}}").replace("50 mA", "20 mA")
+    text = text.replace("nominal: 2.5 H, accuracy: 5 %", f"nominal: {low * L} H, accuracy: 7 %")
+    graph = parse_model(text, file="m.yaml")
+    read = [(str(seed), read_points(graph, str(write(tmp_path / f"{seed}.csv", seed=seed)))) for seed in (1, 2)]
+    fitted = cast("Fitted", Tied(graph))
+    tied = put_on_trial(fitted.model_text(text), fitted, read, lambda _: None)
+    found = apart_if_quieter(tied, text, lambda _: None)
+    assert tied.quiet == is_true
+    assert found.quiet
+    assert bool(found.graph.correlations) == is_true
 
 
 def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -97,13 +97,11 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
     raised = (*raised, *(Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items()))
-    tell("asking how far parameters seem to move while healthy")
-    told = replace(attempt.fitted, healthy_changes=healthy_changes(attempt.core, attempt.records))
     tell("working out the smallest faults before and after")
     smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     return Quieted(
-        fitted=told,
-        text=told.with_healthy_changes(attempt.text, attempt.graph),
+        fitted=attempt.fitted,
+        text=attempt.text,
         held=tuple(name for name, _ in held),
         stated=stated,
         added=stand.added,
@@ -177,7 +175,26 @@ def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wish
     prior = Prior(wishes.prior)
     found = fit_plant(plant, records, begin, prior=prior, starts=1, settled=SETTLED, seed=wishes.seed)
     fitted = fitted_model(first, found, core.spec.version)
-    return widened(put_on_trial(fitted.model_text(with_added), fitted, read, tell), tell)
+    tell("asking how far parameters seem to move while healthy")
+    fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
+    return apart_if_quieter(put_on_trial(fitted.model_text(with_added), fitted, read, tell), with_added, tell)
+
+
+def apart_if_quieter(attempt: Attempt, text: str, tell: Tell) -> Attempt:
+    """Leave out how parameters go together where that makes a model quiet, or lets its parameters walk less far.
+
+    What recordings leave open of a sum may be far less than what it moves by, as a model that is not exact lets it.
+
+    text : of the model before what was fitted
+    """
+    first = widened(attempt, tell)
+    if first.quiet or not attempt.fitted.correlations:
+        return first
+    tell("leaving out how parameters go together")
+    fitted = replace(attempt.fitted, apart=True)
+    read = [(item.name, item.points) for item in attempt.records]
+    apart = widened(put_on_trial(fitted.model_text(text), fitted, read, tell), tell)
+    return apart if apart.quiet or apart.health.walk < first.health.walk else first
 
 
 def put_on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:

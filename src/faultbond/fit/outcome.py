@@ -1,7 +1,7 @@
 """What a fit means for the model: values, what is to be written into the file, and what the data did not tell."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -49,14 +49,15 @@ class Estimate:
         """The accuracy that the model is to declare; about a nominal 0 that is kept it reaches what was found."""
         return math.hypot(self.accuracy, self.value) if self.stays_zero else self.accuracy
 
-    @property
-    def shared(self) -> float:
-        """The part of what is declared that may go together with others.
+    def shared(self, moves: float = 0.0) -> float:
+        """Give the part of what is declared that may go together with others.
 
-        A plant does not stay the same to better than the least accuracy, each parameter by itself, so that part is
-        its own; and so is all where a standard error says more than is declared.
+        A plant does not stay the same to better than the least accuracy, nor than by how much it seems to move, each
+        parameter by itself, so that part is its own; and so is all where a standard error says more than is declared.
+
+        moves : standard deviation by which the parameter seems to change while healthy, SI
         """
-        least = _least(self.value, self.parameter)
+        least = max(_least(self.value, self.parameter), moves)
         common = self.sd**2 - least**2 if self.sd <= self.accuracy else 0.0
         return math.sqrt(max(common, 0.0)) / self.to_declare if self.to_declare > 0.0 else 0.0
 
@@ -128,20 +129,23 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
     return tuple(estimates)
 
 
-def correlations_of(found: Fit, estimates: Sequence[Estimate]) -> dict[tuple[str, str], float]:
+def correlations_of(
+    found: Fit, estimates: Sequence[Estimate], moves: Mapping[str, float] | None = None
+) -> dict[tuple[str, str], float]:
     """Give how what the fit leaves open of two parameters goes together, by pairs of names, as it is to be declared.
 
     Parameters
     ----------
     found : the fit
     estimates : of all parameters that were fitted, in their order
+    moves : standard deviations by which they seem to change while healthy, SI
     """
     unknowns, n = found.plant.unknowns, len(estimates)
     covariance = found.certainty.covariance[:n, :n]
     sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     slopes = unknowns.fill(found.plant.base, found.summit.point.values)[1][:n]
     signs = np.sign(slopes * np.array([item.scale for item in unknowns.parameters]))
-    shared = signs * np.array([item.shared for item in estimates])
+    shared = signs * np.array([item.shared((moves or {}).get(item.parameter.name, 0.0)) for item in estimates])
     together = covariance / np.outer(sds, sds) * np.outer(shared, shared)
     names = [item.parameter.name for item in estimates]
     every = {(names[i], names[j]): float(together[i, j]) for i in range(n) for j in range(i + 1, n)}

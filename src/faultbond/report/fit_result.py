@@ -45,6 +45,7 @@ class Fitted:
     """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell.
 
     healthy_changes: standard deviations by which parameters seem to change while healthy, SI
+    apart: whether it is left out how fitted parameters go together, as they do not while healthy
     """
 
     graph: BondGraph
@@ -55,6 +56,7 @@ class Fitted:
     silences: tuple[Silence, ...]
     wanders: tuple[Wander, ...] = ()
     healthy_changes: Mapping[str, float] = field(default_factory=dict)
+    apart: bool = False
 
     @property
     def correlations(self) -> tuple[Correlation, ...]:
@@ -62,7 +64,7 @@ class Fitted:
         order = {item.name: k for k, item in enumerate(self.graph.parameters)}
         fitted = {item.parameter.name for item in self.estimates}
         kept = [item for item in self.graph.correlations if fitted.isdisjoint((item.one, item.other))]
-        pairs = correlations_of(self.found, self.estimates)
+        pairs = {} if self.apart else correlations_of(self.found, self.estimates, self.healthy_changes)
         found = [Correlation(one=one, other=other, value=value) for (one, other), value in pairs.items()]
         return tuple(sorted((*kept, *found), key=lambda item: (order[item.one], order[item.other])))
 

@@ -122,6 +122,16 @@ def test_what_is_declared_is_the_common_part() -> None:
     assert -0.9 * shared < found["A", "B"]  # rounded towards 0
 
 
+def test_what_seems_to_move_by_itself_is_not_common() -> None:
+    """A friction that moves by 8 % on healthy data is not tied to that of the next bearing more closely than that."""
+    estimates = [estimate("A", 1.0, 0.10, 0.10), estimate("B", 1.0, 0.10, 0.10)]
+    together = np.array([[1.0, 0.98], [0.98, 1.0]]) * 1e-2
+    alone = correlations_of(found_with(together, estimates), estimates)["A", "B"]
+    found = correlations_of(found_with(together, estimates), estimates, {"A": 0.08, "B": 0.005})["A", "B"]
+    assert found == pytest.approx(alone * np.sqrt((1.0 - 0.8**2) / (1.0 - 0.1**2)), abs=0.01)
+    assert correlations_of(found_with(together, estimates), estimates, {"A": 0.2}) == {}
+
+
 def test_what_is_less_sure_than_may_be_declared_goes_with_nothing() -> None:
     """Its declared accuracy is a bound, not what was found."""
     estimates = [estimate("A", 1.0, 0.5, 0.2), estimate("B", 1.0, 0.04, 0.04)]
@@ -138,7 +148,7 @@ def test_what_is_left_out_or_rounded_leaves_the_rest_possible(seed: int) -> None
     estimates = [estimate(f"P{k}", 1.0, float(sd), max(float(sd), 0.01)) for k, sd in enumerate(sds)]
     found = correlations_of(found_with(covariance, estimates), estimates)
     assert is_definite(found)
-    shared = np.array([item.shared for item in estimates])
+    shared = np.array([item.shared() for item in estimates])
     right = covariance / np.outer(sds, sds) * np.outer(shared, shared)
     for i in range(n):
         for j in range(i + 1, n):
