@@ -59,7 +59,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     score_all(state, OUT_REJECTED, ranking);
     leave_out_small(state, ranking);
     rank(state, ranking, found);
-    leave_to_mismatch(state, found);
+    leave_to_mismatch(state, ranking, found);
     find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
     const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);

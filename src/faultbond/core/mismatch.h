@@ -21,14 +21,20 @@ static int is_in_a_set(int64_t parameter)
     return 0;
 }
 
-/* Leave to a model that is off what is its part of a ranking. */
-static void leave_to_mismatch(const State *state, Diagnosis *found)
+/* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */
+static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
+    int64_t n_tested = 0;
     if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return;
     found->mismatch = state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE;
     const double left = 1.0 - found->mismatch;
     found->within_accuracy *= left;
-    for (int64_t row = 0; row < found->n_candidates; row++) found->candidates[row].probability *= left;
+    for (int64_t k = 0; k < N_HYPOTHESES; k++) n_tested += is_tested(ranking, k);
+    for (int64_t row = 0; row < found->n_candidates; row++) {
+        Candidate *candidate = &found->candidates[row];
+        candidate->probability *= left;
+        if (is_tested(ranking, candidate->hypothesis)) candidate->probability += found->mismatch / (double)n_tested;
+    }
 }
 
 FB_OFTEN

@@ -85,9 +85,9 @@ class Fitted:
         written = with_correlations(written, correlation_rows(self.correlations))
         read = parse_model(written, file=self.graph.file)
         self._compare(read)
-        return self.with_healthy_changes(written, read)
+        return self._with_healthy_changes(written, read)
 
-    def with_healthy_changes(self, text: str, graph: BondGraph) -> str:
+    def _with_healthy_changes(self, text: str, graph: BondGraph) -> str:
         """Give the text of a fitted model with how far its parameters seem to change while healthy."""
         path = {item.name: (*parameter_path(graph, item.name), "healthy_change") for item in graph.parameters}
         return amended(text, [(path[name], size) for name, size in self.declared_changes], graph.file)

@@ -339,7 +339,7 @@ def unexplained_sentence(found: Unexplained) -> str:
 
 def _no_claim(diagnosis: Diagnosis, began: Detection) -> str:
     """Say why no candidate is claimed of what began with this alarm; empty where one is."""
-    if diagnosis.mismatch > diagnosis.candidates[0].probability and began.walk is not None:
+    if diagnosis.mismatch and began.walk is not None:  # it is never less likely than all sets together
         name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
         told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
         return f"{told} {cure_of_walk(name)}"

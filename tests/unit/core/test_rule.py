@@ -29,11 +29,13 @@ def said(
     doubt: bool = False,
     alone: bool = True,
     n: int = 2,
+    mismatch: float = 0.0,
 ) -> Any:
     """Let the diagnosis that was given last have this best candidate of so many; `share`: of its likeliest kind."""
     found = monitor._found[0]
     best, other = found["candidates"][:2]
     found["n_candidates"], found["is_unexplained"], found["signal"] = n, doubt, 0
+    found["mismatch"] = mismatch
     best["hypothesis"], best["probability"], best["group"] = hypothesis, probability, 1
     best["n_kinds"], best["shares"][:2] = 2, (share, 1.0 - share)
     other["hypothesis"], other["probability"], other["group"] = hypothesis + 1, 1.0 - probability, not alone
@@ -51,6 +53,12 @@ def taken(monitor: Monitor, sample: int, hypothesis: int = 1, **more: Any) -> tu
     after = changed(monitor, **{"clock.index": sample + 1})
     said(after, hypothesis, **more)
     return after, after.sure(0.95)
+
+
+def test_nothing_is_sure_where_the_model_may_be_off() -> None:
+    """A single tested set has all of the probability then, too, and is not accepted by the rule."""
+    monitor, found = taken(Monitor(cell()), 100, probability=1.0, mismatch=0.5)
+    assert (sure(monitor), found) == (NOTHING, None)
 
 
 def test_sure_for_long_enough() -> None:
