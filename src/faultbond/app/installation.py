@@ -27,6 +27,7 @@ MODULES = {"pyyaml": "yaml"}  # of packages that are imported by another name th
 GIVES = {  # what each extra is for
     "compiler": "a C compiler for machines that have none",
     "parquet": "recordings as Parquet",
+    "plot": "figures of results",
 }
 PROBE, ANSWER = "int answer(void) { return 42; }\n", 42
 READING, WATCHING, KEEPING = "reading models", "watching plants", "starting at once"
