@@ -26,7 +26,7 @@ def built(folder: Path, source: Path = ROOT, *, umask: int = 0o022) -> tuple[Pat
     """Build the wheel and the package of sources of a tree; give their paths."""
     command = [sys.executable, "-m", "hatchling", "build", "-d", str(folder)]
     environment = {**os.environ, "SOURCE_DATE_EPOCH": EPOCH}
-    done = subprocess.run(  # noqa: S603
+    done = subprocess.run(
         command, cwd=source, env=environment, umask=umask, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
@@ -44,15 +44,13 @@ def unpacked(sources: Path, folder: Path) -> Path:
 
 def environment_with_nothing(folder: Path, python: str = sys.executable) -> Path:
     """Make an environment that has not even pip; give its interpreter."""
-    subprocess.run([python, "-m", "venv", "--without-pip", str(folder)], check=True)  # noqa: S603
+    subprocess.run([python, "-m", "venv", "--without-pip", str(folder)], check=True)
     return folder / "bin" / "python"
 
 
 def install(python: Path, *words: str) -> None:
     """Install something into an environment, with the pip of this one."""
-    subprocess.run(  # noqa: S603
-        [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", *words], check=True
-    )
+    subprocess.run([sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", *words], check=True)
 
 
 def called(
@@ -63,7 +61,7 @@ def called(
     environment |= {"FAULTBOND_CACHE": str(cache)} if cache is not None else {}
     environment["PATH"] = f"{python.parent}{os.pathsep}{os.environ['PATH'] if compiler else ''}".rstrip(os.pathsep)
     command = [str(python), str(python.parent / "faultbond"), *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
 def tried(wheel: Path, extra: str, python: str) -> list[str]:
@@ -93,7 +91,9 @@ def tried(wheel: Path, extra: str, python: str) -> list[str]:
             record = json.loads((work / "doctor.json").read_text(encoding="utf-8"))
             states = {item["name"]: item["state"] for item in record["checks"]}
             if codes != wanted or (extra and states[f"[{extra}]"] != "ok") or can != (work / "report.html").is_file():
-                raise RuntimeError(f"{codes}, not {wanted}:\n{doctor.stdout}{doctor.stderr}\n{demo.stdout}{demo.stderr}")
+                raise RuntimeError(
+                    f"{codes}, not {wanted}:\n{doctor.stdout}{doctor.stderr}\n{demo.stdout}{demo.stderr}"
+                )
             said = "finds the fault" if can else demo.stderr.strip()
             lines.append(f"  {'with' if compiler else 'without'} the system's compiler: demo {said}")
     return lines

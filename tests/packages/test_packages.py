@@ -63,7 +63,9 @@ def test_the_sources_are_whole(packages: tuple[Path, Path]) -> None:
     """The package of sources holds code, tests, pages and examples, and nothing that was built."""
     with tarfile.open(packages[1]) as sources:
         found = {name.partition("/")[2] for name in sources.getnames()}
-    kept = [path for name in ("src", "tests", "docs", "examples") for path in (ROOT / name).rglob("*") if path.is_file()]
+    kept = [
+        path for name in ("src", "tests", "docs", "examples") for path in (ROOT / name).rglob("*") if path.is_file()
+    ]
     wanted = {str(path.relative_to(ROOT)) for path in kept if path.suffix in (".py", ".c", ".h", ".md", ".yaml")}
     assert wanted - found == set()
     assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "Makefile", "pyproject.toml"} <= found
@@ -78,7 +80,7 @@ def test_the_wheel_works(python: Path, tmp_path: Path) -> None:
     assert (demo.returncode, demo.stderr) == (DONE, "")
     assert "/faultbond/_examples/tank/" in demo.stdout.splitlines()[0]
     records = [json.loads(line) for line in (tmp_path / "records.jsonl").read_text(encoding="utf-8").splitlines()]
-    assert [item["components"] for item in records[-2]["candidates"]][0] == ["pipe"]
+    assert records[-2]["candidates"][0]["components"] == ["pipe"]
     assert (tmp_path / "report.html").is_file()
 
 
@@ -96,7 +98,7 @@ def test_the_wheel_without_a_compiler(python: Path, tmp_path: Path) -> None:
 
 
 def test_the_citation_file() -> None:
-    """CITATION.cff has what its format requires, nothing that it does not know, and the project's version and licence."""
+    """CITATION.cff has what its format requires, nothing that it does not know, and the project's version."""
     found = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert set(found) >= CFF_NEEDS
     assert set(found) <= CFF_KNOWS
