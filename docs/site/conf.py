@@ -13,6 +13,7 @@ from pathlib import Path
 from docutils import nodes
 from myst_parser.parsers.sphinx_ import MystParser
 from sphinx.application import Sphinx
+from sphinx.errors import SphinxError
 
 SITE = Path(__file__).parent
 ROOT = SITE.parents[1]
@@ -64,6 +65,10 @@ html_theme_options = {
 INDEX, NAMES = "docs/README", "docs/reference"
 LISTS = ("docs/decisions/README", "examples/README")  # pages whose links become entries below theirs
 LINK = re.compile(r"^- \[([^\]]+)\]\((?!https?:)([^)#]+)\.(?:md|ipynb)\)", flags=re.M)
+LOADING = (".html", ".css")
+OUTSIDE = re.compile(
+    r'(?:<(?:script|img|iframe|source)\b[^>]*\ssrc=|<link\b[^>]*\shref=|url\()["\']?(?:https?:)?//[^"\')> ]+'
+)
 TREE = "\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
@@ -91,10 +96,21 @@ def complete(_: Sphinx, page: str, source: list[str]) -> None:
         source[0] += names_as_text()
 
 
-def first_page(app: Sphinx, problem: Exception | None) -> None:
-    """Let the folder of the site open with its first page."""
+def finished(app: Sphinx, problem: Exception | None) -> None:
+    """Let the folder of the site open with its first page, and refuse pages that would ask another host for something.
+
+    Raises
+    ------
+    SphinxError
+        Where a page would load something from another host.
+    """
     if problem is None:
-        shutil.copyfile(Path(app.outdir, f"{root_doc}.html"), Path(app.outdir, "index.html"))
+        folder = Path(app.outdir)
+        shutil.copyfile(folder / f"{root_doc}.html", folder / "index.html")
+        texts = ((path, path.read_text(encoding="utf-8")) for path in folder.rglob("*") if path.suffix in LOADING)
+        found = [f"{path.relative_to(folder)}: {match[0]}" for path, text in texts for match in OUTSIDE.finditer(text)]
+        if found:
+            raise SphinxError(f"what is loaded from another host: {'; '.join(found)}")
 
 
 class NotebookParser(MystParser):  # type: ignore[misc]  # where the site is not built it is not installed
@@ -112,4 +128,4 @@ def setup(app: Sphinx) -> None:
     app.add_source_parser(NotebookParser)
     app.connect("source-read", complete)
     app.connect("autodoc-process-docstring", rewritten)
-    app.connect("build-finished", first_page)
+    app.connect("build-finished", finished)

@@ -113,3 +113,16 @@ def test_versions_of_python() -> None:
     claimed = [name.rpartition(" ")[2] for name in PROJECT["classifiers"] if re.search(r"Python :: 3\.\d+$", name)]
     assert claimed[0] == PROJECT["requires-python"].removeprefix(">=")
     assert claimed == sorted(claimed, key=lambda text: int(text.partition(".")[2]))
+
+
+def test_extras_and_versions_are_in_the_page() -> None:
+    """The page on installing has a row for each extra with what it brings, and tells of each version of Python."""
+    page = (ROOT / "docs" / "installing.md").read_text(encoding="utf-8")
+    for extra, needed in PROJECT["optional-dependencies"].items():
+        (row,) = re.findall(rf"^\| `faultbond\[{extra}\]` \|.*$", page, flags=re.M)
+        assert [name for name in needed if re.split("[>=]", name)[0] not in row] == []
+    versions = re.findall(r"^\| (3\.[\d., ]+) \|", page, flags=re.M)
+    told = [version for cell in versions for version in cell.split(", ")]
+    assert [f"Programming Language :: Python :: {version}" for version in told] == [
+        name for name in PROJECT["classifiers"] if re.search(r"Python :: 3\.", name)
+    ]

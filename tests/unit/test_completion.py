@@ -1,5 +1,7 @@
 """Shells complete what the parser takes: verbs, options, choices and files."""
 
+import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -7,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from faultbond.cli import build_parser, main
-from faultbond.cli.completion import SHELLS, script, verbs_of
+from faultbond.cli.completion import SHELLS, Verb, script, verbs_of
 
 needs_bash = pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
 
@@ -53,12 +55,11 @@ def test_bash_completes(scripts: Path, tmp_path: Path) -> None:
 
 @needs_bash
 @pytest.mark.parametrize("verb", verbs_of(build_parser()), ids=lambda verb: verb.name)
-def test_bash_knows_the_options_of_each_verb(verb: object, scripts: Path, tmp_path: Path) -> None:
+def test_bash_knows_the_options_of_each_verb(verb: Verb, scripts: Path, tmp_path: Path) -> None:
     """What bash offers after a verb and a dash are the options in its help."""
-    name = getattr(verb, "name", "")
-    done = {word for item in getattr(verb, "options", ()) for word in item.words}
-    assert {"--help", "--json"} <= done
-    assert completed(scripts, tmp_path, name, "-") == done
+    known = {word for item in verb.options for word in item.words}
+    assert {"--help", "--json"} <= known
+    assert completed(scripts, tmp_path, verb.name, "-") == known
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -82,3 +83,14 @@ def test_the_verb_prints_the_script(capsys: pytest.CaptureFixture[str]) -> None:
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert all(shell in told for shell in SHELLS)
+
+
+@pytest.mark.parametrize("verb", verbs_of(build_parser()), ids=lambda verb: verb.name)
+def test_help_has_an_example(verb: Verb, capsys: pytest.CaptureFixture[str]) -> None:
+    """The help of each verb ends with a command that the program takes."""
+    with pytest.raises(SystemExit):
+        main([verb.name, "--help"])
+    example = " ".join(capsys.readouterr().out.rpartition("Example: ")[2].split())
+    command = re.search(r"faultbond ([^)\"]+)", example)
+    assert command is not None
+    assert build_parser().parse_args(shlex.split(command[1])).verb == verb.name
