@@ -4,13 +4,15 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUNTIME := .venv/.runtime-installed
 DEV := .venv/.dev-installed
+SITE := .venv/.site-installed
 WORKERS ?= 2
 SEEDS ?= 100
 HOURS ?= 16
+PYTHONS ?= $(BIN)/python
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo install compiler test lint golden docs thesis trust bench
+.PHONY: help demo install compiler test lint golden docs site dist thesis trust bench
 
 help:
 	@echo "make demo     find a fault in the built-in water tank and write report.html"
@@ -19,6 +21,9 @@ help:
 	@echo "make lint     check style, format and types"
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
 	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
+	@echo "make site     build the pages and the reference of the Python names as a site, into build/site"
+	@echo "make dist     build the packages into dist and try them in empty environments (minutes, and the network);"
+	@echo "              PYTHONS='python3.12 python3.13' for other versions"
 	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
 	@echo "make trust    measure anew how good it is, into docs/trust.md and docs/figures.md (some four hours;"
 	@echo "              SEEDS=2 HOURS=1 for a try)"
@@ -51,6 +56,15 @@ docs: $(DEV) compiler
 	@$(BIN)/python tests/docs/rooms.py
 	@git --no-pager diff --stat -- README.md CONTRIBUTING.md docs
 	@$(BIN)/python -m pytest -q tests/docs tests/test_docstrings.py
+
+site: $(SITE)
+	@echo "faultbond: the site, strictly: a broken link is an error"
+	@$(BIN)/python -m sphinx -q -W --keep-going -E -b html -c docs/site . build/site
+	@echo "faultbond: open build/site/index.html"
+
+dist: $(DEV)
+	@echo "faultbond: packages"
+	@$(BIN)/python tests/packages/environments.py --python $(PYTHONS)
 
 thesis: $(DEV) compiler
 	@echo "faultbond: the thesis' tables and figures"
@@ -109,4 +123,9 @@ $(DEV): pyproject.toml $(RUNTIME)
 	@echo "faultbond: adding the development tools (once) ..."
 	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	@$(BIN)/python -m pip install --quiet --group dev
+	@touch $@
+
+$(SITE): pyproject.toml $(DEV)
+	@echo "faultbond: adding what builds the site (once) ..."
+	@$(BIN)/python -m pip install --quiet --group docs
 	@touch $@

@@ -64,6 +64,8 @@ RECORDS = {
     ),
     "trace": "model targets ending expanded distinct steps observations",
     "code": "model form text",
+    "doctor": "version python platform compiler cache works checks group name state told advice",
+    "completion": "shell text",
 }
 BY_NAME = {"detectable": 1, "isolable": 2, "smallest_fault": 1, "effects": 1, "by_causality": 1, "noise": 1}
 BY_NAME |= {"other_values": 1}  # levels of keys that are names of parameters, sensors and the like

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
     from faultbond.app.identification import check_data, fit
+    from faultbond.app.installation import doctor
     from faultbond.app.model_check import check
     from faultbond.app.simulation import simulate
     from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
@@ -28,6 +29,7 @@ __all__ = [
     "check",
     "check_data",
     "demo",
+    "doctor",
     "fit",
     "print_code",
     "reject",
@@ -43,6 +45,7 @@ __getattr__ = lazily(
         "decision": "accept reject",
         "demonstration": "demo",
         "identification": "check_data fit",
+        "installation": "doctor",
         "model_check": "check",
         "any_run": "run",
         "simulation": "simulate",

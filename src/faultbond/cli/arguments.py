@@ -9,6 +9,7 @@ from typing import Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
+from faultbond.cli.completion import SHELLS, script
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
@@ -48,6 +49,8 @@ def add_verbs(verbs: Subparsers) -> None:
     """Add all verbs, in the order in which the help shows them."""
     for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_demo):
         add(verbs)
+    _add_doctor(verbs)
+    _add_completion(verbs)
 
 
 def _add_check(verbs: Subparsers) -> None:
@@ -334,6 +337,31 @@ def _add_demo(verbs: Subparsers) -> None:
         help="where to write the report (default: %(default)s)",
     )
     _add_engine(parser)
+
+
+def _add_doctor(verbs: Subparsers) -> None:
+    """Add `doctor`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        return DONE if app.doctor(out=out) else NO_VERDICT
+
+    summary = "tell what this installation has and what works; exit code 4: something does not"
+    _add_verb(verbs, "doctor", call, summary, "faultbond doctor", model=False)
+
+
+def _add_completion(verbs: Subparsers) -> None:
+    """Add `completion`, which looks at the parser that it is part of once that is whole."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        text = script(arguments.shell, arguments.program)
+        out.say(text.rstrip("\n"))
+        out.record({"record": "completion", "shell": arguments.shell, "text": text})
+        return DONE
+
+    summary = "print what lets a shell complete verbs, options and files"
+    example = 'eval "$(faultbond completion bash)"'
+    parser = _add_verb(verbs, "completion", call, summary, example, model=False)
+    parser.add_argument("shell", metavar="SHELL", choices=sorted(SHELLS), help=" or ".join(sorted(SHELLS)))
 
 
 def _add_verb(

@@ -50,6 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
+    parser.set_defaults(program=parser)
     add_verbs(parser.add_subparsers(title="verbs", metavar="VERB", dest="verb"))
     return parser
 

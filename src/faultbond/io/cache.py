@@ -105,6 +105,16 @@ class _Folder:
             self._remove(draft)
             raise
 
+    def sizes(self) -> list[int]:
+        """Give the bytes of each file that was put there."""
+        found = []
+        for name in os.listdir(self.path if self.number is None else self.number):
+            with suppress(OSError):
+                about = os.stat(self.place(name), dir_fd=self.number, follow_symlinks=False)
+                if name.endswith((LIBRARY, PREPARED)) and not stat.S_ISDIR(about.st_mode):
+                    found.append(about.st_size)
+        return found
+
     def make_room(self, keep: str) -> None:
         """Remove drafts that were left behind, and what was not used for longest, until the rest is within bounds."""
         found = []
@@ -186,6 +196,54 @@ def write_kept(name: str, content: bytes) -> None:
         folder.write(name, content)
         with suppress(OSError):
             folder.make_room(name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CacheUse:
+    """What the cache holds, and whether it can be used.
+
+    n_files, n_bytes : of what was put there
+    mode : permissions as `ls -l` writes them; None where there is no such folder yet
+    refused : why nothing in it is believed; None where it is
+    writable : whether something can be put there
+    """
+
+    folder: Path
+    n_files: int
+    n_bytes: int
+    mode: str | None
+    refused: str | None
+    writable: bool
+
+
+def cache_use() -> CacheUse:
+    """Look at the cache, which is left as it is."""
+    path = cache_folder()
+    sizes: list[int] = []
+    refused = mode = None
+    with suppress(OSError):
+        mode = stat.filemode(path.lstat().st_mode)
+    try:
+        with _opened() as folder:
+            sizes = folder.sizes()
+    except CacheError as problem:
+        refused = str(problem)
+    except OSError:  # it is not there, or no folder
+        pass
+    return CacheUse(
+        folder=path,
+        n_files=len(sizes),
+        n_bytes=sum(sizes),
+        mode=mode,
+        refused=refused,
+        writable=refused is None and _can_be_filled(path),
+    )
+
+
+def _can_be_filled(path: Path) -> bool:
+    """Whether a folder can be written, or else be made."""
+    nearest = next((item for item in (path, *path.absolute().parents) if item.exists()), None)
+    return nearest is not None and nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

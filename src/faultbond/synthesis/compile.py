@@ -72,6 +72,17 @@ def compiler_title(compiler: tuple[str, ...]) -> str:
     return "zig cc" if compiler == ZIG else " ".join(compiler)
 
 
+def compiler_version(compiler: tuple[str, ...]) -> str:
+    """Give the first line of what a compiler says of itself; nothing where it says nothing."""
+    try:
+        done = subprocess.run(  # noqa: S603 - the user's compiler
+            [*compiler, "--version"], capture_output=True, text=True, timeout=_TIMEOUT, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return next(iter(done.stdout.strip().splitlines()), "") if done.returncode == 0 else ""
+
+
 def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False) -> Library:
     """Give the core of a model, `model.h`, compiling it if the cache does not hold it; perhaps with what fleets need.
 
@@ -106,6 +117,19 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
     return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, FAST)}))
+
+
+def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
+    """Give the shared library of a C source, compiled even where the cache holds it, and not kept.
+
+    Raises
+    ------
+    GenerationError
+        Where the compiler fails; carries its first message, and says what to install.
+    """
+    with tempfile.TemporaryDirectory() as work:
+        built = _compile({}, {"source": (source, QUICK)}, compiler, Path(work))
+        return Library(name=f"anew{LIBRARY}", content=built.read_bytes())
 
 
 def _options(level: tuple[str, ...]) -> tuple[str, ...]:
