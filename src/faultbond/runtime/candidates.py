@@ -9,7 +9,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.types import CheckKind, FaultKind
 
 _KINDS = tuple(FaultKind)
-_WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `estimates.h` numbers it
+_WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `found.h` numbers it
 
 
 def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
