@@ -17,8 +17,7 @@
 
 #include "reader.h"
 
-#include "course.h"
-#include "keep.h"
+#include "decision.h"
 
 #include <stdlib.h>
 
@@ -28,6 +27,8 @@ enum { DONE = 0, FAULT_DETECTED = 1, USER_MISTAKE = 2, INTERNAL_ERROR = 3, NO_VE
 
 static const char HELP[] =
     "usage: watch [--state FILE] [--accept P] [--help] [--version] < rows.csv > records.jsonl\n"
+    "       watch --state FILE accept [--repaired] [NAME...]\n"
+    "       watch --state FILE reject NAME...\n"
     "\n"
     "Watches the plant \"%s\": reads rows of CSV on standard input, with a line of names first, and writes records as\n"
     "lines of JSON on standard output: run, detection, diagnosis, accepted, end.\n"
@@ -36,6 +37,8 @@ static const char HELP[] =
     "  --accept P    accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: %g\n"
     "  --help        show this and stop\n"
     "  --version     show the model and the version and stop\n"
+    "  accept, reject  take a candidate of the run kept in FILE as the new normal (without names the best one), or rule it\n"
+    "                  out; its parts or parameters are named; --repaired: it was the fault, and is mended\n"
     "\n"
     "Exit codes: 0 no fault; 1 a fault was detected; 2 a mistake in the command or the recording; 3 a defect of the\n"
     "program; 4 no verdict could be given; 130 stopped by Ctrl-C, 143 and 129 by the signals TERM and HUP.\n";
@@ -44,6 +47,7 @@ static const char HELP[] =
 typedef struct {
     const char *state;
     double level;
+    Decision decision;
     int is_over, code; /* whether the program ends at once, and with which exit code */
 } Wishes;
 
@@ -71,39 +75,64 @@ static int read_level(const char *text, double *level)
     return end != text && *end == '\0' && *level >= LOWEST_LEVEL && *level <= 1.0;
 }
 
-/* Read one option with its value, if it has one; gives how many words it takes. */
-static int read_option(Wishes *wishes, const char *name, const char *value)
+/* Read an option that stands alone; 0 where this is none. */
+static int read_flag(Wishes *wishes, const char *name)
 {
-    wishes->is_over = 1;
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0) {
         printf(HELP, PLANT_NAME, SURE);
-        return 1;
-    }
-    if (strcmp(name, "--version") == 0) {
+        wishes->is_over = 1;
+    } else if (strcmp(name, "--version") == 0) {
         printf("watch of \"%s\", %s, made by faultbond %s\n", PLANT_NAME, PLANT_SHA256, FAULTBOND_VERSION);
-        return 1;
+        wishes->is_over = 1;
+    } else if (strcmp(name, "--repaired") == 0 && wishes->decision.what == DECIDE_ACCEPT) {
+        wishes->decision.what = DECIDE_REPAIRED;
+    } else {
+        return 0;
     }
+    return 1;
+}
+
+/* Read an option with its value, which may lack; 0 where this is none, or a mistake, which is told. */
+static int read_option(Wishes *wishes, const char *name, const char *value)
+{
+    const char *expected = ": --accept expects auto, or a probability from 0.5 to 1, such as 0.99";
     const int is_state = strcmp(name, "--state") == 0, is_accept = strcmp(name, "--accept") == 0;
     if (!is_state && !is_accept) {
         wishes->code = complain(name, ": there is no such argument. See --help.");
     } else if (!value) {
-        wishes->code = complain(name, is_state ? ": name a file" : ": expected auto, or a probability from 0.5 to 1, such as 0.99");
+        wishes->code = complain(name, is_state ? ": name a file" : expected);
     } else if (is_accept && !read_level(value, &wishes->level)) {
-        wishes->code = complain(value, ": --accept expects auto, or a probability from 0.5 to 1, such as 0.99");
+        wishes->code = complain(value, expected);
     } else {
         if (is_state) wishes->state = value;
-        wishes->is_over = 0;
+        return 1;
     }
-    return 2;
+    return 0;
+}
+
+/* Read a word of a decision: accept or reject, then names; 0 where this is none. */
+static int read_decision(Decision *decision, const char *word)
+{
+    if (word[0] == '-' || (decision->what == DECIDE_NOTHING && strcmp(word, "accept") != 0 && strcmp(word, "reject") != 0)) return 0;
+    if (decision->what == DECIDE_NOTHING) decision->what = word[0] == 'a' ? DECIDE_ACCEPT : DECIDE_REJECT;
+    else if (decision->n_names < MOST_NAMES) decision->names[decision->n_names++] = word;
+    return 1;
 }
 
 static Wishes read_arguments(int count, char **words)
 {
-    Wishes wishes = {NULL, NO_LEVEL, 0, DONE};
-    for (int k = 1; k < count && !wishes.is_over;) {
-        const char *name = words[k], *value = k + 1 < count ? words[k + 1] : NULL;
-        k += read_option(&wishes, name, value);
+    Wishes wishes;
+    memset(&wishes, 0, sizeof wishes);
+    wishes.level = NO_LEVEL;
+    for (int k = 1; k < count && !wishes.is_over; k++) {
+        if (read_decision(&wishes.decision, words[k]) || read_flag(&wishes, words[k])) continue;
+        wishes.is_over = !read_option(&wishes, words[k], k + 1 < count ? words[k + 1] : NULL);
+        k++;
     }
+    if (wishes.is_over) return wishes;
+    if (wishes.decision.what && !wishes.state) wishes.code = complain("--state", ": name the file that keeps the run");
+    if (wishes.decision.what == DECIDE_REJECT && !wishes.decision.n_names) wishes.code = complain("reject", ": name the parts of a candidate");
+    wishes.is_over = wishes.code != DONE;
     return wishes;
 }
 
@@ -216,7 +245,13 @@ static int conclude_run(const Reader *reader, const Course *course, const Counts
     return codes[verdict_of(course, counts.samples)];
 }
 
-/* Watch the plant, from the run that is kept, if one is. */
+static int no_run(const char *path)
+{
+    fprintf(stderr, "%s: there is no such file. `watch --state %s` writes it.\n", path, path);
+    return USER_MISTAKE;
+}
+
+/* Watch the plant, from the run that is kept, if one is; or decide of that. */
 static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
 {
     Found found;
@@ -224,8 +259,9 @@ static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
     const int refused = keeper_begin(&the_keeper, wishes->state, &plant->memory, &found, &goes_on);
     if (refused) return refused;
     const double last_time = goes_on ? the_keeper.clock.last_time : NAN;
-    reader_begin(&the_reader);
     course_begin(&the_course, plant, json, wishes->level);
+    if (wishes->decision.what) return goes_on ? decide(&the_keeper, &wishes->decision, &the_course, &found) : no_run(wishes->state);
+    reader_begin(&the_reader);
     if (goes_on) {
         reader_go_on(&the_reader, &the_keeper.clock);
         course_go_on(&the_course, last_time, &found);
@@ -233,8 +269,7 @@ static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
     const Counts before = reader_counts(&the_reader);
     write_run(json, last_time);
     const int code = pass_all(&the_reader, &the_course, &the_keeper);
-    if (code != DONE && code <= SIGNALLED) return code;
-    if (code == NOBODY_READS) return code;
+    if (code != DONE && code != SIGNALLED + system_signal()) return code;
     end_run(&the_reader, &the_course, &the_keeper);
     if (is_output_closed(json->out)) return NOBODY_READS;
     return code != DONE ? code : conclude_run(&the_reader, &the_course, &before, last_time);
