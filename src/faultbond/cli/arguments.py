@@ -332,8 +332,8 @@ def _add_generate(verbs: Subparsers) -> None:
         )
         return DONE
 
-    example = "faultbond generate model.yaml -o plant && make -C plant"
-    summary = "write a library in C that watches the plant, and needs nothing else"
+    example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"
+    summary = "write a program and a library in C that watch the plant, and need nothing else"
     add = _add_verb(verbs, "generate", call, summary, example).add_argument
     add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write")
     add(
