@@ -78,7 +78,7 @@ def generate(model: Path, *, output: Path, target: str, lanes_at_most: int | Non
     out.say(f"{output}: {len(files)} files. {graph.name}: {lanes} filters after an alarm.")
     out.say(f"A plant takes {core.sizes['state']} bytes, a call {core.sizes['work']}.")
     fault = f"a fault of {test.fault}" if test.fault else "a healthy plant"
-    out.say(f"The self-test is {fault}. Build it: make -C {output}")
+    out.say(f"The self-test is {fault}. Build and test it: make -C {output} all check")
 
 
 def check_folder(output: Path) -> None:

@@ -333,8 +333,8 @@ def _add_generate(verbs: Subparsers) -> None:
             app.generate_fmu(arguments.model, fmi=arguments.fmu, output=arguments.folder, **wanted, out=out)
         return DONE
 
-    example = "faultbond generate model.yaml -o plant && make -C plant"
-    summary = "write a library in C, or an FMU, that watches the plant, and needs nothing else"
+    example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"
+    summary = "write a program and a library in C, or an FMU, that watch the plant, and need nothing else"
     add = _add_verb(verbs, "generate", call, summary, example).add_argument
     add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write, or FILE.fmu")
     add(

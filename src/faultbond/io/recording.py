@@ -181,8 +181,8 @@ class _Layout:
         self._clock = self.header.index(needed[0].header) if needed and needed[0].role == "time" else None
         inputs, outputs = columns.inputs, columns.outputs
         self._inputs, self._outputs = ([self.header.index(item.header) for item in of] for of in (inputs, outputs))
-        self._lowest, self._highest = _ends(outputs, inwards=True)
-        self._least, self._most = _ends(inputs, inwards=False)
+        self._lowest, self._highest = ends(outputs, inwards=True)
+        self._least, self._most = ends(inputs, inwards=False)
 
     def row(self, count: int, line: int, values: Sequence[object]) -> Row:
         """Give the row of a record; `count` is its number, from 1.
@@ -337,7 +337,7 @@ def _moment(value: object, unit: Unit) -> float:
     return unit.to_si(found)
 
 
-def _ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
+def ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
     """Give the ends of the ranges in SI, each of shape (n_columns,), moved inwards or outwards by what units round."""
     lower = np.array([column.lower for column in columns], dtype=np.float64)
     upper = np.array([column.upper for column in columns], dtype=np.float64)

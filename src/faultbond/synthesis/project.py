@@ -16,12 +16,16 @@ from faultbond.contract.reserve import PER_SET, n_grown
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, plain
+from faultbond.io.recording import columns_of
 from faultbond.model.graph import BondGraph
 from faultbond.model.parser import number_text, to_text
+from faultbond.synthesis.columns_text import columns_text
+from faultbond.synthesis.names_text import names_text
 from faultbond.synthesis.readable import enumeration, in_comment, laws_of, readable_model, tested
 from faultbond.types import TARGETS
 
 FLEETS = ("alone.h", "fleet.c", "fleet.h", "threads.c")  # files of the core that only fleets need
+_WITH_CORE = "plant.c"  # a program without the library has the core in this text of its
 _HOLE = re.compile(r"\{\{(\w+)\}\}")
 
 
@@ -51,7 +55,10 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     own = ("Makefile", "CMakeLists.txt", "README.md", "faultbond.h", "fb.hpp", "library.c", "example.c")
     found = {name: _filled(name, holes) for name in own}
     found["model.h"] = readable_model(parts.model, parts.spec, parts.graph)
+    found["columns.h"], found["names.h"] = columns_text(parts.spec, columns_of(parts.graph)), names_text(parts.spec)
     found |= {f"core/{name}": text for name, text in _folder("core").items() if name not in FLEETS}
+    found |= {f"program/{name}": text for name, text in _folder("program").items() if name != _WITH_CORE}
+    found["program/memory.c"], found["check/compare.c"] = _filled("memory.c", holes), _filled("compare.c", holes)
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
 
@@ -160,6 +167,7 @@ def _holes(parts: ProjectParts) -> dict[str, str]:
             for item in parts.graph.components
             for line, law in laws_of(item)
         ),
+        "verdict": "1" if '"record": "detection"' in parts.records else "0",
         "rows": str(parts.recording.count("\n") - 1),
     }
 
