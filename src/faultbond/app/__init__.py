@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from faultbond.app.any_run import run
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
+    from faultbond.app.fmu import generate_fmu
     from faultbond.app.generation import generate
     from faultbond.app.identification import check_data, fit
     from faultbond.app.installation import doctor
@@ -33,6 +34,7 @@ __all__ = [
     "doctor",
     "fit",
     "generate",
+    "generate_fmu",
     "print_code",
     "reject",
     "run",
@@ -46,6 +48,7 @@ __getattr__ = lazily(
         "analysis": "analyse print_code trace",
         "decision": "accept reject",
         "demonstration": "demo",
+        "fmu": "generate_fmu",
         "generation": "generate",
         "identification": "check_data fit",
         "installation": "doctor",

@@ -325,26 +325,32 @@ def _add_generate(verbs: Subparsers) -> None:
     """Add `generate`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        app.generate(
-            arguments.model,
-            output=arguments.folder,
-            target=arguments.target,
-            lanes_at_most=arguments.lanes_at_most,
-            watch_only=arguments.watch_only,
-            out=out,
-        )
+        wanted = {"lanes_at_most": arguments.lanes_at_most, "watch_only": arguments.watch_only}
+        if arguments.fmu is None:
+            app.generate(
+                arguments.model, output=arguments.folder, target=arguments.target or TARGETS[0], **wanted, out=out
+            )
+        elif arguments.target is not None:
+            raise FaultbondError("--target: the library in an FMU is for this machine; others compile its sources")
+        else:
+            app.generate_fmu(arguments.model, fmi=arguments.fmu, output=arguments.folder, **wanted, out=out)
         return DONE
 
     example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"
-    summary = "write a program and a library in C that watch the plant, and need nothing else"
+    summary = "write a program and a library in C, or an FMU, that watch the plant, and need nothing else"
     add = _add_verb(verbs, "generate", call, summary, example).add_argument
-    add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write")
+    add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write, or FILE.fmu")
     add(
         "--target",
         metavar="NAME",
         type=_target,
-        default=TARGETS[0],
-        help=f"what its Makefile builds for if it is not told: {', '.join(TARGETS)} (default: %(default)s)",
+        help=f"what its Makefile builds for if it is not told: {', '.join(TARGETS)} (default: {TARGETS[0]})",
+    )
+    add(
+        "--fmu",
+        metavar="VERSION",
+        type=_number("--fmu", 2, 3),
+        help="write FILE.fmu: an FMU for co-simulation, by version 2 or 3 of the standard",
     )
     add(
         "--lanes-at-most",
