@@ -11,7 +11,7 @@ import math
 import sys
 from codecs import getincrementaldecoder
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +23,8 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
+from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.io.table import Recording, Table
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
@@ -102,7 +102,7 @@ def read_rows(source: Recording, columns: Columns) -> Iterator[Row]:
     RecordingError
         When the file cannot be read, is no table, lacks a column, or has numbers with decimal commas.
     """
-    if isinstance(source, Table):
+    if isinstance(source, MemoryTable):
         return (block.row(k) for block in _table_blocks(source, columns) for k in range(len(block)))
     if str(source) == STANDARD_INPUT:
         return _rows(_csv_records(source, "standard input"), columns, "standard input")
@@ -118,7 +118,7 @@ def read_blocks(source: Recording, columns: Columns) -> Iterator[RowBlock]:
 
     Rows before an error come before it. Parameters and errors are those of `read_rows`.
     """
-    if isinstance(source, Table):
+    if isinstance(source, MemoryTable):
         return _table_blocks(source, columns)
     path = Path(source)
     if str(source) == STANDARD_INPUT:
@@ -154,6 +154,18 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
         writer.writerow(columns)
         for values in zip(*columns.values(), strict=True):
             writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
+
+
+def row_reader(columns: Columns, header: Sequence[str], title: str) -> Callable[[int, Sequence[object]], Row]:
+    """Give the function that makes a row of its number, from 1, and its values in the order of a header.
+
+    Raises
+    ------
+    RecordingError
+        Where the header lacks a column.
+    """
+    layout = _Layout(columns, header, title)
+    return lambda count, values: layout.row(count, count, values)
 
 
 class _Layout:
@@ -246,7 +258,7 @@ class _Layout:
                 return None
         return self._judged(time, values, line)
 
-    def table(self, table: Table) -> RowBlock:
+    def table(self, table: MemoryTable) -> RowBlock:
         """Give the rows of a table, as `row` does for each of them.
 
         Raises
@@ -303,7 +315,7 @@ def _no_row(title: str) -> str:
     return f"{title}: there is no row below the header."
 
 
-def _table_blocks(table: Table, columns: Columns) -> Iterator[RowBlock]:
+def _table_blocks(table: MemoryTable, columns: Columns) -> Iterator[RowBlock]:
     """Turn a table in memory into rows, all at once."""
     yield _Layout(columns, table.names, str(table)).table(table)
 

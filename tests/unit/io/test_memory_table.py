@@ -12,9 +12,9 @@ import pyarrow
 import pytest
 
 from faultbond.errors import RecordingError
+from faultbond.io.memory_table import MemoryTable, table_of
 from faultbond.io.recording import Columns, columns_of, read_blocks, read_rows
 from faultbond.io.row_block import RowBlock
-from faultbond.io.table import Table, table_of
 from faultbond.model.text import parse_model
 
 MODEL = """
@@ -147,7 +147,7 @@ def test_only_columns_of_the_model_are_read() -> None:
         asked.append(place)
         return np.zeros(1)
 
-    list(read_blocks(Table("the table", ["a", "time", "b", "pump", "level"], column), columns()))
+    list(read_blocks(MemoryTable("the table", ["a", "time", "b", "pump", "level"], column), columns()))
     assert {*asked} == {1, 3, 4}
 
 

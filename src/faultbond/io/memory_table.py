@@ -15,10 +15,8 @@ from faultbond.io.arrow import ArrowTable
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import Unit
 
-Recording: TypeAlias = "str | Path | Table"  # a path, `-` for standard input, or what is in memory
 
-
-class Table:
+class MemoryTable:
     """Columns of equal length, each copied when it is asked for.
 
     Parameters
@@ -101,7 +99,10 @@ class Table:
             raise RecordingError(f"{self}: column {name!r} ({role}) holds text, such as {text[:40]!r}. Give numbers.")
 
 
-def table_of(frame: object) -> Table:
+Recording: TypeAlias = str | Path | MemoryTable  # a path, `-` for standard input, or what is in memory
+
+
+def table_of(frame: object) -> MemoryTable:
     """Give what somebody has in memory as a recording.
 
     Parameters
@@ -117,18 +118,18 @@ def table_of(frame: object) -> Table:
     if isinstance(frame, Mapping):
         names = [str(name) for name in frame]
         values = list(frame.values())
-        return Table("the recording", names, lambda place: _array(values[place]))
+        return MemoryTable("the recording", names, lambda place: _array(values[place]))
     if hasattr(frame, "columns") and hasattr(frame, "to_numpy") and hasattr(frame, "__getitem__"):
         return _of_frame(frame)
     if hasattr(frame, "__arrow_c_stream__"):
         arrow = ArrowTable(frame)
-        return Table("the table", arrow.names, arrow.column)
+        return MemoryTable("the table", arrow.names, arrow.column)
     raise RecordingError(
         f"{type(frame).__name__}: this is no recording. Give a path, a data frame, an Arrow table, or a dict of arrays."
     )
 
 
-def _of_frame(frame: Any) -> Table:
+def _of_frame(frame: Any) -> MemoryTable:
     """Give a data frame, and where its index has a name, that as a column, too."""
     names = list(frame.columns)
     index = getattr(getattr(frame, "index", None), "name", None)
@@ -137,7 +138,7 @@ def _of_frame(frame: Any) -> Table:
     def column(place: int) -> NDArray[Any]:
         return _array(frame.index if place == len(names) else frame[names[place]])
 
-    return Table("the frame", [str(name) for name in (*names, *further)], column)
+    return MemoryTable("the frame", [str(name) for name in (*names, *further)], column)
 
 
 def _array(values: Any) -> NDArray[Any]:
