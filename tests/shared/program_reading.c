@@ -1,8 +1,7 @@
 /* The reading side of the program for tests: bytes in portions, points out. As a program it takes cases from standard input. */
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "reader.h"
+
+#include <stdlib.h>
 
 #ifdef __cplusplus
 extern "C" {

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 
 from faultbond.contract.spec import EngineSpec
 from faultbond.io.recording import Column, Columns, ends
-from faultbond.synthesis.plan_tables import integers, literal, numbers
+from faultbond.synthesis.emit import literal
+from faultbond.synthesis.plan_tables import integers, numbers
 
 SPARE_ROWS = 4  # times the rows that a sample has, by the model file, in which a jump is looked for
 LEAST_ROWS = 64  # the same where a sample has few
