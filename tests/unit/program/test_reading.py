@@ -249,6 +249,7 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text."),
         (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text."),
         (b"time,u,y,z\n0,1,2,3\n1," + b"7" * 140_000 + b",3,4\n", "field larger than field limit (131072)"),
+        (b'time,u,y,z\n0,1,2,3\n"' + b"7" * 140_000 + b'",2,3,4\n', "field larger than field limit (131072)"),
         (
             b"time,u,y,z\n0,1,2,3\n1,2,3,4" + b"," * 200_000 + b"\n1,2,3,4\n",
             ":3: a line of more than 200,000 characters",
