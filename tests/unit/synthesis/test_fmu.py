@@ -19,7 +19,7 @@ from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import parse_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.fmu import FmuParts, fmu_archive, fmu_files, fmu_parts, fmu_sources, fmu_title
 from faultbond.synthesis.fmu_description import model_description
@@ -320,6 +320,12 @@ def test_models_that_do_not_fit(old: str, new: str, words: str) -> None:
     """A model without a fixed time between samples, or whose samples are means, is refused in one line."""
     with pytest.raises(ModelError, match=words):
         fmu_parts(changed("tank", old, new))
+
+
+def test_networks_do_not_fit() -> None:
+    """A network without time is refused, and it is told what there is for it."""
+    with pytest.raises(ModelError, match=r"fig_6_1\.yaml: .* has no time .*; `run` diagnoses its observations\.$"):
+        fmu_parts(load_model(EXAMPLES / "thesis" / "fig_6_1.yaml"))
 
 
 def test_names_of_the_user() -> None:
