@@ -65,7 +65,7 @@ def fmu_variables(graph: BondGraph, spec: EngineSpec) -> tuple[Variable, ...]:
         Where an input or a sensor has the name of another variable.
     """
     told = tuple(_told(graph))
-    found = (*told, *_findings(spec), *_parameters(graph))
+    found = (*told, *_findings(spec), *_parameters(graph), *_sizes(told))
     seen = {TIME, *(item.name for item in found[len(told) :])}
     lines = [*(item.line for item in graph.inputs), *(item.line for item in graph.sensors)]
     for item, line in zip(told, lines, strict=True):
@@ -189,6 +189,22 @@ def _parameters(graph: BondGraph) -> Iterator[Variable]:
         )
 
 
+def _sizes(told: Sequence[Variable]) -> Iterator[Variable]:
+    """Give the sizes of faults of inputs and sensors, which have no unit: what they are depends on the kind."""
+    for k, item in enumerate(told):
+        yield Variable(
+            name=f"{item.name}.size",
+            description="size of its fault by `kind`: a bias or value, SI, or a factor; 0: healthy",
+            macro="VR_SIZES" if k == 0 else "",
+        )
+    for k, item in enumerate(told):
+        yield Variable(
+            name=f"{item.name}.size_sd",
+            description=f"standard deviation of {item.name}.size",
+            macro="VR_SIZE_SDS" if k == 0 else "",
+        )
+
+
 def hypothesis_titles(spec: EngineSpec) -> list[str]:
     """Give each hypothesis by its parameters and instruments, in the order of their numbers."""
     found = []
@@ -202,7 +218,7 @@ def variables_header(graph: BondGraph, spec: EngineSpec, token: str) -> str:
     """Give variables.h: numbers of the variables, names of the hypotheses, nominal values and ranges."""
     variables = fmu_variables(graph, spec)
     places = {item.macro: k for k, item in enumerate(variables, start=1) if item.macro}
-    arrays = ("VR_INPUTS", "VR_READINGS", "VR_ESTIMATES", "VR_SDS")
+    arrays = ("VR_INPUTS", "VR_READINGS", "VR_ESTIMATES", "VR_SDS", "VR_SIZES", "VR_SIZE_SDS")
     macros = {"VR_TIME": 0, **dict.fromkeys(arrays, 0), **places}
     names = ",\n    ".join(f'"{name}"' for name in hypothesis_titles(spec)) or '""'
     columns = columns_of(graph)
