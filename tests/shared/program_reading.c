@@ -1,8 +1,7 @@
 /* The reading side of the program for tests: bytes in portions, points out. As a program it takes cases from standard input. */
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "reader.h"
+
+#include <stdlib.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -74,17 +73,17 @@ void read_text(const char *bytes, size_t n, size_t most, int stops, const GridCl
 #ifdef AS_PROGRAM
 int main(void)
 {
-    enum { ROOM = 20000 };
-    static Point points[ROOM];
+    static Point points[20000];
+    const size_t room = sizeof points / sizeof *points;
     static GridClock clock;
     static Outcome outcome;
     uint32_t head[2];
     while (fread(head, sizeof head, 1, stdin) == 1) {
         char *const bytes = (char *)malloc(head[0] + 1u);
         if (bytes == NULL || fread(bytes, 1, head[0], stdin) != head[0]) return 1;
-        read_text(bytes, head[0], head[1], 0, NULL, points, ROOM, &clock, &outcome);
+        read_text(bytes, head[0], head[1], 0, NULL, points, room, &clock, &outcome);
         free(bytes);
-        const size_t n = (size_t)outcome.n_points < ROOM ? (size_t)outcome.n_points : ROOM;
+        const size_t n = (size_t)outcome.n_points < room ? (size_t)outcome.n_points : room;
         fwrite(&outcome, sizeof outcome, 1, stdout);
         fwrite(points, sizeof *points, n, stdout);
     }

@@ -14,7 +14,7 @@ import pytest
 
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, Thresholds
 from faultbond.errors import RecordingError
-from faultbond.io.grid import Counts, Grid, GridClock
+from faultbond.io.grid import Counts, Grid, GridClock, GridPoint
 from faultbond.io.recording import Column, Columns, read_blocks
 from faultbond.model.graph import TimeColumn, Unit
 from faultbond.synthesis.columns_text import columns_text
@@ -42,6 +42,9 @@ class Kind:
             row_time=self.spec.row_time,
             held=[not item.linear for item in self.spec.inputs],
         )
+
+
+ONE = Unit("1")
 
 
 def kind_of(
@@ -80,7 +83,7 @@ def kind_of(
     return Kind(spec=spec, columns=columns)
 
 
-def column(header: str, role: str, unit: Unit = Unit("1"), lower: float = -np.inf, upper: float = np.inf) -> Column:
+def column(header: str, role: str, unit: Unit = ONE, lower: float = -np.inf, upper: float = np.inf) -> Column:
     """Give a column."""
     return Column(header=header, unit=unit, role=role, lower=lower, upper=upper)
 
@@ -160,7 +163,12 @@ def told_of(kind: Kind, outcome: Outcome, points: Any, clock: Any = None) -> Tol
         ]
     )
     message = outcome.message.decode() if outcome.has_failed else ""
-    return Told(points=table, counts=Counts(**dict(zip(Counts.__slots__, outcome.counts, strict=True))), message=message, clock=clock)
+    return Told(
+        points=table,
+        counts=Counts(**dict(zip(Counts.__slots__, outcome.counts, strict=True))),
+        message=message,
+        clock=clock,
+    )
 
 
 class Reading:
@@ -202,6 +210,20 @@ def build(kind: Kind, folder: Path, compiler: str, options: tuple[str, ...]) -> 
     return made
 
 
+def program_reads(kind: Kind, program: Path, texts: list[bytes], most: int = 777) -> list[Told]:
+    """Let the harness as a program read texts, one after the other."""
+    given = b"".join(len(text).to_bytes(4, "little") + most.to_bytes(4, "little") + text for text in texts)
+    done = subprocess.run([str(program)], input=given, capture_output=True, check=False)
+    assert (done.returncode, done.stderr.decode()) == (0, "")
+    told, at, point = [], 0, _point_type(kind)
+    while at < len(done.stdout):
+        outcome = Outcome.from_buffer_copy(done.stdout, at)
+        at += ctypes.sizeof(Outcome)
+        told.append(told_of(kind, outcome, np.frombuffer(done.stdout, point, outcome.n_points, at)))
+        at += outcome.n_points * point.itemsize
+    return told
+
+
 class _Portions(BytesIO):
     """A stream that gives a part of what is asked for."""
 
@@ -209,9 +231,9 @@ class _Portions(BytesIO):
         super().__init__(text)
         self._most, self._state = most, 1
 
-    def read1(self, size: int = -1, /) -> bytes:
+    def read1(self, size: int | None = -1, /) -> bytes:
         self._state = (self._state * 1664525 + 1013904223) % 2**32
-        return super().read(min(size if size >= 0 else self._most, 1 + (self._state >> 8) % self._most))
+        return super().read(min(size if size and size > 0 else self._most, 1 + (self._state >> 8) % self._most))
 
 
 def python_reads(
@@ -224,7 +246,8 @@ def python_reads(
 
 
 def _python_reads(kind: Kind, clock: GridClock | None) -> Told:
-    grid, points, message = kind.grid(clock), [], ""
+    grid, message = kind.grid(clock), ""
+    points: list[GridPoint] = []
     columns = kind.columns
     if clock is not None:
         columns = replace(columns, first_time=clock.last_time + (columns.sample_time or 1.0))
@@ -237,6 +260,6 @@ def _python_reads(kind: Kind, clock: GridClock | None) -> Told:
         points.extend(grid.finish())
     except RecordingError as error:
         message = str(error)
-    table = np.array([[p.index, p.time, p.dt, p.resumes, *p.u, *p.y] for p in points], dtype=float)
+    table = np.array([[p.index, p.time, p.dt, p.resumes, *p.u, *p.y] for p in points], dtype=np.float64)
     width = 4 + len(kind.columns.inputs) + len(kind.columns.outputs)
     return Told(points=table.reshape(-1, width), counts=grid.counts, message=message, clock=grid.clock)

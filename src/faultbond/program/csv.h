@@ -18,13 +18,13 @@
 #define CSV_ERROR (-1)
 
 /* A text from `begin` to `end`. whole: up to there it has whole lines. lines: number of the last line that was given.
-   is_fresh: nothing was given yet. is_ended: no more come. is_header: a line ends with \n only; below, as well with \r. */
+   is_fresh: nothing was given yet. is_ended: no more come. is_padded: the last line had no end of line. is_header: a line ends with \n only; below, as well with \r. */
 typedef struct {
     char text[CSV_ROOM + 2];
     size_t begin, end, whole;
     int64_t lines;
     char delimiter;
-    int is_fresh, is_ended, is_header;
+    int is_fresh, is_ended, is_padded, is_header;
 } Csv;
 
 /* A record as it stands in the text, and how many lines it has. */
@@ -54,7 +54,7 @@ static inline void csv_begin(Csv *csv)
     csv->lines = 0;
     csv->delimiter = ',';
     csv->is_fresh = csv->is_header = 1;
-    csv->is_ended = 0;
+    csv->is_ended = csv->is_padded = 0;
 }
 
 /* Pass over the mark with which some programs begin a text in UTF-8, once it is known whether it is one. */
@@ -100,7 +100,10 @@ static inline size_t csv_take(Csv *csv, const char *bytes, size_t n, int last)
     csv->end += taken;
     if (last && taken == n) csv->is_ended = 1;
     if (csv->is_fresh) csv_pass_mark(csv);
-    if (csv->is_ended && csv->end > csv->begin && csv->text[csv->end - 1] != '\n') csv->text[csv->end++] = '\n';
+    if (csv->is_ended && csv->end > csv->begin && csv->text[csv->end - 1] != '\n') {
+        csv->text[csv->end++] = '\n';
+        csv->is_padded = 1;
+    }
     csv_find_whole(csv, before);
     return taken;
 }
@@ -118,11 +121,17 @@ static inline size_t csv_line_end(const Csv *csv, size_t from)
     return from + (size_t)(back - line) + (back[1] == '\n' ? 2 : 1);
 }
 
+/* How many letters a line has, its end among them. */
+static inline size_t csv_length(const Csv *csv, size_t from, size_t stop)
+{
+    return text_length(csv->text + from, csv->text + stop) - (csv->is_padded && stop == csv->end);
+}
+
 /* Whether a line is text, and not beyond all measure. */
 static inline int csv_is_text(const Csv *csv, size_t from, size_t stop, int64_t number, char *message)
 {
     const char *const line = csv->text + from;
-    if (stop - from >= CSV_MAX_LINE && text_length(line, csv->text + stop) >= CSV_MAX_LINE) {
+    if (stop - from >= CSV_MAX_LINE && csv_length(csv, from, stop) >= CSV_MAX_LINE) {
         (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: a line of more than %d,%03d characters is no row of a recording.", CSV_TITLE,
                        (long long)number, CSV_MAX_LINE / 1000, CSV_MAX_LINE % 1000);
         return 0;
@@ -141,7 +150,7 @@ static inline int csv_refuse_long(const Csv *csv, int n_lines, char *message)
     const long long first = (long long)csv->lines + 1;
     if (n_lines > 0)
         (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: a quotation mark is opened here and never closed.", CSV_TITLE, first);
-    else if (CSV_ROOM >= CSV_MAX_LINE && text_length(csv->text + csv->begin, csv->text + csv->end) >= CSV_MAX_LINE)
+    else if (CSV_ROOM >= CSV_MAX_LINE && csv_length(csv, csv->begin, csv->end) >= CSV_MAX_LINE)
         (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: a line of more than %d,%03d characters is no row of a recording.", CSV_TITLE,
                        first, CSV_MAX_LINE / 1000, CSV_MAX_LINE % 1000);
     else
@@ -156,7 +165,7 @@ static inline const char *csv_search_letter(CsvSearch *search, char c, char deli
     const int is_end = c == '\n' || c == '\r';
     switch (search->place) {
     case LINE_ENDS:
-        return is_end ? NULL : "new-line character seen in unquoted field - do you need to open the file with newline=''?";
+        return is_end ? NULL : "new-line character seen in unquoted field - do you need to open the file in universal-newline mode?";
     case IN_QUOTES:
         if (c != '"') break;
         search->place = BEHIND_QUOTE;
@@ -275,7 +284,7 @@ static inline int csv_find_delimiter(Csv *csv, char *message)
         }
         size_t n_strange = 0;
         for (const char *at = line; at < end;) n_strange += text_letter(&at) == TEXT_REPLACED;
-        if (n_strange > text_length(line, end) / 10) {
+        if (n_strange > csv_length(csv, csv->begin, stop) / 10) {
             (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text. Recordings are CSV or Parquet files.", CSV_TITLE,
                            (long long)csv->lines + 1);
             return CSV_ERROR;

@@ -78,7 +78,7 @@ static inline void add_shown(char *message, const char *name, int letters)
     const char *const quote = strchr(name, '\'') != NULL && strchr(name, '"') == NULL ? "\"" : "'";
     text_add(message, MESSAGE_ROOM, quote, 1);
     for (; *name != '\0' && letters > 0; letters--) {
-        char shown[8] = "";
+        char shown[16] = "";
         const char *const here = name;
         const uint32_t letter = text_letter(&name);
         if (letter == '\\' || (letter == '\'' && *quote == '\''))
@@ -87,6 +87,8 @@ static inline void add_shown(char *message, const char *name, int letters)
             (void)snprintf(shown, sizeof shown, "\\%c", letter == '\n' ? 'n' : letter == '\t' ? 't' : 'r');
         else if (letter < 0x20u || (letter >= 0x7Fu && letter <= 0xA0u) || letter == 0xADu)
             (void)snprintf(shown, sizeof shown, "\\x%02x", (unsigned)letter & 0xFFu);
+        else if (letter != ' ' && text_is_space(letter))
+            (void)snprintf(shown, sizeof shown, "\\u%04x", (unsigned)letter & 0xFFFFu);
         text_add(message, MESSAGE_ROOM, *shown != '\0' ? shown : here, *shown != '\0' ? sizeof shown : 1);
     }
     text_add(message, MESSAGE_ROOM, quote, 1);

@@ -2,6 +2,9 @@
 #ifndef WATCH_POINT_H
 #define WATCH_POINT_H
 
+#include <stddef.h>
+#include <stdio.h>
+
 #include "columns.h"
 #include "port.h"
 

@@ -185,7 +185,7 @@ static inline int read_plain(Layout *layout, Csv *csv, TableRow *row)
     const char *const line = csv->text + csv->begin;
     if (csv->begin >= csv->whole || csv->text[csv->whole - 1] != '\n' || csv_is_empty(csv)) return 0;
     const char *const end = plain_line(layout, line, csv->delimiter, numbers);
-    if (end == NULL || end - line >= CSV_MAX_LINE) return 0;
+    if (end == NULL || end - line >= CSV_MAX_FIELD) return 0;
     for (int k = 0; k < layout->n_wanted; k++)
         if (!isfinite(numbers[k])) numbers[k] = NAN;
     const int has_time = layout->place[0] >= 0;

@@ -1,12 +1,12 @@
 """The generated part of what a program reads: columns, units, ranges and the grid of a model as C."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from faultbond.contract.spec import EngineSpec
 from faultbond.io.recording import Column, Columns, ends
-from faultbond.model.graph import Unit
-from faultbond.synthesis.plan_tables import integers, literal, numbers
+from faultbond.synthesis.emit import literal
+from faultbond.synthesis.plan_tables import integers, numbers
 
 SPARE_ROWS = 4  # times the rows that a sample has, by the model file, in which a jump is looked for
 LEAST_ROWS = 64  # the same where a sample has few
@@ -30,7 +30,7 @@ def columns_text(spec: EngineSpec, columns: Columns) -> str:
         "#define FB_COLUMNS_H",
         "#include <math.h>",
         *(f"#define {name} {value}" for name, value in _sizes(spec, columns).items()),
-        _texts("COLUMN_HEADER", (item.header for item in every)),
+        _texts("COLUMN_HEADER", (item.header for item in every), [f"{item.role}, {item.unit.text}" for item in every]),
         _texts("COLUMN_SHOWN", (repr(item.header) for item in every)),
         _texts("COLUMN_ROLE", (item.role for item in every)),
         numbers("COLUMN_FACTOR", (item.unit.factor for item in every)),
@@ -68,9 +68,11 @@ def _ranges(columns: Columns) -> Iterable[str]:
     yield numbers("COLUMN_MOST", (math.inf, *most[0], *most[1]))
 
 
-def _texts(name: str, texts: Iterable[str]) -> str:
-    lines = ",\n".join(f"    {_quoted(text)}" for text in texts)
-    return f"static const char *const {name}[] = {{\n{lines}}};"
+def _texts(name: str, texts: Iterable[str], comments: Sequence[str] = ()) -> str:
+    lines = [f"    {_quoted(text)}," for text in texts]
+    for k, comment in enumerate(comments):
+        lines[k] += f" /* {_quoted(comment.replace('*', '.').replace('/', ' per '))[1:-1]} */"
+    return f"static const char *const {name}[] = {{\n" + "\n".join(lines) + "\n};"
 
 
 def _quoted(text: str) -> str:

@@ -1,22 +1,30 @@
 """The reading side of the program reads what `run -` reads: the same points, counts and messages."""
 
 import math
-from collections.abc import Iterator
+import struct
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
+from fractions import Fraction
 from pathlib import Path
+from random import Random
+from shutil import which
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from faultbond.io.times import finite_number, parse_time
-from program_reading import KINDS, Kind, Reading, Told, python_reads
+from faultbond.synthesis.columns_text import columns_text
+from program_reading import KINDS, Kind, Reading, Told, build, program_reads, python_reads
 
-pytestmark = pytest.mark.skipif("not __import__('shutil').which('gcc')", reason="needs a C compiler")
+pytestmark = pytest.mark.skipif(which("gcc") is None, reason="needs a C compiler")
 
-OFTEN = settings(
-    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=120
+OFTEN = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=30)
+SEEDS, PORTIONS = st.integers(0, 2**40), st.sampled_from([1, 7, 100, 2**16])
+DIGITS = st.text("0123456789", max_size=22) | st.sampled_from(["", "0" * 25, "9" * 19, "1" + "0" * 18])
+EXPONENTS = (
+    st.sampled_from(["", "e", "e+"]) | st.integers(-350, 330).map("E{}".format) | st.integers(-45, 25).map("e{}".format)
 )
 
 
@@ -37,59 +45,140 @@ def assert_same(kind: Kind, c: Told, python: Told) -> None:
         np.testing.assert_allclose(c.points, python.points, rtol=1e-12, atol=1e-12)
 
 
-_ODD = st.sampled_from(
-    ["", " ", "nan", "inf", "-", "1e", ".", "1_0", "0x1", "1e999", "-0", "+3.", ".5e-3", " 7 ", "١٢", "\u00a02", "1;5", "\ufffd", "1\x1c"]
+_ODD = (
+    *(
+        "",
+        " ",
+        "nan",
+        "inf",
+        "-",
+        "1e",
+        ".",
+        "1_0",
+        "0x1",
+        "1e999",
+        "-0",
+        "+3.",
+        ".5e-3",
+        " 7 ",
+        "1e-320",
+        "2e22",
+        "3e+23",
+    ),
+    *(
+        "\u0661\u0662",
+        "\u00a02",
+        "1;5",
+        "\ufffd",
+        "1 2",
+        "12345678901234567890123",
+        "0.1000000000000000055511151231257827",
+    ),
 )
-_VALUE = st.one_of(
-    st.floats(-10, 10).map(lambda value: f"{value:.3g}"),
-    st.floats(allow_nan=False, allow_infinity=False).map(repr),
-    st.integers(-3, 300).map(str),
-    _ODD,
-)
-_STEP = st.sampled_from([1.0] * 12 + [0.5, 0.25, 0.4, 0.0, 2.0, 3.0, -1.0, -2.5, -30.0, 59.0, 700.0, 1e5, 1e-9, math.nan])
-_QUOTES = st.sampled_from([False] * 8 + [True])
+_STEPS = (*[1.0] * 24, 0.5, 0.25, 0.4, 0.0, 2.0, 3.0, -1.0, -2.5, -30.0, 59.0, 700.0, 1e5, 1e-9, math.nan)
 
 
 def _quoted(text: str) -> str:
     return '"' + text.replace('"', '""') + '"'
 
 
-@st.composite
-def recordings(draw: st.DrawFn, kind: Kind) -> bytes:
-    """A CSV text for a kind, more or less in order."""
-    clock = kind.columns.time.column
-    names = dict.fromkeys([*([clock] if clock else []), *(c.header for c in (*kind.columns.inputs, *kind.columns.outputs))])
-    header = draw(st.permutations([*names, "other"]))
-    if kind.columns.time.optional and draw(st.booleans()):
-        header.remove(clock)
-    delimiter = draw(st.sampled_from([",", ",", ";", "\t"]))
-    end = draw(st.sampled_from(["\n", "\n", "\r\n", "\r"]))
-    unit = kind.columns.time.unit.factor
+def _value(random: Random) -> str:
+    kind = random.randrange(8)
+    if kind == 0:
+        return random.choice(_ODD)
+    if kind == 1:
+        value = struct.unpack("d", random.randbytes(8))[0]
+        return repr(value) if abs(value) < 1e99 else "1e999"  # squares of larger ones are beyond numpy's numbers
+    return repr(random.gauss(0.0, 3.0)) if kind < 4 else f"{random.gauss(0.0, 100.0):.3g}"
+
+
+def _moment(seconds: float, random: Random) -> str:
+    moment = datetime(2026, 1, 2, tzinfo=UTC) + timedelta(seconds=seconds)
+    if random.randrange(4) == 0:
+        moment = moment.astimezone(timezone(timedelta(hours=random.randrange(-12, 13))))
+    text = moment.isoformat(sep=random.choice("T "))
+    return text.replace("+00:00", random.choice(["", "Z", "+00:00"]))
+
+
+def recording_of(kind: Kind, seed: int, *, with_moments: bool = True) -> bytes:
+    """Make a CSV text for a kind, more or less in order."""
+    random = Random(seed)  # noqa: S311 - no secret
+    clock, unit = kind.columns.time.column, kind.columns.time.unit.factor
+    names = [*([clock] if clock else []), *(item.header for item in (*kind.columns.inputs, *kind.columns.outputs))]
+    header = [*dict.fromkeys(names), "other"]
+    random.shuffle(header)
+    if kind.columns.time.optional and random.random() < 0.5:
+        header.remove(str(clock))
+    delimiter, end = random.choice(",,;\t"), random.choice(["\n", "\n", "\r\n", "\r"])
     step = (kind.spec.row_time or kind.spec.sample_time or 1.0) / unit
-    is_iso, is_odd = draw(st.booleans()) and draw(st.booleans()), draw(st.booleans())
-    first_end = "\n" if end == "\r" else end
-    lines, time = [delimiter.join(_quoted(n) if delimiter in n or '"' in n else n for n in header) + first_end], 0.0
-    held: dict[str, str] = {}
-    for _ in range(draw(st.integers(0, 60))):
-        jump = draw(_STEP) if is_odd else 1.0
-        time = time + step * jump if jump == jump else time
+    is_iso, is_odd, jumps = random.random() < 0.2 and with_moments, random.random() < 0.4, random.random() < 0.6
+    back, time = random.random() < 0.2, random.choice([0.0, 3.7, 1.75e9])
+    times, n = [], random.choice([0, 1, 5, 30, 60, 150])
+    for k in range(n):
+        time += step * (random.choice(_STEPS) if jumps else 1.0)
+        time = time if math.isfinite(time) else float(k)
+        if back and random.randrange(50) == 0:
+            time -= random.choice([3.0, 8.0, 45.0, 1000.0]) * step
+        times.append(time)
+    if random.random() < 0.3:  # rows in another order
+        times = [moment + random.choice([0.0] * 5 + [-2.0, -4.0, 3.0, 7.0]) * step for moment in times]
+    lines = [delimiter.join(_quoted(item) if {delimiter, '"'} & set(item) else item for item in header)]
+    before: dict[str, str] = {}
+    for time in times:
         fields = []
         for name in header:
-            if name == clock and is_iso:
-                text = (datetime(2026, 1, 2, tzinfo=UTC) + timedelta(seconds=time * unit)).isoformat()
-            elif name == clock:
-                text = "" if jump != jump else repr(time)
-            elif is_odd and name in held and draw(st.booleans()):
-                text = held[name]
+            if name == clock:
+                text = _moment(time * unit, random) if is_iso and abs(time * unit) < 1e10 else repr(time)
+                text = "" if is_odd and random.randrange(30) == 0 else text
+            elif name in before and random.random() < (0.3 if is_odd else 0.05):
+                text = before[name]
             else:
-                text = draw(_VALUE) if is_odd else f"{draw(st.integers(-1000, 1000)) / 64}"
-            held[name] = text
-            fields.append(_quoted(text) if draw(_QUOTES) or delimiter in text else text)
-        if is_odd and draw(st.integers(0, 20)) == 0:
-            fields = draw(st.sampled_from([fields[:-1], [], [""], [*fields, ""], [*fields, "7"], [*fields[:-1], '"a\n"']]))
-        lines.append(delimiter.join(fields) + end)
-    text = draw(st.sampled_from(["", "\ufeff", "\n", "\r\n\n"])) + "".join(lines)
-    return text.encode()[: None if draw(st.booleans()) else -1]
+                text = _value(random) if is_odd else f"{random.gauss(0.0, 8.0):.6g}"
+            before[name] = text
+            fields.append(_quoted(text) if delimiter in text or (is_odd and random.randrange(20) == 0) else text)
+        if is_odd and random.randrange(25) == 0:
+            others = [
+                fields[:-1],
+                [],
+                [""],
+                [*fields, ""],
+                [*fields, "7"],
+                [*fields[:-1], '"a\n"'],
+                ["1,5", *fields[1:]],
+            ]
+            fields = random.choice(others if end != "\r" else others[:5])
+        lines.append(delimiter.join(fields))
+        if random.randrange(40) == 0 and times:  # once more
+            lines.append(lines[random.randrange(max(len(lines) - 7, 1), len(lines))] if len(lines) > 1 else "")
+    text = (
+        random.choice(["", "\ufeff", "\n", "\r\n\n"]) + lines[0] + ("\n" if end == "\r" else end) + end.join(lines[1:])
+    )
+    return (text + random.choice(["", end])).encode()
+
+
+def spoilt(text: bytes, seed: int) -> bytes:
+    """Spoil a text: bytes that are not text, letters that mean something, and parts of it twice or not at all."""
+    random = Random(seed)  # noqa: S311 - no secret
+    odd = [
+        b'"',
+        b"\0",
+        b"\xff",
+        b"\xe2\x82",
+        b"\xc0\xaf",
+        b"\xed\xa0\x80",
+        b"\r",
+        b"\n",
+        b",",
+        b'""',
+        b"\xf0\x9f",
+        b"\xe3\x80\x80",
+    ]
+    for _ in range(random.choice([1, 1, 2, 5])):
+        at = random.randrange(min(len(text), random.choice([10, 100, 10**6])) + 1)
+        n = random.choice([0, 0, 1, 1, 3, 40])
+        new = random.choice([*odd, random.randbytes(random.randrange(4)), text[at : at + 30]])
+        text = text[:at] + new + text[at + n :]
+    return text
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -100,8 +189,231 @@ def test_points_and_counts_are_those_of_python(
     reading, kind = readings[name], KINDS[name]
 
     @OFTEN
-    @given(recordings(kind), st.sampled_from([1, 7, 100, 2**16]))
-    def check(text: bytes, most: int) -> None:
+    @given(SEEDS, PORTIONS)
+    def check(seed: int, most: int) -> None:
+        text = recording_of(kind, seed)
         assert_same(kind, reading.read(text, most), python_reads(kind, text, most, monkeypatch))
 
     check()
+
+
+@pytest.mark.parametrize("name", ["plain", "units", "numbered"])
+def test_spoilt_texts_are_read_or_refused_as_by_python(
+    name: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Any bytes: never a crash, and the same message, but for letters that repr() writes as numbers in advice."""
+    reading, kind = readings[name], KINDS[name]
+
+    @OFTEN
+    @given(SEEDS, PORTIONS)
+    def check(seed: int, most: int) -> None:
+        text = spoilt(recording_of(kind, seed, with_moments=False), seed)
+        c, python = reading.read(text, most), python_reads(kind, text, most, monkeypatch)
+        assert_same(kind, *(replace(told, message=told.message.partition(" Did you mean")[0]) for told in (c, python)))
+
+    check()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b"", "it is empty"),
+        (b"\xef\xbb", "it is empty"),
+        (b"\n\r\n\n", "it is empty"),
+        (b" , ,\n1,2,3\n", "it is empty"),
+        (b"time,u,y,z\n", "no row below the header"),
+        (b"time,u,y,z\n\n\r\n", "no row below the header"),
+        (b"0,1,2,3\n", "the first row holds numbers"),
+        (b"time,u,y,z,y\n0,1,2,3,4\n", "appears 2 times"),
+        (b"Time,u,y,z\n0,1,2,3\n", "Did you mean 'Time'?"),
+        (b"t,u,y,z\n0,1,2,3\n", "Name it in the model file"),
+        (b"'time,u,y,z\n0,1,2,3\n", 'Did you mean "\'time"?'),
+        (b"a" * 90 + b",b" * 30 + b"\n1\n", " and 11 more"),
+        (b"time;u;y;z\n0;1;2;3\n1;1;2,5;3\n", ":3: 'y' is '2,5'. Decimal commas?"),
+        (b"time;u;y;z\n0;1;2;3\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
+        (b"time,u,y,z\n0,1,2,3\n1,1,2,3,4\n", ":3: this row has 5 fields, the header 4."),
+        (b'time,u,y,z\n0,1,2,3\n"1' + b"\n" * 120 + b'",2,3,4\n', ":3: a quotation mark is opened here"),
+        (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text."),
+        (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text."),
+        (b"time,u,y,z\n0,1,2,3\n1," + b"7" * 140_000 + b",3,4\n", "field larger than field limit (131072)"),
+        (
+            b"time,u,y,z\n0,1,2,3\n1,2,3,4" + b"," * 200_000 + b"\n1,2,3,4\n",
+            ":3: a line of more than 200,000 characters",
+        ),
+        (b"time,u,y,z\n0,1,2,3\n1,2,3,4" + b"," * 300_000, ":3: a line of more than 200,000 characters"),
+        (b"7" * 300_000, ":1: a line of more than 200,000 characters"),
+        (b"time,u,y,z\r0,1,2,3\r", ":1: this is not a row of a CSV file (new-line character seen in unquoted field"),
+        (b"time,u,y,z\n" + b"".join(b"%d,1,2,3\n" % (1000 * k) for k in range(30)), "line 13: the time jumps from"),
+    ],
+)
+def test_what_is_no_recording_is_said_as_by_python(
+    text: bytes, said: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each error has the text that `run` has, and points before it come before it."""
+    c, python = readings["plain"].read(text, 5000), python_reads(KINDS["plain"], text, 5000, monkeypatch)
+    assert said in c.message
+    assert c.message.partition(" - do you")[0] == python.message.partition(" - do you")[0]  # it changes with Python
+    np.testing.assert_array_equal(c.points, python.points)
+
+
+def test_rows_that_come_too_seldom_for_means_are_refused(
+    readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They have more noise than the model file says."""
+    text = b"time,u,v,y,z\n" + b"".join(b"%r,1,2,3,4\n" % (0.5 * k) for k in range(40))
+    c, python = readings["means"].read(text), python_reads(KINDS["means"], text, 100, monkeypatch)
+    assert c.message == python.message
+    assert c.message.startswith("line 21: the rows come every 0.5 s")
+
+
+def test_a_reading_that_jumps_in_a_sample_is_left_out(
+    readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once its scatter is known; a held input acts until the next sample, a linear one about it."""
+    random, lines = Random(3), ["time,u,v,y,z"]  # noqa: S311 - no secret
+    for k in range(1200):
+        time = 0.125 * k - (100.0 if k > 900 else 0.0)
+        lines.append(f"{time},{k},{k},{random.gauss(0.0, 0.1) + 5.0 * (k > 802)!r},{random.gauss(0.0, 1.0)!r}")
+    text = "\n".join(lines).encode()
+    c = readings["means"].read(text, 64)
+    assert_same(KINDS["means"], c, python_reads(KINDS["means"], text, 64, monkeypatch))
+    assert list(c.points[np.isnan(c.points[:, 6]), 1]) == [100.0]
+    assert list(c.points[50, 4:6]) == [403.5, 399.5]
+    assert c.counts.clock_jumps == 1
+
+
+def test_frozen_sensors_are_counted(readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that have shown a step much smaller than their noise."""
+    y = ["1", "1.1", *["1.2"] * 80, "1.3", *["2"] * 59, "3"]
+    text = ("time,u,y,z\n" + "".join(f"{k},0,{value},7\n" for k, value in enumerate(y))).encode()
+    c = readings["plain"].read(text)
+    assert_same(KINDS["plain"], c, python_reads(KINDS["plain"], text, 10**6, monkeypatch))
+    assert c.counts.frozen == 80
+
+
+@pytest.mark.parametrize("name", ["plain", "means", "numbered", "variable"])
+def test_a_run_goes_on_where_another_one_ended(
+    name: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a later recording, with all of the first one again, or with any other one."""
+    reading, kind = readings[name], KINDS[name]
+
+    @settings(OFTEN, max_examples=15)
+    @given(SEEDS)
+    def check(seed: int) -> None:
+        first = recording_of(kind, seed)
+        head, lines = first.splitlines(keepends=True)[0], first.splitlines(keepends=True)
+        later = [first, recording_of(kind, seed + 1), head + b"".join(lines[len(lines) // 2 :])][seed % 3]
+        c, python = reading.read(first), python_reads(kind, first, 10**6, monkeypatch)
+        assert (c.clock is None) == (python.clock is None)
+        if c.clock is not None and not c.message:
+            assert_same(
+                kind, reading.read(later, before=c.clock), python_reads(kind, later, 10**6, monkeypatch, python.clock)
+            )
+
+    check()
+
+
+def test_a_run_that_is_stopped_gives_what_was_held_back(readings: dict[str, Reading]) -> None:
+    """A line that has not come to its end is dropped, and a row that waited for another comes."""
+    text = b"time,u,y,z\n" + b"".join(b"%d,1,2,3\n" % k for k in [*range(20), 22]) + b"23,1,2,"
+    assert len(readings["plain"].read(text, stops=True).points) == 23
+    stopped = readings["plain"].read(b"time,u,y,z\n", stops=True)
+    assert (stopped.message, len(stopped.points)) == ("", 0)
+
+
+def test_numbers_are_those_of_python(readings: dict[str, Reading]) -> None:
+    """Each text is the double nearest to it, or none, as float() says."""
+    plain = readings["plain"]
+
+    @settings(OFTEN, max_examples=600)
+    @given(
+        st.one_of(
+            st.floats().map(repr),
+            st.builds("{}{}.{}{}".format, st.sampled_from(["", "-", "+"]), DIGITS, DIGITS, EXPONENTS),
+            st.text("0123456789.eE+-_ \t\v\u00a0\u0663\u3000naif\x1c\u00b2", max_size=12),
+        )
+    )
+    def check(text: str) -> None:
+        found, wanted = plain.number(text.encode()), finite_number(text)
+        assert repr(found) == repr(wanted)
+
+    check()
+
+
+def test_hard_roundings_are_those_of_python(readings: dict[str, Reading]) -> None:
+    """Numbers beside the middle between two doubles, of 17 to 25 digits."""
+    random, plain = Random(1), readings["plain"]  # noqa: S311 - no secret
+    for _ in range(4000):
+        value = random.random() * 10.0 ** random.randrange(-30, 20)
+        middle = Fraction(value) / 2 + Fraction(math.nextafter(value, math.inf)) / 2
+        digits = random.randrange(16, 26)
+        power = math.floor(math.log10(value)) - digits + 1
+        text = f"{round(middle * Fraction(10) ** -power)}e{power}"
+        assert plain.number(text.encode()) == float(text), text
+
+
+def test_moments_are_those_of_python(readings: dict[str, Reading]) -> None:
+    """Dates, times of day and zones as recordings have them; weeks and lists of days are not read."""
+    plain = readings["plain"]
+
+    @settings(OFTEN, max_examples=300)
+    @given(
+        st.datetimes(timezones=st.none() | st.integers(-1439, 1439).map(lambda m: timezone(timedelta(minutes=m)))),
+        st.sampled_from(["auto", "hours", "minutes", "seconds", "milliseconds", "microseconds"]),
+        st.sampled_from("T _-"),
+        st.booleans(),
+        st.sampled_from(["", "x", " ", "5", ":", "Z", "+1"]),
+    )
+    def check(moment: datetime, precision: str, between: str, is_short: bool, more: str) -> None:
+        text = moment.isoformat(sep=between, timespec=precision)
+        if is_short:
+            text = text[:10].replace("-", "") + text[10:].replace(":", "")
+        text = f" {text}{more}"
+        try:
+            wanted = parse_time(text)
+        except ValueError:
+            wanted = math.nan
+        np.testing.assert_equal(plain.moment(text.encode()), wanted)
+
+    check()
+
+
+@pytest.mark.parametrize(
+    "text", ["2026-02-29", "1900-02-29", "2024-02-29T24:00", "2024-13-01", "0000-01-01", "2024-1-01"]
+)
+def test_days_that_are_none_are_no_moments(text: str, readings: dict[str, Reading]) -> None:
+    """As 29 February of most years."""
+    assert math.isnan(readings["plain"].moment(text.encode()))
+    assert readings["plain"].moment(b"2000-02-29") == 951782400.0
+
+
+@pytest.mark.parametrize(
+    ("name", "compiler", "options"),
+    [
+        ("means", "gcc", ("-std=c99", "-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover")),
+        ("units", "g++", ("-std=c++17", "-x", "c++", "-O2")),
+        ("plain", "gcc", ("-std=c99", "-DCSV_ROOM=4096", "-O0", "-g", "-fsanitize=address,undefined")),
+    ],
+)
+def test_it_is_c_and_cplusplus_without_undefined_behaviour(
+    name: str, compiler: str, options: tuple[str, ...], readings: dict[str, Reading], tmp_path: Path
+) -> None:
+    """All compilers are silent, and what they make reads texts, spoilt ones too, in the same way."""
+    if which(compiler) is None:
+        pytest.skip(f"needs {compiler}")
+    kind = KINDS[name]
+    program = build(kind, tmp_path, compiler, ("-DAS_PROGRAM", *options))
+    texts = [recording_of(kind, seed) for seed in range(25)]
+    texts += [spoilt(text, seed) for seed, text in enumerate(texts)]
+    if "4096" in "".join(options):
+        texts = [text for text in texts if b'"' not in text]  # a record that is quoted may be longer than that
+    for text, told in zip(texts, program_reads(kind, program, texts), strict=True):
+        assert_same(kind, told, readings[name].read(text))
+
+
+def test_headers_of_any_letters_are_written_as_c(readings: dict[str, Reading]) -> None:
+    """Quotation marks and letters of other scripts among them."""
+    text = columns_text(KINDS["units"].spec, KINDS["units"].columns)
+    assert '"p\'\\042\\303\\251"' in text
+    assert "COLUMN_LEAST[] = {(-INFINITY), (-5e-06), 263.1500003731" in text
