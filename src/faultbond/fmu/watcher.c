@@ -11,6 +11,7 @@
 #define CLOSE 1e-3 /* of a sample: times of a simulator are sums, which round */
 #define LINE 64    /* bytes of a cache line, at which memory of the core begins */
 #define NOTHING (-1)
+#define N_TOLD (N_INPUTS + N_OUTPUTS)
 
 /* Where an instance stands in its life. */
 enum { MODE_NEW, MODE_STARTING, MODE_RUNNING, MODE_OVER };
@@ -27,6 +28,7 @@ typedef struct {
     int64_t best, kind, group;     /* the best hypothesis and what kind of fault; -1: none. How many cannot be told from it */
     double diagnosis_time, probability, within_accuracy, mismatch;
     double estimate[FB_ROOM(N_PARAMETERS)], sd[FB_ROOM(N_PARAMETERS)];
+    double size[N_TOLD], size_sd[N_TOLD]; /* of faults of inputs, then of sensors; 0: none */
 } Desk;
 
 struct Watcher {
@@ -41,13 +43,14 @@ struct Watcher {
 
 const char *watcher_token(void) { return FMU_TOKEN; }
 
-/* Let the parameters be as the model says. */
+/* Let the parameters be as the model says, and inputs and sensors healthy. */
 static void tell_nominal(Desk *desk)
 {
     for (int k = 0; k < N_PARAMETERS; k++) {
         desk->estimate[k] = NOMINAL_VALUE[k];
         desk->sd[k] = NOMINAL_SD[k];
     }
+    for (int k = 0; k < N_TOLD; k++) desk->size[k] = desk->size_sd[k] = 0.0;
 }
 
 void watcher_reset(Watcher *watcher)
@@ -102,9 +105,10 @@ static void tell_diagnosis(Desk *desk, const Diagnosis *found)
     for (int64_t k = 0; k < found->n_candidates; k++) desk->group += found->candidates[k].group != 0;
     for (int64_t k = 0; k < best->n_suspects; k++) {
         const Suspect *suspect = &best->suspects[k];
-        if (suspect->parameter < 0) continue;
-        desk->estimate[suspect->parameter] = suspect->estimate;
-        desk->sd[suspect->parameter] = suspect->sd;
+        const int64_t parameter = suspect->parameter;
+        const int64_t told = suspect->input >= 0 ? suspect->input : N_INPUTS + suspect->output;
+        *(parameter >= 0 ? &desk->estimate[parameter] : &desk->size[told]) = suspect->estimate;
+        *(parameter >= 0 ? &desk->sd[parameter] : &desk->size_sd[told]) = suspect->sd;
     }
 }
 
@@ -201,6 +205,8 @@ int watcher_get_real(const Watcher *watcher, uint32_t number, double *value)
     else if (is_one_of(number, VR_READINGS, N_OUTPUTS, &k)) *value = desk->y[k];
     else if (is_one_of(number, VR_ESTIMATES, N_PARAMETERS, &k)) *value = desk->estimate[k];
     else if (is_one_of(number, VR_SDS, N_PARAMETERS, &k)) *value = desk->sd[k];
+    else if (is_one_of(number, VR_SIZES, N_TOLD, &k)) *value = desk->size[k];
+    else if (is_one_of(number, VR_SIZE_SDS, N_TOLD, &k)) *value = desk->size_sd[k];
     else if (number == VR_TIME) *value = watcher_time(watcher);
     else if (number == VR_ALARM_TIME) *value = desk->alarm_time;
     else if (number == VR_CHANGE_TIME) *value = desk->change_time;

@@ -87,7 +87,12 @@ def check_fits(graph: BondGraph) -> None:
     ModelError
         Where samples of the model do not come at fixed times, or are means of rows.
     """
-    if graph.grid is not TimeGrid.FIXED:
+    if graph.grid is TimeGrid.NONE:
+        raise ModelError(
+            f"{graph.file}: {graph.name} has no time (`sample_time: none`), and an FMU watches a plant in time; "
+            "`run` diagnoses its observations."
+        )
+    if graph.grid is TimeGrid.VARIABLE:
         raise ModelError(
             f"{graph.file}: sample_time is {graph.grid.value}, and the steps of an FMU are a multiple of a fixed time. "
             "Give the model a sample_time in seconds."

@@ -225,4 +225,5 @@ def _add_outputs(root: Element, fmi: int, variables: Sequence[Variable]) -> None
 
 def _text(root: Element) -> bytes:
     indent(root)
-    return tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+    text: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text + b"\n"

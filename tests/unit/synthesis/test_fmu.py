@@ -19,7 +19,7 @@ from faultbond.cli import main
 from faultbond.errors import ModelError
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import parse_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.fmu import FmuParts, fmu_archive, fmu_files, fmu_parts, fmu_sources, fmu_title
 from faultbond.synthesis.fmu_description import model_description
@@ -45,9 +45,8 @@ def archive_of(name: str, fmi: int) -> bytes:
     return fmu_archive(fmu_files(fmi, parts_of(name)))
 
 
-def told_names(name: str) -> list[str]:
+def told_names(graph: BondGraph) -> list[str]:
     """The names of what an FMU is told: inputs, then sensors."""
-    graph = graph_of(name)
     return [*(item.name for item in graph.inputs), *(item.name for item in graph.sensors)]
 
 
@@ -55,7 +54,7 @@ def told_names(name: str) -> list[str]:
 def rows_of(name: str) -> tuple[tuple[float, dict[str, float]], ...]:
     """The first rows of a faulty recording: time, and what an FMU is told then."""
     graph, (file, count) = graph_of(name), FAULTS[name]
-    names = told_names(name)
+    names = told_names(graph)
     rows = [row for row, _ in zip(read_rows(EXAMPLES / name / file, columns_of(graph)), range(count), strict=False)]
     return tuple((row.time, dict(zip(names, (*row.u, *row.y), strict=True))) for row in rows)
 
@@ -99,6 +98,11 @@ def says(bird: Bird, diagnosis: dict[str, Any], graph: BondGraph) -> None:
         value = best["parameters"].get(item.name, {"estimate": item.nominal, "sd": item.accuracy})
         assert found[f"{item.name}.estimate"] == pytest.approx(value["estimate"], rel=1e-9)
         assert found[f"{item.name}.sd"] == pytest.approx(value["sd"], rel=1e-9)
+    sizes = {name.partition(".")[0]: value for name, value in best["parameters"].items() if "." in name}
+    for name in told_names(graph):
+        value = sizes.get(name, {"estimate": 0.0, "sd": 0.0})
+        size = [found[f"{name}.size"], found[f"{name}.size_sd"]]
+        assert size == pytest.approx([value["estimate"], value["sd"]], rel=1e-9)
 
 
 @BOTH
@@ -227,6 +231,25 @@ def test_nan_is_a_missing_value(tmp_path: Path) -> None:
     says(slow, records_of("dc_motor", tmp_path, columns, rows)[-2], graph_of("dc_motor"))
 
 
+def test_faults_of_sensors(tmp_path: Path) -> None:
+    """A sensor that is off is named, with the size and kind of its fault, as `run` has them."""
+    columns, rows = recording_of("dc_motor")
+    place, first = columns.index("omega"), 600
+    bench = bench_of("dc_motor", 2, tmp_path)
+    bird = bench.instance()
+    for k, (_, told) in enumerate(rows_of("dc_motor")[:1000]):
+        bird.tell(told | {"omega": told["omega"] + 0.8 * (k >= first)})
+        bird.go()
+        rows[k][place] = repr(float(told["omega"] + 0.8 * (k >= first)))
+    bird.made.terminate()
+    diagnosis = records_of("dc_motor", tmp_path, columns, rows[:1000])[-2]
+    says(bird, diagnosis, graph_of("dc_motor"))
+    kinds = {int(item.value): item.name for item in bench.about.typeDefinitions[2].items}
+    assert kinds[bird.ask("kind")[0]] == diagnosis["candidates"][0]["kind"] == "bias"
+    assert bird.ask("best_name") == ["sensor omega"]
+    assert bird.ask("omega.size") == [pytest.approx(0.8, abs=0.1)]
+
+
 @BOTH
 def test_what_it_refuses(fmi: int, tmp_path: Path) -> None:
     """Steps that are no multiple of the sample time, or follow no other, and calls out of turn are refused in words."""
@@ -322,6 +345,12 @@ def test_models_that_do_not_fit(old: str, new: str, words: str) -> None:
         fmu_parts(changed("tank", old, new))
 
 
+def test_networks_do_not_fit() -> None:
+    """A network without time is refused, and it is told what there is for it."""
+    with pytest.raises(ModelError, match=r"fig_6_1\.yaml: .* has no time .*; `run` diagnoses its observations\.$"):
+        fmu_parts(load_model(EXAMPLES / "thesis" / "fig_6_1.yaml"))
+
+
 def test_names_of_the_user() -> None:
     """An input or a sensor that is called like another variable is refused; units and ranges are those of the model."""
     graph = changed("tank", "  pressure: {reads", "  alarm: {reads")
@@ -376,4 +405,4 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert capsys.readouterr().out == shown
     named = {word for row in page.splitlines() if row[:1] == "|" for word in re.findall(r"`(\w+)`", row.split("|")[1])}
     own = {item.name for item in fmu_variables(graph_of("tank"), parts_of("tank").spec) if "." not in item.name}
-    assert own - named == set(told_names("tank"))
+    assert own - named == set(told_names(graph_of("tank")))

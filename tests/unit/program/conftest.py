@@ -1,0 +1,18 @@
+"""Programs of built-in plants, made once for all tests of a session."""
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from watching import watch_program
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Gives the program of a built-in plant, by its name; workers of one session share them."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return partial(watch_program, folder=shared / "programs")
