@@ -12,7 +12,7 @@ import numpy as np
 
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
-from faultbond.api.verbs import PathLike, level_of
+from faultbond.api.verbs import PathLike, level_of, method_of
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before
@@ -80,10 +80,7 @@ class Monitor:
     """
 
     def __init__(self, model: ModelLike, *, method: str = "bank", accept: float | str | None = None) -> None:
-        known = [item.value for item in Method]
-        if method not in known:
-            raise FaultbondError(f"method={method!r}: expected {' or '.join(known)}")
-        self._begin(as_model(model), Method(method), accept, None)
+        self._begin(as_model(model), method_of(method), accept, None)
 
     def _begin(self, model: Model, method: Method, accept: float | str | None, before: Saved | None) -> None:
         if is_circuit(model.source) or model.graph.grid is TimeGrid.NONE:
