@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from decimal import Decimal
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
@@ -266,7 +267,8 @@ class Monitor:
         clock = self._columns.time.column
         fields = [time if name == clock else values.get(name) for name in self._header]
         for name, value in zip(self._header, fields, strict=True):
-            if name != clock and not (value is None or isinstance(value, Real | str | np.bool_)):
+            known = value is None or isinstance(value, Real | Decimal | str | np.bool_) or repr(value) == "<NA>"
+            if name != clock and not known:
                 raise RecordingError(f"column {name!r} is a {type(value).__name__}. Give a number.")
         if isinstance(time, np.datetime64):
             fields[self._header.index(str(clock))] = time.astype("datetime64[us]").item()

@@ -433,8 +433,23 @@ def recording_of(recording: object) -> Recording:
 
 
 def recordings_of(given: object) -> tuple[Recording, ...]:
-    """Give one recording, or each of a list."""
-    return tuple(map(recording_of, given)) if isinstance(given, list | tuple) else (recording_of(given),)
+    """Give one recording, or each of a list.
+
+    Raises
+    ------
+    FaultbondError
+        Where the list is empty, or holds a frame twice.
+    """
+    if not isinstance(given, list | tuple):
+        return (recording_of(given),)
+    if not given:
+        raise FaultbondError("an empty list: give at least one recording")
+    if len({id(item) for item in given if not isinstance(item, str)}) < sum(
+        not isinstance(item, str) for item in given
+    ):
+        raise FaultbondError("a recording is given twice; give each once")
+    found = enumerate(map(recording_of, given), start=1)
+    return tuple(item.numbered(k) if isinstance(item, MemoryTable) and len(given) > 1 else item for k, item in found)
 
 
 def level_of(accept: float | str | None) -> float | None:

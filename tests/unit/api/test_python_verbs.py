@@ -127,6 +127,18 @@ def test_a_model_is_saved(tmp_path: Path) -> None:
     assert repr(model).startswith("<Model 'water tank' of ")
 
 
+def test_frames_are_fitted_together(short: Path) -> None:
+    """Several frames are as good as their files, and are told apart by numbers."""
+    table = np.genfromtxt(short, delimiter=",", names=True)
+    columns = {name: table[name] for name in table.dtype.names or ()}
+    parts = [{name: values[part] for name, values in columns.items()} for part in (slice(300), slice(300, None))]
+    found = fb.check(MODEL, data=parts)
+    assert [item["recording"] for item in found["recordings"]] == ["the recording 1", "the recording 2"]
+    for given, message in (([parts[0], parts[0]], "given twice"), ([], "at least one recording")):
+        with pytest.raises(FaultbondError, match=message):
+            fb.fit(MODEL, given)
+
+
 MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "prior": (lambda: fb.fit(MODEL, HEALTHY, prior="strong"), "prior 'strong': expected widened"),
     "starts": (lambda: fb.fit(MODEL, HEALTHY, starts=0), "starts=0: expected a whole number from 1 to 100"),
