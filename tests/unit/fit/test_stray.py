@@ -20,7 +20,7 @@ from faultbond.fit.identification import fit_plant
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.straying import INSIDE, strayed_by
+from faultbond.fit.stray import INSIDE, strayed_by
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
 from faultbond.synthesis.engine import build_model
