@@ -145,7 +145,7 @@ def _searched(
     asked = {item.name for item in graph.parameters} if none else set[str]()  # parameters that may stray
     for rounds in range(ROUNDS + 1):
         if _seems_quiet(stand, read, tell):
-            tried = _attempt(stand, text, graph, read, wishes, tell)
+            tried = _attempt(stand, text, graph, read, wishes, search.believed, tell)
             if tried.quiet:
                 return tried, stand, rounds
         better = _next(search, stand, asked) if rounds < ROUNDS else None
@@ -154,7 +154,7 @@ def _searched(
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         stand, tried = better, None
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
-    return tried or _attempt(stand, text, graph, read, wishes, tell), stand, rounds
+    return tried or _attempt(stand, text, graph, read, wishes, search.believed, tell), stand, rounds
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
@@ -172,8 +172,19 @@ def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:
     return stays_below(core, records, ROOM)
 
 
-def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Attempt:
-    """Write what was found into the model, fit that to all recordings, and put it on trial."""
+def _attempt(
+    stand: Footing,
+    text: str,
+    graph: BondGraph,
+    read: Recordings,
+    wishes: FitWishes,
+    believed: frozenset[str],
+    tell: Tell,
+) -> Attempt:
+    """Write what was found into the model, fit that to all recordings, and put it on trial.
+
+    believed : parameters whose declared accuracies count, since it was found what made them stray
+    """
     tell("fitting all recordings")
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
@@ -184,7 +195,9 @@ def _attempt(stand: Footing, text: str, graph: BondGraph, read: Recordings, wish
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, stand))
     prior = Prior(wishes.prior)
-    found = fit_plant(plant, records, begin, prior=prior, starts=1, settled=SETTLED, seed=wishes.seed)
+    found = fit_plant(
+        plant, records, begin, prior=prior, believed=believed, starts=1, settled=SETTLED, seed=wishes.seed
+    )
     fitted = fitted_model(first, found, core.spec.version)
     tell("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))

@@ -7,7 +7,7 @@ declared; there it shows. It is kept where they then stay, and where letting the
 
 from faultbond.fit.foothold import Footing
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
-from faultbond.fit.straying import INSIDE, strayed_by
+from faultbond.fit.stray import INSIDE, strayed_by
 
 
 def strayed(search: Search, stand: Footing) -> frozenset[str]:

@@ -88,6 +88,7 @@ def fit_plant(
     begin: FitPoint,
     *,
     prior: Prior = Prior.WIDENED,
+    believed: frozenset[str] = frozenset(),
     starts: int = 4,
     agreeing: int | None = None,
     settled: float = SETTLED,
@@ -102,6 +103,7 @@ def fit_plant(
     records : the recordings
     begin : nominal values, and the starts of the recordings
     prior : what declared accuracies count for
+    believed : parameters whose accuracies are not widened
     starts : how many starts the search has, the nominal values among them
     agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
     settled : nats that the next step would still bring where a climb ends
@@ -125,7 +127,7 @@ def fit_plant(
     records, best = _without_wild(plant, records, best, settled)
     tell("weighing the declared accuracies")
     told = _steps(tell, "weighing the declared accuracies")
-    best, widths = _weigh(plant, records, begin, best, prior, settled, told)
+    best, widths = _weigh(plant, records, begin, best, prior, believed, settled, told)
     tell("asking how sure they are")
     widths = np.maximum(widths, 1.0)
     courses, found = _certainty(plant, records, best, widths)
@@ -238,6 +240,7 @@ def _weigh(
     begin: FitPoint,
     best: Summit,
     prior: Prior,
+    believed: frozenset[str],
     settled: float,
     tell: Callable[[int], None],
 ) -> tuple[Summit, FloatArray]:
@@ -255,6 +258,7 @@ def _weigh(
         sure = _certainty(plant, records, best, np.full(n, WIDE))[1]
         for row in np.abs(sure.faint):
             most = np.where(row > PARTNER * row.max(), 1.0 / sure.inflation[:n], most)
+        most = np.minimum(most, [1.0 if item.name in believed else WIDE for item in unknowns.parameters])
         # From a narrow prior the widening may not get away, where this outweighs data that are clear. So it begins at
         # how many times as wide as declared accuracies must be for what the data say almost alone.
         known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]

@@ -44,7 +44,7 @@ from faultbond.fit.imperfections import (
 from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
-from faultbond.fit.straying import INSIDE
+from faultbond.fit.stray import INSIDE
 from faultbond.fit.unknowns import Unknowns, unknowns_of
 from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, Check, Parameter

@@ -24,7 +24,7 @@ from faultbond.fit.outcome import (
     residual_sizes,
     silences_of,
 )
-from faultbond.fit.straying import Stray, doubts_of, strays_of
+from faultbond.fit.stray import Stray, doubts_of, strays_of
 from faultbond.fit.wander import Wander
 from faultbond.model.amend import amended, with_correlations
 from faultbond.model.correlations import correlation_rows
@@ -33,8 +33,8 @@ from faultbond.model.graph import BondGraph, Correlation, Sensor, SlowError, Uni
 from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
+from faultbond.report.doubts import stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
-from faultbond.report.straying import stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.together import closest_texts
 
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger

@@ -20,8 +20,8 @@ from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Par
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
+from faultbond.report.doubts import doubtful
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
-from faultbond.report.straying import doubtful
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text

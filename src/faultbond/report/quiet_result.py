@@ -17,10 +17,10 @@ from faultbond.model.amend import Path, amended
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.console import lines, table, title, under
+from faultbond.report.doubts import stray_records
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, unit_text
-from faultbond.report.straying import stray_records
 from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from faultbond.contract.json_records import Record
-from faultbond.fit.straying import Stray, doubts_of
+from faultbond.fit.stray import Stray, doubts_of
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import MINUS, join
 
@@ -19,7 +19,7 @@ def stray_texts(strays: Sequence[Stray]) -> list[str]:
         side = "above" if item.accuracies > 0.0 else "below"
         partners = f", together with {join(list(item.partners))}" if item.partners else ""
         told.append(f"{item.parameter.name} {abs(item.accuracies):.0f} accuracies {side} what was declared{partners}")
-    places = join(list(places_of(strays)))
+    places = join(list(stray_places(strays)))
     told.append(f"the model lacks something there, or the numbers were wrong: look at {places} before you trust it")
     doubts = join(list(doubts_of(strays)))
     if doubts:
@@ -33,9 +33,10 @@ def stray_sentence(strays: Sequence[Stray]) -> str:
         return ""
     names = join([item.parameter.name for item in strays])
     are, number = ("are", "the numbers") if len(strays) > 1 else ("is", "the number")
+    where = join(list(stray_places(strays)))
     return (
-        f"{names} {are} far outside what was declared: mend the model at {join(list(places_of(strays)))}, or correct "
-        f"{number} that it states, and fit again."
+        f"{names} {are} far outside what was declared: mend the model at {where}, or correct {number} that it states, "
+        "and fit again."
     )
 
 
@@ -44,7 +45,7 @@ def stray_remark(strays: Sequence[Stray]) -> str:
     if not strays:
         return ""
     names = [f"{item.parameter.name} ({item.accuracies:+.0f} accuracies)".replace("-", MINUS) for item in strays]
-    return f" DOUBTFUL, far outside what was declared: {join(names)}; look at {join(list(places_of(strays)))}."
+    return f" DOUBTFUL, far outside what was declared: {join(names)}; look at {join(list(stray_places(strays)))}."
 
 
 def stray_records(strays: Sequence[Stray]) -> list[Record]:
@@ -54,13 +55,13 @@ def stray_records(strays: Sequence[Stray]) -> list[Record]:
             "parameter": item.parameter.name,
             "accuracies": item.accuracies,
             "goes_with": list(item.partners),
-            "look_at": list(places_of([item])),
+            "look_at": list(stray_places([item])),
         }
         for item in strays
     ]
 
 
-def places_of(strays: Sequence[Stray]) -> tuple[str, ...]:
+def stray_places(strays: Sequence[Stray]) -> tuple[str, ...]:
     """Give the components of the parameters that strayed."""
     return tuple(dict.fromkeys(item.parameter.owner for item in strays))
 

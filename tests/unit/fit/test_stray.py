@@ -9,14 +9,21 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from faultbond.app.engine import build_watcher
+from faultbond.app.identification import read_points
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
 from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Footing
+from faultbond.fit.identification import fit_plant
+from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
-from faultbond.fit.straying import INSIDE, strayed_by
+from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.stray import INSIDE, strayed_by
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
+from faultbond.synthesis.engine import build_model
 
 MODEL = """# a winding
 name: winding
@@ -105,6 +112,24 @@ def test_what_stays_inside_is_not_doubtful(recording: Path) -> None:
     assert fitted(recording, "2 ohm", "--prior", "none")[0]["strayed"] == []
 
 
+def test_an_accuracy_that_is_believed_is_not_widened(recording: Path) -> None:
+    """Of a sum that is off by far what is believed stays, and the other one takes it all."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    found = fit_plant(plant, records, begin, believed=frozenset({"R"}), starts=1)
+    values = {item.parameter.name: item.value for item in estimates_of(found)}
+    assert dict(zip(("R", "R_c", "L"), found.widths, strict=True))["R"] == 1.0
+    assert (
+        abs(strayed_by(graph.parameter("R"), values["R"]))
+        < 1.0
+        < INSIDE
+        < strayed_by(graph.parameter("R_c"), values["R_c"])
+    )
+    assert values["R"] + values["R_c"] == pytest.approx(TOTAL, rel=0.01)
+
+
 def test_distances_are_those_of_the_prior() -> None:
     """A positive parameter is off by the logarithm of its factor, another by its difference, an exact one by none."""
     item = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml").parameter("R")
@@ -122,10 +147,10 @@ class Cured(SimpleNamespace):
 
     def climbed(self, stand: Footing) -> Footing:
         if self.inside:
-            return replace(stand, held=-500.0, values={"R": 2.1})
+            return replace(stand, held=-500.0, values={**stand.values, "R": 2.1})
         if "R" in self.believed:
-            return replace(stand, held=self.gain, values={"R": self.ends})
-        return replace(stand, held=self.gain + self.free, values={"R": 3.0})
+            return replace(stand, held=self.gain, values={**stand.values, "R": self.ends})
+        return replace(stand, held=self.gain + self.free, values={**stand.values, "R": 3.0})
 
     def better(self, stand: Footing) -> Footing | None:
         return replace(stand, held=self.gain) if self.found else None
@@ -156,8 +181,6 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float
     )
     fake.__dict__.update(options)
     search = cast(Search, fake)
-    real = fake.climbed
-    fake.climbed = lambda stand: replace(real(stand), values=known | real(stand).values)
     assert strayed(search, stand) == {"R"}
     found = cured(search, stand)
     assert (found is not None) == is_cured
