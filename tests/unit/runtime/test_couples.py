@@ -13,9 +13,9 @@ from faultbond.runtime.monitor import Monitor
 from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
-from made import differing, graph_of, plant, run, samples_of
+from made import differing, graph_of, plant_in_full, run, samples_of
 
-GRAPH, SPEC, CORE = plant("dc_motor_current")
+GRAPH, SPEC, CORE = plant_in_full("dc_motor_current")
 ROWS, BEGINS = 700, 5.0
 SENSOR = Fault(parameter="omega.bias", value=0.6, start=BEGINS)
 COMPONENT = Fault(parameter="R", factor=1.5, start=BEGINS)

@@ -13,7 +13,7 @@ from faultbond.contract.samples import Sample
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
-from made import differing, graph_of, plant, run, samples_of
+from made import differing, graph_of, plant_in_full, run, samples_of
 
 NAME = "dc_motor_current"
 DT, ROWS, ONSET = 0.02, 640, 150  # s; samples; the sample from which the fault is there
@@ -177,7 +177,7 @@ def recording(name: str) -> tuple[Sample, ...]:
 @cache
 def ended(name: str) -> tuple[Monitor, Monitor]:
     """The monitor in the middle of a diagnosis, before the bank is renewed, and after the recording."""
-    monitor = Monitor(plant(NAME)[2])
+    monitor = Monitor(plant_in_full(NAME)[2])
     middle = monitor
     for sample in recording(name):
         monitor.step(sample)
